@@ -1,0 +1,32 @@
+"""Traces, baselines, estimators and ascent rules, and the learner that they make up."""
+
+from motorgrad.learning._agent import Agent, AgentState
+from motorgrad.learning._ascent import SgdState, adam, sgd
+from motorgrad.learning._baselines import Baseline, FixedStep, MeanReward, NoBaseline
+from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
+from motorgrad.learning._running import RunningMean, add_sample, running_mean
+from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
+
+__all__ = [
+    "Agent",
+    "AgentState",
+    "Baseline",
+    "Episodic",
+    "Estimator",
+    "Exponential",
+    "FixedStep",
+    "Gpomdp",
+    "LaggedGaussian",
+    "MeanReward",
+    "NoBaseline",
+    "Olgarb",
+    "Olpomdp",
+    "RunningMean",
+    "SgdState",
+    "Trace",
+    "Window",
+    "adam",
+    "add_sample",
+    "running_mean",
+    "sgd",
+]

@@ -1,0 +1,33 @@
+"""Stochastic units and the policies they make up."""
+
+from motorgrad.policies._binary import BinaryUnits, SigmoidUnits
+from motorgrad.policies._factored import Factored
+from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
+from motorgrad.policies._hyperplane import Hyperplanes
+from motorgrad.policies._initial import INITIAL, Initial, gaussians, hyperplanes, initial, motoneurons, softmax
+from motorgrad.policies._motoneuron import Motoneurons
+from motorgrad.policies._policy import Policy, fixed, split, trainable
+from motorgrad.policies._softmax import Softmax
+
+__all__ = [
+    "INITIAL",
+    "BinaryUnits",
+    "Factored",
+    "FreeGaussians",
+    "GaussianUnits",
+    "Hyperplanes",
+    "Initial",
+    "LocalGaussians",
+    "Motoneurons",
+    "Policy",
+    "SigmoidUnits",
+    "Softmax",
+    "fixed",
+    "gaussians",
+    "hyperplanes",
+    "initial",
+    "motoneurons",
+    "softmax",
+    "split",
+    "trainable",
+]

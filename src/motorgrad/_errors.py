@@ -1,0 +1,30 @@
+"""One way to refuse bad input: name the thing, the value given and what is allowed."""
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+def check(condition: Any, name: str, value: Any, allowed: str) -> None:
+    """Raise `ValueError` unless `condition` holds.
+
+    **Arguments:** the condition; the setting's name as the user wrote it; the value given; what is allowed, in words
+    that complete "must be …".
+    """
+    if not condition:
+        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+
+
+def unknown(kind: str, name: Any, known: Iterable[str]) -> ValueError:
+    """The error for a name that is not among `known`: it lists them and puts the nearest one first."""
+    names = sorted(known)
+    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return ValueError(f"unknown {kind} {name!r}: {hint}known are {', '.join(names) or 'none'}")
+
+
+def choice(name: str, value: Any, allowed: Iterable[str]) -> None:
+    """Raise `ValueError` unless `value` is one of `allowed`, naming the nearest."""
+    allowed = tuple(allowed)
+    if value not in allowed:
+        raise unknown(name, value, allowed)

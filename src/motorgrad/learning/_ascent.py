@@ -1,0 +1,79 @@
+"""Ascent rules: how a gradient estimate moves the parameters.
+
+Any optax transformation will do; it receives minus the gradient, as optax minimises. The rules here add one thing to
+optax's: a step size for every group of parameters, kept as data in the state, so that it may change over time.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, PyTree
+
+from motorgrad._errors import check, unknown
+
+
+class SgdState(NamedTuple):
+    """`rates`: the step size of every parameter, a pytree of the parameters' structure with broadcastable leaves."""
+
+    rates: PyTree[Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class sgd:
+    r"""Steepest ascent, $\theta \leftarrow \theta + \alpha g$, with one step size or one for every group.
+
+    **Arguments:** `rate`, a positive number; or a mapping from the names of the policy's fields to numbers or arrays
+    that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`.
+
+    It is an optax transformation: it goes where one goes, into `optax.chain` too.
+    """
+
+    rate: float | Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        rates = self.rate if isinstance(self.rate, Mapping) else {"rate": self.rate}
+        for name, rate in rates.items():
+            check(bool(jnp.all(jnp.asarray(rate) >= 0)), f"step size {name}", rate, "a number of at least 0")
+
+    def init(self, params: PyTree[Array]) -> SgdState:
+        if not isinstance(self.rate, Mapping):
+            rate = self.rate
+            return SgdState(jax.tree.map(lambda p: jnp.asarray(rate, p.dtype), params))
+        rates = dict(self.rate)
+        used = set()
+
+        def look_up(path: tuple[Any, ...], parameter: Array) -> Array:
+            name = _field(path)
+            if name not in rates:
+                raise unknown("group of parameters without a step size:", name, rates)
+            used.add(name)
+            return jnp.asarray(rates[name], parameter.dtype)
+
+        found = jax.tree_util.tree_map_with_path(look_up, params)
+        for name in rates:
+            if name not in used:
+                raise unknown("group of parameters in the step sizes:", name, used)
+        return SgdState(found)
+
+    def update(self, updates: PyTree[Array], state: SgdState, params: Any = None) -> tuple[PyTree[Array], SgdState]:
+        del params
+        return jax.tree.map(lambda g, rate: -rate * g, updates, state.rates), state
+
+    def __iter__(self) -> Iterator[Any]:  # optax.chain takes a transformation apart as the pair that optax's own are
+        return iter((self.init, self.update))
+
+
+def adam(rate: float | Mapping[str, Any], b1: float = 0.9, b2: float = 0.999) -> optax.GradientTransformation:
+    """Adam (Kingma & Ba, 2015) with one step size or one for every group, as in `sgd`."""
+    scale: Any = sgd(rate)
+    return optax.chain(optax.scale_by_adam(b1=b1, b2=b2), scale)
+
+
+def _field(path: tuple[Any, ...]) -> str:
+    """The name of the field that a leaf belongs to: the last attribute on the way to it."""
+    names = [key.name for key in path if isinstance(key, jax.tree_util.GetAttrKey)]
+    return names[-1] if names else ""

@@ -1,0 +1,56 @@
+"""Gradient estimators: a trace, a baseline, a reward criterion, and when the estimate is used."""
+
+import dataclasses
+from typing import Literal
+
+from motorgrad._errors import check
+from motorgrad.learning._baselines import Baseline, MeanReward, NoBaseline
+from motorgrad.learning._traces import Exponential, Trace
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimator:
+    r"""How rewards and scores become gradient samples $g = \delta z$, and how many make up a step.
+
+    **Arguments:**
+
+    - `trace`: the eligibility filter.
+    - `baseline`: what rewards are compared with.
+    - `discount`: `None` for the average reward; $\gamma \in (0, 1]$ for the discounted return of an episode,
+      $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$.
+    - `improve`: after how many samples the parameters move; `"episode"` for once at each episode's end, `"never"` for an
+      estimate at fixed parameters.
+    - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
+    """
+
+    trace: Trace = dataclasses.field(default_factory=Exponential)
+    baseline: Baseline = dataclasses.field(default_factory=MeanReward)
+    discount: float | None = None
+    improve: int | Literal["episode", "never"] = 1
+    batch: Literal["mean", "sum"] = "mean"
+
+    def __post_init__(self) -> None:
+        valid = self.improve in ("episode", "never") or (isinstance(self.improve, int) and self.improve >= 1)
+        check(valid, "improve", self.improve, "a positive number of samples, 'episode' or 'never'")
+        check(self.discount is None or 0 < self.discount <= 1, "discount", self.discount, "None or in (0, 1]")
+        check(self.batch in ("mean", "sum"), "batch", self.batch, "'mean' or 'sum'")
+
+    @property
+    def online(self) -> bool:
+        """Whether every sample moves the parameters at once."""
+        return self.improve == 1
+
+
+def Olgarb(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
+    """OLGARB: online, exponential trace, average reward as the baseline (Weaver & Tao, 2001)."""
+    return Estimator(Exponential(decay), baseline or MeanReward())
+
+
+def Olpomdp(decay: float = 0.9) -> Estimator:
+    """OLPOMDP: online, exponential trace, no baseline (Baxter & Bartlett, 1999)."""
+    return Estimator(Exponential(decay), NoBaseline())
+
+
+def Gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
+    r"""GPOMDP: the mean of $\delta z$ at fixed parameters, by default without a baseline (Baxter & Bartlett, 2001)."""
+    return Estimator(Exponential(decay), baseline or NoBaseline(), improve="never")

@@ -1,0 +1,43 @@
+"""Running means that stay exact over billions of samples."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree, UInt32
+
+
+class RunningMean(NamedTuple):
+    """The mean of the samples so far, of any pytree.
+
+    In single precision `mean + (x − mean)/n` stops moving near n = 1e7, because the increment falls below the mean's
+    rounding. `carry` holds what rounding took away, so that the pair is good for the counter's whole range (4.2e9).
+    """
+
+    mean: PyTree[Array]
+    carry: PyTree[Array]
+    count: UInt32[Array, ""]
+
+
+def running_mean(like: PyTree[Array]) -> RunningMean:
+    """The empty mean of samples shaped like `like`: zero, of zero samples."""
+    zeros = jax.tree.map(jnp.zeros_like, like)
+    return RunningMean(zeros, zeros, jnp.zeros((), jnp.uint32))
+
+
+def add_sample(running: RunningMean, sample: PyTree[Array], step: Any = None) -> RunningMean:
+    """Move the mean by `step` times its distance from `sample`, by default 1/n for the n-th sample."""
+    count = running.count + 1
+
+    def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
+        distance = (x - mean) - carry
+        moved = carry + (distance / count.astype(mean.dtype) if step is None else step * distance)
+        total = mean + moved
+        # Knuth's two-sum: what the addition rounded away
+        part = total - mean
+        return total, (mean - (total - part)) + (moved - part)
+
+    means, structure = jax.tree.flatten(running.mean)
+    pairs = [add(*leaves) for leaves in zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)]
+    mean, carry = (jax.tree.unflatten(structure, part) for part in zip(*pairs, strict=True))
+    return RunningMean(mean, carry, count)

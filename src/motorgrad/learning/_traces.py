@@ -1,0 +1,130 @@
+"""Eligibility filters: how much of a reward each past action may claim.
+
+A trace is three functions over a state of the parameters' structure: `init(parameters)`, `update(state, score)` when an
+action was sampled, and `value(state)`, the eligibility $z$ that multiplies the reward (section 3.2.1 of the thesis).
+Every trace restarts from zero when an episode ends.
+"""
+
+import abc
+import dataclasses
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from motorgrad._errors import check
+
+
+class Trace(abc.ABC):
+    """An eligibility filter."""
+
+    @abc.abstractmethod
+    def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
+        """The state at the start of an episode, for parameters of this structure."""
+
+    @abc.abstractmethod
+    def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
+        r"""Take in the score $\nabla\log\pi(a_t \mid y_t)$ of the action just sampled."""
+
+    @abc.abstractmethod
+    def value(self, state: PyTree[Array]) -> PyTree[Array]:
+        """The eligibility $z_t$, in the structure of the parameters."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Exponential(Trace):
+    r"""$z \leftarrow \beta z + \nabla\log\pi$ (Baxter & Bartlett, 2001).
+
+    **Arguments:** `decay` $\beta \in [0, 1)$. Choose $1/(1 - \beta)$ above the number of decisions over which actions
+    still matter (the mixing time): a small $\beta$ biases the gradient, a large one makes it noisy.
+    """
+
+    decay: float = 0.9
+
+    def __post_init__(self) -> None:
+        check(0 <= self.decay < 1, "decay", self.decay, "in [0, 1)")
+
+    def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
+        return jax.tree.map(jnp.zeros_like, parameters)
+
+    def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
+        return jax.tree.map(lambda z, s: self.decay * z + s, state, score)
+
+    def value(self, state: PyTree[Array]) -> PyTree[Array]:
+        return state
+
+
+@dataclasses.dataclass(frozen=True)
+class Episodic(Trace):
+    r"""$z \leftarrow z + \nabla\log\pi$ from the start of the episode: the unbiased estimator of episodic tasks
+    (Williams, 1992). It never forgets, so a task without episodes must not use it."""
+
+    def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
+        return jax.tree.map(jnp.zeros_like, parameters)
+
+    def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
+        return jax.tree.map(jnp.add, state, score)
+
+    def value(self, state: PyTree[Array]) -> PyTree[Array]:
+        return state
+
+
+class _Kernel(Trace):
+    """A finite filter: the last scores are kept and weighted, the newest first."""
+
+
+    @abc.abstractmethod
+    def weights(self) -> Float[Any, " length"]:
+        """The weight of the score from 0, 1, 2 … decisions ago."""
+
+    def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
+        length = len(self.weights())
+        return jax.tree.map(lambda p: jnp.zeros((length, *p.shape), p.dtype), parameters)
+
+    def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
+        return jax.tree.map(lambda buffer, s: jnp.concatenate([s[None], buffer[:-1]]), state, score)
+
+    def value(self, state: PyTree[Array]) -> PyTree[Array]:
+        weights = jnp.asarray(self.weights())
+
+        def total(buffer: Array) -> Array:
+            return jnp.sum(weights.reshape((-1,) + (1,) * (buffer.ndim - 1)).astype(buffer.dtype) * buffer, axis=0)
+
+        return jax.tree.map(total, state)
+
+
+@dataclasses.dataclass(frozen=True)
+class Window(_Kernel):
+    """The sum of the last `length` scores, the present one included. Costs `length` times the parameters in memory."""
+
+    length: int = 10
+
+    def __post_init__(self) -> None:
+        check(self.length >= 1, "length", self.length, "at least 1 decision")
+
+    def weights(self) -> Float[Any, " length"]:
+        return jnp.ones(self.length)
+
+
+@dataclasses.dataclass(frozen=True)
+class LaggedGaussian(_Kernel):
+    r"""Weights $\exp(-\frac12((k - \text{lag})/\text{width})^2)$ for the score from $k \ge 0$ decisions ago.
+
+    For tasks in which an action tells on the reward after a certain delay (section 3.2.1). The filter is cut four
+    widths beyond the lag, where the weight is below 4e-4.
+
+    **Arguments:** `lag` $\ge 0$ and `width` > 0, both in decisions.
+    """
+
+    lag: float = 5.0
+    width: float = 2.0
+
+    def __post_init__(self) -> None:
+        check(self.lag >= 0, "lag", self.lag, "at least 0 decisions")
+        check(self.width > 0, "width", self.width, "a positive number of decisions")
+
+    def weights(self) -> Float[Any, " length"]:
+        age = jnp.arange(math.ceil(self.lag + 4 * self.width) + 1)
+        return jnp.exp(-0.5 * ((age - self.lag) / self.width) ** 2)

@@ -1,0 +1,79 @@
+"""Pools of independent stochastic binary units: each decides whether it fires."""
+
+import abc
+from typing import Self
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.special import xlog1py, xlogy
+from jaxtyping import Array, Float
+
+from motorgrad.policies._policy import Policy, in_structure
+
+
+class BinaryUnits(Policy):
+    r"""A pool of $N$ units that fire independently with probabilities $p_i(y)$.
+
+    An action is a vector of $N$ zeros and ones, in the floating type of the parameters; its log-probability is the sum
+    of the units' and its score the concatenation of theirs (section 4.2.1 of the thesis).
+    """
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
+        p = self.prob(observation)
+        return (uniforms < p).astype(p.dtype)
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        """1 where a unit fires with probability above one half."""
+        p = self.prob(observation)
+        return (p > 0.5).astype(p.dtype)
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        p = self.prob(observation)
+        return jnp.sum(jnp.where(action > 0, jnp.log(p), jnp.log1p(-p)))
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        p = self.prob(observation)
+        return -jnp.sum(xlogy(p, p) + xlog1py(1 - p, -p))
+
+    def enumerate(self) -> Float[Array, "actions units"]:
+        """All $2^N$ firing patterns; the last unit's bit changes fastest."""
+        return enumerate_binary(self.outputs)
+
+
+class SigmoidUnits(BinaryUnits):
+    r"""Units that fire with probability $\sigma(\phi_i(y))$ of a potential $\phi$.
+
+    Their score is $\nabla \log \pi = (A - p)\,\nabla\phi$ for the action $A \in \{0, 1\}$ (appendix A.1).
+    """
+
+    @abc.abstractmethod
+    def potential(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        r"""$\phi_i(y)$."""
+
+    @abc.abstractmethod
+    def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
+        r"""$\partial\phi_i/\partial\theta$ of every trainable field, by the field's name; units lead."""
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jax.nn.sigmoid(self.potential(observation))
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        # log σ of the signed potential stays finite and exact in the far tails, where log p would not.
+        return jnp.sum(jax.nn.log_sigmoid((2 * action - 1) * self.potential(observation)))
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        surprise = action - self.prob(observation)
+        gradient = self.potential_gradient(observation)
+        return in_structure(
+            self, **{k: surprise.reshape(surprise.shape + (1,) * (v.ndim - 1)) * v for k, v in gradient.items()}
+        )
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        potential = self.potential(observation)
+        return jnp.sum(jax.nn.softplus(potential) - potential * jax.nn.sigmoid(potential))
+
+
+def enumerate_binary(units: int) -> Float[Array, "actions units"]:
+    """All firing patterns of `units` binary units, as floats."""
+    codes = jnp.arange(2**units)[:, None] >> jnp.arange(units - 1, -1, -1)
+    return (codes & 1).astype(jnp.result_type(float))

@@ -1,0 +1,60 @@
+"""A policy made of pools of units of any kinds."""
+
+from typing import Self
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad.policies._binary import BinaryUnits, enumerate_binary
+from motorgrad.policies._policy import trainable
+
+
+class Factored(BinaryUnits):
+    r"""Independent pools side by side on one observation: $\log\pi = \sum_k \log\pi_k$.
+
+    The action is the concatenation of the pools' actions, the score that of their scores (section 4.2.1 of the thesis);
+    pools of different kinds may be mixed (section 6.5.2). A `Factored` policy is itself a pool, so it nests.
+
+    **Arguments:** `pools`, a sequence of pools of binary units over the same observation.
+    """
+
+    pools: tuple[BinaryUnits, ...] = eqx.field(converter=tuple)
+
+    def __check_init__(self) -> None:
+        check(len(self.pools) > 0, "pools", self.pools, "at least one pool of units")
+        sizes = {pool.inputs for pool in self.pools}
+        check(len(sizes) == 1, "pools", sorted(sizes), "over observations of one length")
+
+    @property
+    def inputs(self) -> int:
+        return self.pools[0].inputs
+
+    @property
+    def outputs(self) -> int:
+        return sum(pool.outputs for pool in self.pools)
+
+    def _parts(self, action: Float[Array, " units"]) -> list[Float[Array, " _"]]:
+        ends = [0]
+        for pool in self.pools:
+            ends.append(ends[-1] + pool.outputs)
+        return [action[start:end] for start, end in zip(ends[:-1], ends[1:], strict=True)]
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jnp.concatenate([pool.prob(observation) for pool in self.pools])
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        parts = zip(self.pools, self._parts(action), strict=True)
+        return sum((pool.log_prob(observation, part) for pool, part in parts), start=jnp.zeros(()))
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        parts = zip(self.pools, self._parts(action), strict=True)
+        scores = tuple(pool.score(observation, part) for pool, part in parts)
+        return eqx.tree_at(lambda policy: policy.pools, trainable(self), scores)
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
+
+    def enumerate(self) -> Float[Array, "actions units"]:
+        return enumerate_binary(self.outputs)

@@ -1,0 +1,101 @@
+"""What every policy is: a distribution over actions that can be sampled and differentiated."""
+
+import abc
+from typing import Any, Self, TypeVar
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+
+def fixed(**keywords: Any) -> Any:
+    """Declare a field of a policy that holds arrays which are *not* learnt (a mask, a maximal probability)."""
+    return eqx.field(metadata={"fixed": True}, **keywords)
+
+
+class Policy(eqx.Module):
+    r"""A distribution $\pi(a \mid y, \theta)$ over actions $a$ given an observation $y$.
+
+    A policy is a pytree. Its trainable parameters $\theta$ are the floating-point arrays of the fields that are not
+    declared `fixed`; a score, a trace, a gradient and a step size are pytrees of the same structure as the trainable
+    part (see `trainable`).
+
+    All methods are pure and act on one observation; use `jax.vmap` for many. Randomness is explicit: `sample` consumes
+    `uniforms` numbers drawn from U[0, 1), so that a whole block of decisions can be drawn at once.
+    """
+
+    @property
+    @abc.abstractmethod
+    def inputs(self) -> int:
+        """Length of the observation vector."""
+
+    @property
+    @abc.abstractmethod
+    def outputs(self) -> int:
+        """Number of units (binary actions), or of alternatives (a discrete action)."""
+
+    @property
+    def uniforms(self) -> int:
+        """How many numbers from U[0, 1) one decision consumes: one a unit, unless a policy says otherwise."""
+        return self.outputs
+
+    @abc.abstractmethod
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
+        """Each unit's probability of firing, or each alternative's of being chosen."""
+
+    @abc.abstractmethod
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
+        """Draw an action, as a function of `uniforms` numbers from U[0, 1)."""
+
+    @abc.abstractmethod
+    def mode(self, observation: Float[Array, " inputs"]) -> Array:
+        """The most probable action."""
+
+    @abc.abstractmethod
+    def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
+        r"""$\log \pi(a \mid y, \theta)$."""
+
+    @abc.abstractmethod
+    def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
+        r"""The analytic $\nabla_\theta \log \pi(a \mid y, \theta)$, in the structure of `trainable(self)`."""
+
+    @abc.abstractmethod
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        """Entropy of the action's distribution, in nats."""
+
+    @abc.abstractmethod
+    def enumerate(self) -> Array:
+        """Every action, along a leading axis: what an exact oracle sums over."""
+
+
+P = TypeVar("P", bound=Policy)
+
+
+def trainable(policy: P) -> P:
+    """The trainable part: `policy` with every fixed array replaced by `None` (as `equinox.partition` does)."""
+    return split(policy)[0]
+
+
+def split(policy: P) -> tuple[P, P]:
+    """Part a policy in its trainable and its fixed arrays; `equinox.combine` joins them again."""
+
+    def learnt(path: tuple[Any, ...], leaf: Any) -> bool:
+        node: Any = policy
+        for key in path:
+            if isinstance(key, jax.tree_util.GetAttrKey):
+                if node.__dataclass_fields__[key.name].metadata.get("fixed", False):
+                    return False
+                node = getattr(node, key.name)
+            else:
+                node = node[key.idx if isinstance(key, jax.tree_util.SequenceKey) else key.key]
+        return eqx.is_inexact_array(leaf)
+
+    return eqx.partition(policy, jax.tree_util.tree_map_with_path(learnt, policy))
+
+
+def in_structure(policy: P, **values: Array) -> P:
+    """A gradient of `policy`: its trainable structure with these fields' values."""
+    names = tuple(values)
+    return eqx.tree_at(
+        lambda node: tuple(getattr(node, name) for name in names), trainable(policy), tuple(values.values())
+    )

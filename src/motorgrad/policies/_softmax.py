@@ -1,0 +1,69 @@
+"""A choice among a few alternatives."""
+
+from typing import Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from motorgrad._errors import check
+from motorgrad.policies._policy import Policy, in_structure
+
+
+class Softmax(Policy):
+    r"""One of $K$ actions with probability $\pi_k \propto \exp(\theta_k \cdot y)$ (Baxter & Bartlett, 2001, eq. 25).
+
+    An action is an integer scalar in 0 … K − 1. Score: $\partial_{\theta_k} = (\mathbb 1[a = k] - \pi_k)\,y$.
+
+    **Arguments:** `weights` $\theta$ of shape `(actions, inputs)`.
+    """
+
+    weights: Float[Array, "actions inputs"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self) -> None:
+        check(self.weights.ndim == 2, "weights", self.weights.shape, "of shape (actions, inputs)")
+
+    @property
+    def inputs(self) -> int:
+        return self.weights.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        return self.weights.shape[0]
+
+    @property
+    def uniforms(self) -> int:
+        return 1
+
+    def _logits(self, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
+        return jnp.sum(self.weights * observation, axis=-1)
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
+        logits = self._logits(observation)
+        if self.outputs == 2:  # one exponential instead of two: the logistic of the difference is the same softmax
+            second = jax.nn.sigmoid(logits[1] - logits[0])
+            return jnp.stack([1 - second, second])
+        return jax.nn.softmax(logits)
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " 1"]) -> Int[Array, ""]:
+        # Inverse of the cumulative distribution; the last alternative needs no comparison.
+        cumulative = jnp.cumsum(self.prob(observation))[:-1]
+        return jnp.sum(uniforms[0] >= cumulative, dtype=jnp.int32)
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Int[Array, ""]:
+        return jnp.argmax(self._logits(observation)).astype(jnp.int32)
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Int[Array, ""]) -> Float[Array, ""]:
+        return jax.nn.log_softmax(self._logits(observation))[action]
+
+    def score(self, observation: Float[Array, " inputs"], action: Int[Array, ""]) -> Self:
+        chosen = (jnp.arange(self.outputs) == action).astype(self.weights.dtype)
+        return in_structure(self, weights=(chosen - self.prob(observation))[:, None] * observation)
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        log_p = jax.nn.log_softmax(self._logits(observation))
+        return -jnp.sum(jnp.exp(log_p) * log_p)
+
+    def enumerate(self) -> Int[Array, " actions"]:
+        return jnp.arange(self.outputs, dtype=jnp.int32)
