@@ -1,0 +1,150 @@
+r"""Exact answers for finite MDPs, by linear algebra in double precision.
+
+For a policy on a finite MDP, with transition matrix $P$, stationary distribution $\pi$ and reward vector $r$, everything
+an estimator estimates has a closed form (Baxter & Bartlett, 2001). Each function takes any `FiniteMDP` and any
+`Policy`. Gradients come back in the structure of the policy's trainable part, as float64.
+
+The derivative of $P$ is taken by automatic differentiation of the policy's log-probability, so the oracle is independent
+of the analytic scores that the learner uses.
+"""
+
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, Int
+
+from motorgrad._errors import check
+from motorgrad.policies import Policy, split
+from motorgrad.worlds._finite import FiniteMDP, action_index
+
+P = TypeVar("P", bound=Policy)
+
+
+def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions"]:
+    r"""$\pi(a \mid y(s))$ of every action in every state."""
+    with jax.enable_x64(True):
+        return np.asarray(_probabilities(mdp, _double(policy)))
+
+
+def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states states"]:
+    r"""$P_{ss'} = \sum_a \pi(a \mid y(s))\,P_{ss'}(a)$."""
+    return np.einsum("sa,ast->st", action_probabilities(mdp, policy), mdp.transitions)
+
+
+def stationary_distribution(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:
+    r"""$\pi$ with $\pi' P = \pi'$ and $\sum\pi = 1$. A chain without a unique one is refused."""
+    return _stationary(transition_matrix(mdp, policy))
+
+
+def average_reward(mdp: FiniteMDP, policy: Policy) -> float:
+    r"""$\eta = \pi' r$."""
+    return float(stationary_distribution(mdp, policy) @ _mean_rewards(mdp, policy))
+
+
+def gradient(mdp: FiniteMDP, policy: P) -> P:
+    r"""$\nabla\eta = \pi'\,\nabla P\,[I - P + e\pi']^{-1} r$, exactly."""
+    matrix = transition_matrix(mdp, policy)
+    pi = _stationary(matrix)
+    value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], _mean_rewards(mdp, policy))
+    return _contract(mdp, policy, pi, mdp.expected_rewards + mdp.transitions @ value)
+
+
+def biased_gradient(mdp: FiniteMDP, policy: P, decay: float) -> P:
+    r"""$\nabla_\beta\eta = \pi'\,\nabla P\,(I - \beta P)^{-1} r$: what a trace of decay $\beta \in [0, 1)$ estimates."""
+    check(0 <= decay < 1, "decay", decay, "in [0, 1)")
+    matrix = transition_matrix(mdp, policy)
+    return _contract(mdp, policy, _stationary(matrix), _quality(mdp, policy, matrix, decay))
+
+
+def discounted_return(mdp: FiniteMDP, policy: Policy, discount: float) -> float:
+    r"""$\mathbb E \sum_{t \ge 0} \gamma^t r_{t+1}$ from the start state, with `discount` $\gamma \in [0, 1)$."""
+    check(0 <= discount < 1, "discount", discount, "in [0, 1)")
+    matrix = transition_matrix(mdp, policy)
+    return float(np.linalg.solve(np.eye(mdp.states) - discount * matrix, _mean_rewards(mdp, policy))[mdp.start])
+
+
+def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
+    r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$."""
+    check(0 <= discount < 1, "discount", discount, "in [0, 1)")
+    matrix = transition_matrix(mdp, policy)
+    resolvent = np.eye(mdp.states) - discount * matrix
+    visits = np.linalg.solve(resolvent.T, np.eye(mdp.states)[mdp.start])
+    return _contract(mdp, policy, visits, _quality(mdp, policy, matrix, discount))
+
+
+def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
+    """The best action in every state (ignoring what the observation hides) and the average reward from the start.
+
+    Policy iteration (Howard, 1960) at a discount so near to 1 that its optimum is that of the average reward
+    (Blackwell, 1962); it stays defined where a policy splits the states into several recurrent classes.
+    """
+    near_one = 1 - 1e-7
+    every = np.arange(mdp.states)
+    choice = np.zeros(mdp.states, int)
+    while True:
+        matrix, pay = mdp.transitions[choice, every], mdp.expected_rewards[choice, every]
+        value = np.linalg.solve(np.eye(mdp.states) - near_one * matrix, pay)
+        quality = mdp.expected_rewards + near_one * mdp.transitions @ value
+        # A change must win by more than rounding, else equal actions would alternate for ever.
+        better = quality.max(0) > quality[choice, every] + 1e-12 * max(1.0, np.abs(value).max())
+        if not better.any():
+            break
+        choice = np.where(better, quality.argmax(0), choice)
+    return choice, float((1 - near_one) * value[mdp.start])
+
+
+def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
+    """A gradient's numbers in one vector, in the order of the policy's fields."""
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
+
+
+def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
+    states = len(matrix)
+    system = np.vstack([matrix.T - np.eye(states), np.ones(states)])
+    pi, _, rank, _ = np.linalg.lstsq(system, np.eye(states + 1)[-1], rcond=1e-13)
+    check(rank == states, "policy", "several recurrent classes", "one whose chain has a unique stationary distribution")
+    return pi
+
+
+def _double(policy: P) -> P:
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf, policy)
+
+
+def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:
+    actions = policy.enumerate()
+    check(len(actions) == mdp.actions, "policy", f"{len(actions)} actions", f"over the MDP's {mdp.actions} actions")
+    order = jnp.argsort(jax.vmap(action_index)(actions))
+    log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
+    return jnp.exp(log_prob(jnp.asarray(mdp.observations), actions[order]))
+
+
+def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:
+    return np.einsum("sa,as->s", action_probabilities(mdp, policy), mdp.expected_rewards)
+
+
+def _quality(
+    mdp: FiniteMDP, policy: Policy, matrix: Float[np.ndarray, "states states"], decay: float
+) -> Float[np.ndarray, "actions states"]:
+    """The discounted value of each action in each state, and of following the policy afterwards."""
+    value = np.linalg.solve(np.eye(mdp.states) - decay * matrix, _mean_rewards(mdp, policy))
+    return mdp.expected_rewards + decay * mdp.transitions @ value
+
+
+def _contract(
+    mdp: FiniteMDP, policy: P, weight: Float[np.ndarray, " states"], quality: Float[np.ndarray, "actions states"]
+) -> P:
+    r"""$\sum_s w_s \sum_a \nabla\pi(a \mid s)\,Q(s, a)$, the policy's derivative by automatic differentiation."""
+    with jax.enable_x64(True):
+        parameters, settings = split(_double(policy))
+        worth = jnp.asarray(weight[:, None] * quality.T)
+
+        def total(theta: Any) -> Array:
+            return jnp.sum(worth * _probabilities(mdp, eqx.combine(theta, settings)))
+
+        vector, build = ravel_pytree(parameters)
+        slope = jax.grad(lambda v: total(build(v)))(vector)
+        return jax.tree.map(np.asarray, build(slope))
