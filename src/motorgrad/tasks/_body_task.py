@@ -1,0 +1,26 @@
+"""Tasks on muscle-driven bodies."""
+
+import abc
+
+from motorgrad.bodies import Body
+from motorgrad.tasks._task import Task
+
+
+class BodyTask(Task):
+    """A task whose dynamics are a body; an action holds the activation of each of its groups of muscles.
+
+    The `state` that the task's functions see is a `motorgrad.bodies.BodyState`.
+    """
+
+    @property
+    @abc.abstractmethod
+    def dynamics(self) -> Body: ...
+
+    @property
+    @abc.abstractmethod
+    def substeps(self) -> int:
+        """Physics steps from one decision to the next."""
+
+    @property
+    def action_size(self) -> int:
+        return len(self.dynamics.groups)

@@ -1,0 +1,114 @@
+"""Tasks on finite MDPs: the reward and the observation are the MDP's own."""
+
+import abc
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check, choice
+from motorgrad.tasks._task import Task
+from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
+from motorgrad.worlds._chain import VARIANTS
+
+
+@dataclasses.dataclass(frozen=True)
+class FiniteTask(Task):
+    """A finite MDP as a task.
+
+    **Arguments:** `time_limit`, decisions after which an episode is cut and begins anew; `None` for a continuing task.
+    """
+
+    time_limit: int | None = None
+
+    def __post_init__(self) -> None:
+        check(self.time_limit is None or self.time_limit >= 1, "time_limit", self.time_limit, "None or at least 1")
+
+    @property
+    @abc.abstractmethod
+    def dynamics(self) -> FiniteMDP: ...
+
+    @property
+    def observation_size(self) -> int:
+        return self.dynamics.observations.shape[1]
+
+    @property
+    def action_size(self) -> int:
+        return self.dynamics.actions if self.actions == "discrete" else (self.dynamics.actions - 1).bit_length()
+
+    @property
+    def episode_limit(self) -> int | None:
+        return self.time_limit
+
+    def observe(self, memory: Any, state: Array, uniforms: Float[Array, " 0"]) -> tuple[Any, Array]:
+        # What an action pays may depend on the state in which it was taken: that state is remembered where it does.
+        memory = state if self.dynamics.rewards.ndim == 2 else memory
+        return memory, jnp.asarray(self.dynamics.observations, jnp.result_type(float))[state]
+
+    def reward(self, memory: Any, state: Array, action: Array) -> tuple[Any, Array, bool]:
+        return memory, self.dynamics.reward(memory, action, state), False
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        return jnp.asarray(self.dynamics.start, jnp.int32) if self.dynamics.rewards.ndim == 2 else ()
+
+
+@dataclasses.dataclass(frozen=True)
+class ThreeState(FiniteTask):
+    """The three-state MDP of Baxter & Bartlett (2001), on which estimators are compared."""
+
+    name: ClassVar[str] = "three-state"
+    actions: ClassVar[Literal["binary", "discrete"]] = "discrete"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.8, "rate": 0.01}
+
+    @functools.cached_property
+    def dynamics(self) -> FiniteMDP:
+        return three_state()
+
+
+@dataclasses.dataclass(frozen=True)
+class Chain(FiniteTask):
+    """The chain of figure 4.9: reward only at its far end (see `motorgrad.worlds.chain` for the variants).
+
+    **Arguments:** `length`, number of states; `variant`, `"walk"` or `"reset"`; `time_limit`.
+    """
+
+    name: ClassVar[str] = "chain"
+    actions: ClassVar[Literal["binary", "discrete"]] = "discrete"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "rate": 0.05}
+
+    length: int = 6
+    variant: str = "walk"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self.length >= 2, "length", self.length, "at least 2")
+        choice("variant", self.variant, VARIANTS)
+
+    @functools.cached_property
+    def dynamics(self) -> FiniteMDP:
+        return chain(self.length, self.variant)
+
+
+@dataclasses.dataclass(frozen=True)
+class CallAdmission(FiniteTask):
+    """Call admission control (Marbach & Tsitsiklis, 1998): accept the call that asks, or keep room for a better one.
+
+    **Arguments:** `capacity`, calls that the link carries; `time_limit`.
+    """
+
+    name: ClassVar[str] = "call-admission"
+    actions: ClassVar[Literal["binary", "discrete"]] = "binary"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.9, "rate": 0.003}
+
+    capacity: int = 10
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self.capacity >= 1, "capacity", self.capacity, "at least 1 call")
+
+    @functools.cached_property
+    def dynamics(self) -> FiniteMDP:
+        return call_admission(self.capacity)

@@ -1,0 +1,118 @@
+"""The hopper's task: jump high, with as few muscles as that takes (section 5.2 of the thesis)."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from motorgrad._errors import check
+from motorgrad.bodies import BodyState
+from motorgrad.bodies import Hopper as HopperBody
+from motorgrad.tasks._body_task import BodyTask
+from motorgrad.tasks._task import Reading
+
+
+class Flight(NamedTuple):
+    """What the hopper's task remembers: the flight's greatest foot height so far, and the apex just paid (else 0)."""
+
+    height: Float[Array, ""]
+    landed: Float[Array, ""]
+
+
+@dataclasses.dataclass(frozen=True)
+class Hopper(BodyTask):
+    """Hop as high as possible.
+
+    Observed: foot contact (±1), knee angle about `centre` in rad, knee velocity × `velocity_scale` (rad/s).
+    Actions: the flexor pair, the extensor pair. Reward: `reward_scale` × the flight's greatest foot height (m), paid at
+    landing if it was a hop (above `hop_height`), minus `penalty` for each active muscle at each decision.
+
+    **Arguments:**
+
+    - `body`: the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`.
+    - `reward_scale`: reward per metre of apex.
+    - `penalty`: cost of a muscle that is active for one decision.
+    - `hop_height`: in metres; a lower flight does not count.
+    - `centre`: the interior knee angle, in degrees, that is observed as 0; 0 gives the raw angle.
+    - `velocity_scale`: brings the knee's velocity into the range of the other inputs.
+    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
+    - `time_limit`: simulated seconds after which an episode is cut; `None` for a continuing task.
+    """
+
+    name: ClassVar[str] = "hopper"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.98, "rate": 5e-4}
+
+    body: HopperBody = dataclasses.field(default_factory=HopperBody)
+    reward_scale: float = 100.0
+    penalty: float = 0.1
+    hop_height: float = 0.03
+    centre: float = 90.0
+    velocity_scale: float = 0.02
+    action_period: float = 0.01
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check(self.hop_height > 0, "hop_height", self.hop_height, "a positive height in m")
+        check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
+        check(self.penalty >= 0, "penalty", self.penalty, "at least 0")
+        ratio = self.action_period / self.body.timestep
+        whole = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6
+        check(whole, "action_period", self.action_period, f"a positive multiple of the time step, {self.body.timestep} s")
+        check(
+            self.time_limit is None or self.time_limit >= self.action_period,
+            "time_limit",
+            self.time_limit,
+            f"None or at least one action period, {self.action_period} s",
+        )
+
+    @property
+    def dynamics(self) -> HopperBody:
+        return self.body
+
+    @property
+    def observation_size(self) -> int:
+        return 3
+
+    @property
+    def substeps(self) -> int:
+        return round(self.action_period / self.body.timestep)
+
+    @property
+    def period(self) -> float:
+        return self.action_period
+
+    @property
+    def episode_limit(self) -> int | None:
+        return None if self.time_limit is None else round(self.time_limit / self.action_period)
+
+    @functools.cached_property
+    def _muscles_per_group(self) -> np.ndarray:
+        groups = [muscle.group for muscle in self.body.muscles]
+        return np.array([groups.count(group) for group in self.body.groups], np.float32)
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Flight:
+        return Flight(jnp.zeros(()), jnp.zeros(()))
+
+    def observe(
+        self, memory: Flight, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[Flight, Float[Array, " 3"]]:
+        contact = jnp.where(state.sensors["foot_contact"] > 0, 1.0, -1.0)
+        angle = state.sensors["knee_angle"] + np.deg2rad(90.0 - self.centre)
+        return memory, jnp.stack([contact, angle, self.velocity_scale * state.sensors["knee_velocity"]])
+
+    def reward(
+        self, memory: Flight, state: BodyState, action: Float[Array, " groups"]
+    ) -> tuple[Flight, Float[Array, ""], Bool[Array, ""] | bool]:
+        height = jnp.maximum(memory.height, state.sensors["foot_height"])
+        down = state.sensors["foot_contact"] > 0
+        landed = jnp.where(down & (height > self.hop_height), height, 0.0)
+        cost = self.penalty * jnp.sum(action * self._muscles_per_group)
+        return Flight(jnp.where(down, 0.0, height), landed), self.reward_scale * landed - cost, False
+
+    def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:
+        """`apex`: the greatest foot height (m) of the flight that has just ended in a landing."""
+        return {"apex": (memory.landed, memory.landed > 0)}

@@ -1,0 +1,79 @@
+"""What every task is: what is observed, what is rewarded, when an episode ends; pure functions over dynamics."""
+
+import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from jaxtyping import Array, Bool, Float
+
+Body = object
+from motorgrad.worlds import World
+
+Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
+"""A quantity that a task reports, and whether it occurred at this decision."""
+
+
+class Task(abc.ABC):
+    """A task over a world (JAX) or a body (MuJoCo). Subclasses are frozen dataclasses of the task's numbers.
+
+    What a task must remember between decisions (a flight's apex, a delay line) is its `memory`, a pytree handed back and
+    forth explicitly; the functions below are pure, act on one seed, and run inside compiled code.
+    """
+
+    name: ClassVar[str]
+    """The name in the registry."""
+    learner: ClassVar[Mapping[str, Any]] = {}
+    """Settings of the learner that go with the task, as in `motorgrad.training.AgentSettings`."""
+    uniforms: ClassVar[int] = 0
+    """Numbers from U[0, 1) that `observe` consumes."""
+    init_uniforms: ClassVar[int] = 0
+    """Numbers from U[0, 1) that `init` consumes."""
+    actions: ClassVar[Literal["binary", "discrete"]] = "binary"
+    """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers."""
+    episodic: ClassVar[bool] = False
+    """Whether `reward` can report the end of an episode."""
+
+    @property
+    @abc.abstractmethod
+    def dynamics(self) -> World | Body:
+        """What moves."""
+
+    @property
+    @abc.abstractmethod
+    def observation_size(self) -> int:
+        """Length of the observation vector."""
+
+    @property
+    @abc.abstractmethod
+    def action_size(self) -> int:
+        """Number of binary actions, or of alternatives."""
+
+    @property
+    def period(self) -> float:
+        """Simulated time from one decision to the next, in seconds; 1 where the dynamics know no time."""
+        return 1.0
+
+    @property
+    def episode_limit(self) -> int | None:
+        """After how many decisions an episode is cut (truncated, not terminated); `None` for never."""
+        return None
+
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+        """The memory at the start of an episode."""
+        del uniforms
+        return ()
+
+    @abc.abstractmethod
+    def observe(
+        self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[Any, Float[Array, " observation_size"]]:
+        """What the policy sees of `state`, and the memory afterwards."""
+
+    @abc.abstractmethod
+    def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]:
+        """What the step that led to `state` by `action` pays: the memory afterwards, the reward, and `terminated`."""
+
+    def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
+        """Quantities to report beside the reward, after `reward`: each with whether it occurred at this decision."""
+        del memory, state
+        return {}

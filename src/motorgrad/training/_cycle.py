@@ -1,0 +1,138 @@
+"""One decision: what happens between two observations, for one seed.
+
+The engines for worlds and for bodies differ only in who moves the dynamics; both go through the functions here:
+
+    act ──▶ (dynamics step) ──▶ settle: reward, observe, reinforce, improve ──▶ [restart where an episode ended] ──▶ act
+"""
+
+import dataclasses
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad.learning import Agent, AgentState
+from motorgrad.tasks import Task
+
+Mode = Literal["learn", "sample", "mode"]
+"""Learn; or act by a frozen policy, sampled or taking the most probable action."""
+
+
+class Tally(NamedTuple):
+    """Sums since the last record, for one seed; `readings` maps a name to (sum, number of occurrences)."""
+
+    reward: Float[Array, ""]
+    episodes: Int[Array, ""] | None
+    diverged: Int[Array, ""] | None
+    readings: dict[str, tuple[Float[Array, ""], Int[Array, ""]]]
+
+
+class CycleState(NamedTuple):
+    """What one seed carries from decision to decision, beside the dynamics' own state."""
+
+    agent: AgentState
+    memory: Any
+    observation: Float[Array, " inputs"]
+    action: Array
+    elapsed: Int[Array, ""] | None
+    tally: Tally
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cycle:
+    """The decision of `agent` on `task`, as pure functions."""
+
+    task: Task
+    agent: Agent
+    mode: Mode = "learn"
+    diverges: bool = False
+    """Whether the dynamics can break and say so."""
+
+    @property
+    def episodic(self) -> bool:
+        """Whether episodes end at all."""
+        return self.task.episodic or self.task.episode_limit is not None or self.diverges
+
+    def begin(
+        self, agent: AgentState, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]
+    ) -> CycleState:
+        """Before the first decision, the dynamics being in `state`; no action has been taken yet."""
+        memory, observation = self.task.observe(self.task.init(init), state, observe)
+        policy = agent.policy
+        action = policy.mode(observation)
+        readings = jax.eval_shape(lambda: self.task.readings(memory, state))
+        zero, none = jnp.zeros(()), jnp.zeros((), jnp.int32)
+        tally = Tally(
+            zero, none if self.episodic else None, none if self.diverges else None, dict.fromkeys(readings, (zero, none))
+        )
+        return CycleState(
+            agent, memory, observation, jnp.zeros_like(action), none if self.task.episode_limit else None, tally
+        )
+
+    def act(self, cycle: CycleState, uniforms: Float[Array, " _"]) -> CycleState:
+        """Choose an action on the present observation."""
+        if self.mode == "learn":
+            agent, action = self.agent.act(cycle.agent, cycle.observation, uniforms)
+            return cycle._replace(agent=agent, action=action)
+        policy = cycle.agent.policy
+        chosen = (
+            policy.mode(cycle.observation) if self.mode == "mode" else policy.sample(cycle.observation, uniforms)
+        )
+        return cycle._replace(action=chosen)
+
+    def settle(
+        self, cycle: CycleState, state: Any, observe: Float[Array, " _"], diverged: Bool[Array, ""] | bool = False
+    ) -> tuple[CycleState, Bool[Array, ""] | bool]:
+        """Take in what the action led to, and learn from it; also says whether the episode is over."""
+        memory, reward, terminated = self.task.reward(cycle.memory, state, cycle.action)
+        memory, observation = self.task.observe(memory, state, observe)
+        truncated: Any = False
+        elapsed = cycle.elapsed
+        if elapsed is not None:
+            elapsed = elapsed + 1
+            truncated = elapsed >= self.task.episode_limit
+            truncated = truncated if terminated is False else truncated & ~terminated
+        agent = cycle.agent
+        ended: Any = False
+        for flag in (terminated, truncated, diverged):
+            if flag is not False:
+                ended = flag if ended is False else ended | flag
+        if self.mode == "learn":
+            agent = self.agent.reinforce(agent, reward, observation, terminated, truncated, diverged)
+            agent = self.agent.improve(agent, ended)
+        tally = self._count(cycle.tally, memory, state, reward, ended, diverged)
+        return CycleState(agent, memory, observation, cycle.action, elapsed, tally), ended
+
+    def restart(
+        self,
+        cycle: CycleState,
+        state: Any,
+        where: Bool[Array, ""],
+        init: Float[Array, " _"],
+        observe: Float[Array, " _"],
+    ) -> CycleState:
+        """Begin a new episode `where` one has ended, the dynamics having been put back to `state`."""
+        memory, observation = self.task.observe(self.task.init(init), state, observe)
+        fresh = cycle._replace(
+            memory=memory,
+            observation=observation,
+            elapsed=None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed),
+        )
+        return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
+
+    def _count(
+        self, tally: Tally, memory: Any, state: Any, reward: Float[Array, ""], ended: Any, diverged: Any
+    ) -> Tally:
+        def count(total: Any, flag: Any) -> Any:
+            return total if total is None or flag is False else total + jnp.asarray(flag, jnp.int32)
+
+        readings = {}
+        for name, (value, occurred) in self.task.readings(memory, state).items():
+            occurred = occurred if diverged is False else jnp.logical_and(occurred, ~jnp.asarray(diverged))
+            total, times = tally.readings[name]
+            readings[name] = (total + jnp.where(occurred, value, 0.0), times + jnp.asarray(occurred, jnp.int32))
+        kept = reward if diverged is False else jnp.where(diverged, 0.0, reward)
+        return Tally(
+            tally.reward + kept, count(tally.episodes, ended), count(tally.diverged, diverged), readings
+        )

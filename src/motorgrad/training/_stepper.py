@@ -1,0 +1,101 @@
+"""What every engine of training is: something that can be advanced, saved and restored."""
+
+import abc
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, PyTree
+
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy, trainable
+from motorgrad.tasks import Task
+from motorgrad.training._cycle import Cycle, CycleState, Mode
+
+Record = dict[str, np.ndarray]
+"""What happened since the last record, by name; every array has a leading axis of seeds."""
+
+
+class Stepper(abc.ABC):
+    """Many seeds of one agent on one task, in step.
+
+    **Arguments:** the task; the agent; the seeds, distinct integers from 0 to 2³¹ − 1; `mode`, whether to learn, or to
+    act by the frozen policies that `restore` or `use` brought in.
+    """
+
+    def __init__(self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", diverges: bool = False):
+        self.task = task
+        self.seeds = np.asarray(seeds, np.int32)
+        self.decision = 0
+        self.cycle = Cycle(task, agent, mode, diverges)
+        self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
+        """The shapes of one seed's policy."""
+        validate(task, self.policy)
+
+    @abc.abstractmethod
+    def advance(self, decisions: int) -> None:
+        """Make so many decisions per seed."""
+
+    @property
+    @abc.abstractmethod
+    def state(self) -> PyTree[np.ndarray]:
+        """A copy of everything that the future depends on; seeds lead every array."""
+
+    @abc.abstractmethod
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        """Put back a `state`: what follows is then bit for bit what followed it."""
+
+    @abc.abstractmethod
+    def harvest(self) -> Record:
+        """Take the tallies since the last harvest, and look at the learners."""
+
+    @abc.abstractmethod
+    def policies(self) -> Policy:
+        """The present policies of all seeds, stacked along a leading axis."""
+
+    @abc.abstractmethod
+    def use(self, policies: Policy) -> None:
+        """Put policies in place, stacked along a leading axis of seeds."""
+
+    def _look(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
+        """One seed's tallies and the learner's visible state; the tallies begin anew."""
+        tally, agent = state.tally, state.agent
+        look = {"reward": tally.reward, "baseline": self.cycle.agent.estimator.baseline.value(agent.baseline)}
+        for name, count in (("episodes", tally.episodes), ("diverged", tally.diverged)):
+            if count is not None:
+                look[name] = count
+        for name, (total, times) in tally.readings.items():
+            look[name], look[f"{name}_count"] = total / times, times
+        look["parameters"] = ravel_pytree(trainable(agent.policy))[0]
+        return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), look
+
+
+def validate(task: Task, policy: Policy) -> None:
+    """Refuse a policy that does not fit the task, before any work."""
+    for name, has, wants in (
+        ("inputs", policy.inputs, task.observation_size),
+        ("outputs", policy.outputs, task.action_size),
+    ):
+        if has != wants:
+            raise ValueError(
+                f"policy {type(policy).__name__}: {name} = {has}, but the task {task.name!r} has "
+                f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
+            )
+    seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
+    one = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
+    kind = "binary" if one.ndim == 1 else "discrete"
+    if kind != task.actions:
+        raise ValueError(f"policy {type(policy).__name__}: {kind} actions, but the task {task.name!r} takes {task.actions}")
+
+
+def seeds_first(tree: Any) -> Any:
+    """Move the axis of seeds from last to first, as copies in NumPy."""
+    return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), -1, 0), order="C"), tree)
+
+
+def seeds_last(tree: Any) -> Any:
+    """Move the axis of seeds from first to last, as JAX arrays."""
+    return jax.tree.map(lambda x: jnp.asarray(np.moveaxis(np.asarray(x), 0, -1).copy()), tree)

@@ -1,0 +1,97 @@
+"""The engine for worlds: one compiled loop over decisions, mapped over seeds."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import Task
+from motorgrad.training._cycle import CycleState, Mode
+from motorgrad.training._random import BLOCK, draw_block, key_of
+from motorgrad.training._stepper import Record, Stepper, seeds_first, seeds_last
+from motorgrad.worlds import World
+
+Carry = tuple[CycleState, Any]
+
+
+class WorldStepper(Stepper):
+    """Learning in a JAX world. Inside the loop seeds sit last, where the processor's lanes are."""
+
+    def __init__(self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn"):
+        super().__init__(task, agent, seeds, mode)
+        assert isinstance(task.dynamics, World)
+        self.world = task.dynamics
+        self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds)
+        self._harvest = jax.jit(jax.vmap(self._look, in_axes=-1, out_axes=-1), donate_argnums=0)
+
+    def advance(self, decisions: int) -> None:
+        start, stop = jnp.uint32(self.decision), jnp.uint32(self.decision + decisions)
+        self._carry = self._run(self._carry, start, stop)
+        jax.block_until_ready(self._carry)
+        self.decision += decisions
+
+    @property
+    def state(self) -> PyTree[np.ndarray]:
+        return seeds_first(self._carry)
+
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        self._carry = seeds_last(state)
+
+    def harvest(self) -> Record:
+        cycle, look = self._harvest(self._carry[0])
+        self._carry = (cycle, self._carry[1])
+        return seeds_first(look)
+
+    def policies(self) -> Policy:
+        return seeds_first(self._carry[0].agent.policy)
+
+    def use(self, policies: Policy) -> None:
+        cycle = self._carry[0]
+        agent = cycle.agent._replace(policy=seeds_last(policies))
+        self._carry = (cycle._replace(agent=agent), self._carry[1])
+
+    def _begin(self, seed: Array) -> Carry:
+        world, task = self.world, self.task
+        sizes = (("start", world.reset_uniforms), ("start-memory", task.init_uniforms), ("start-look", task.uniforms))
+        reset, init, observe = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
+        state = world.reset(reset)
+        return self.cycle.begin(self.cycle.agent.init(key_of(seed, "initial")), state, init, observe), state
+
+    def _decide(self, carry: Carry, numbers: dict[str, Array]) -> Carry:
+        cycle, state = carry
+        cycle = self.cycle.act(cycle, numbers["policy"])
+        state = self.world.step(state, cycle.action, numbers["world"])
+        cycle, ended = self.cycle.settle(cycle, state, numbers["observe"])
+        if ended is not False:
+            fresh = self.world.reset(numbers["reset"])
+            state = jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, state)
+            cycle = self.cycle.restart(cycle, state, ended, numbers["memory"], numbers["look"])
+        return cycle, state
+
+    @partial(jax.jit, static_argnums=0, donate_argnums=1)
+    def _run(self, carry: Carry, start: Array, stop: Array) -> Carry:
+        """Decisions `start` … `stop` − 1, a block of random numbers at a time."""
+        world, task = self.world, self.task
+        sizes = {"policy": self.policy.uniforms, "world": world.uniforms, "observe": task.uniforms}
+        if self.cycle.episodic:
+            sizes |= {"reset": world.reset_uniforms, "memory": task.init_uniforms, "look": task.uniforms}
+        decide = jax.vmap(self._decide, in_axes=-1, out_axes=-1)
+
+        def block(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
+            first, carry = position
+            index = first // BLOCK
+            numbers = {name: draw_block(self.seeds, name, index, size) for name, size in sizes.items()}
+            last = jnp.minimum(stop, (index + 1) * BLOCK)
+
+            def decision(t: Array, carry: Carry) -> Carry:
+                return decide(carry, {name: drawn[t % BLOCK] for name, drawn in numbers.items()})
+
+            return last, jax.lax.fori_loop(first, last, decision, carry)
+
+        return jax.lax.while_loop(lambda position: position[0] < stop, block, (start, carry))[1]
