@@ -1,0 +1,36 @@
+"""Muscle-driven bodies: descriptions of them, and many simulations of one stepped at once.
+
+A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes a MuJoCo model of it, `BodyBatch` many
+simulations, `to_mjcf` a file for other programs.
+"""
+
+from motorgrad.bodies._batch import BodyBatch, BodyState
+from motorgrad.bodies._body import Body, add_muscles, compile_model, to_mjcf
+from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies._hopper import Hopper
+from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
+from motorgrad.bodies._native import native_force_length
+from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
+
+__all__ = [
+    "Attachment",
+    "Body",
+    "BodyBatch",
+    "BodyState",
+    "Hopper",
+    "Muscle",
+    "Wrap",
+    "add_muscles",
+    "away_angle",
+    "check_muscle_callback",
+    "compile_model",
+    "groups_of",
+    "install_muscle_callback",
+    "native_force_length",
+    "path_points",
+    "tension",
+    "to_mjcf",
+    "wrapped_length",
+    "wrapped_rate",
+    "wrapping_angle",
+]

@@ -8,6 +8,7 @@ from motorgrad.policies._initial import INITIAL, Initial, gaussians, hyperplanes
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
 from motorgrad.policies._softmax import Softmax
+from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
     "INITIAL",
@@ -23,10 +24,13 @@ __all__ = [
     "SigmoidUnits",
     "Softmax",
     "fixed",
+    "describe",
+    "fixed",
     "gaussians",
     "hyperplanes",
     "initial",
     "motoneurons",
+    "rebuild",
     "softmax",
     "split",
     "trainable",

@@ -4,7 +4,9 @@ import abc
 from typing import Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
@@ -81,7 +83,9 @@ class LocalGaussians(GaussianUnits):
             self.p_max.shape,
             f"one number or of shape {self.centre.shape[:1]}",
         )
-        check(bool(jnp.all((self.p_max > 0) & (self.p_max <= 1))), "p_max", self.p_max.tolist(), "in (0, 1]")
+        if not isinstance(self.p_max, jax.core.Tracer):  # while tracing there is no value to look at
+            p_max = np.asarray(self.p_max)
+            check(np.all((p_max > 0) & (p_max <= 1)), "p_max", p_max.tolist(), "in (0, 1]")
 
     def log_height(self) -> Float[Array, " units"]:
         return jnp.log(self.p_max)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 from jaxtyping import Array, Bool, Float
 
-Body = object
+from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
 Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]

@@ -1,0 +1,20 @@
+"""The loop over seeds and decisions, run directories, checkpoints and resume."""
+
+from motorgrad.training._directory import RunDirectoryError, RunWarning
+from motorgrad.training._run import Run, load
+from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for
+from motorgrad.training._stepper import Stepper
+from motorgrad.training._train import stepper_of, train
+
+__all__ = [
+    "ESTIMATORS",
+    "AgentSettings",
+    "Run",
+    "RunDirectoryError",
+    "RunWarning",
+    "Stepper",
+    "load",
+    "settings_for",
+    "stepper_of",
+    "train",
+]

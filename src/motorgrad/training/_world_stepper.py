@@ -38,10 +38,11 @@ class WorldStepper(Stepper):
 
     @property
     def state(self) -> PyTree[np.ndarray]:
-        return seeds_first(self._carry)
+        cycle, world = self._carry
+        return seeds_first({"cycle": cycle, "world": world})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
-        self._carry = seeds_last(state)
+        self._carry = (seeds_last(state["cycle"]), seeds_last(state["world"]))
 
     def harvest(self) -> Record:
         cycle, look = self._harvest(self._carry[0])

@@ -1,0 +1,203 @@
+"""Many simulations of one body, stepped together on a thread pool."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from mujoco import batch as mujoco_batch
+
+from motorgrad._errors import check
+from motorgrad.bodies._body import START, Body, compile_model
+
+_WARNING = mujoco.mjtWarning
+# MuJoCo resets a simulation in which one of these is found, with nothing but a counter to show for it.
+_BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
+_VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+class BodyState(NamedTuple):
+    """What can be known of a body at one instant. NumPy or JAX arrays; any leading axes.
+
+    - `position` (..., nq): generalised positions, m and rad.
+    - `velocity` (..., nv): generalised velocities, m/s and rad/s.
+    - `sensors`: by name, (..., dim), or (...) for a scalar.
+    """
+
+    position: Any
+    velocity: Any
+    sensors: dict[str, Any]
+
+
+class BodyBatch:
+    """`seeds` simulations of one body; results do not depend on the number of threads or of seeds.
+
+    **Arguments:**
+
+    - `body`: what to simulate.
+    - `seeds`: simulations, ≥ 1.
+    - `substeps`: physics steps of one `step` (a decision), ≥ 1.
+    - `threads`: threads including the caller's; 0 for all processors.
+
+    **Attributes:**
+
+    - `model`: the `mujoco.MjModel` of all of them; `body`, `seeds`, `substeps`, `groups` as given.
+    - `period`: simulated seconds of one `step`.
+    - `packed` (seeds, width) float32: for each seed positions, velocities, sensor readings and last a flag, 1 if the
+      simulation diverged in the step just made. Refreshed in place by every call: JAX may read NumPy memory without
+      copying it, so copy before the next `step` if something still reads it. Positions, velocities and the sensors of
+      them are current; contact forces are those of the last substep.
+    - `diverged` (seeds,) int64: how often each simulation diverged. It is then put back to the start pose; the other
+      simulations are not affected in any bit.
+
+    Not safe for several Python threads at once.
+
+    **Raises:** `ValueError` for a bad argument; `RuntimeError` if the muscle callback is foreign.
+    """
+
+    def __init__(self, body: Body, seeds: int, substeps: int = 10, threads: int = 0):
+        for name, value, least in (("seeds", seeds, 1), ("substeps", substeps, 1), ("threads", threads, 0)):
+            whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+            check(whole and value >= least, name, value, f"a whole number >= {least}")
+        self.body = body
+        self.seeds, self.substeps = int(seeds), int(substeps)
+        self.model = compile_model(body)
+        self.groups = tuple(body.groups)
+        self.period = self.substeps * float(self.model.opt.timestep)
+        self._start = _start_key(self.model)
+        self._batch = mujoco_batch.Batch(self.model, self.seeds, int(threads), persistent=True)
+        self._layout = _Layout(self.model, body.sensor_components)
+        self._bind()
+        self.diverged = np.zeros(self.seeds, np.int64)
+        self.reset()
+
+    def _bind(self) -> None:
+        """Views and buffers made once, so that a step makes none."""
+        batch, layout = self._batch, self._layout
+        muscles, index = self.body.muscles, {group: i for i, group in enumerate(self.groups)}
+        self._group_of = np.array([index[muscle.group] for muscle in muscles], np.intp)
+        self._activation = np.zeros((self.seeds, len(muscles)))
+        actuators = [self.model.actuator(muscle.name).id for muscle in muscles]
+        # in every body of this library the muscles are the actuators, in order; one with motors too keeps those apart
+        own = actuators == list(range(self.model.nu))
+        self._control = batch.bind("ctrl")
+        self._columns: Any = slice(None) if own else actuators
+        self._bad = batch.warning[:, _BAD, 1]
+        self.packed = np.zeros((self.seeds, layout.width), np.float32)
+        sources = (batch.bind("qpos"), batch.bind("qvel"), batch.bind("sensordata"))
+        parts = (layout.position, layout.velocity, layout.sensordata)
+        self._copies = tuple((self.packed[:, part], source) for part, source in zip(parts, sources, strict=True))
+        self._flag = self.packed[:, -1]
+
+    def step(self, activation: Any) -> None:
+        """Advance every simulation by one decision, `substeps` physics steps.
+
+        **Arguments:** `activation` (seeds, groups): from 0 to 1, array-like; MuJoCo clamps what lies outside, and NaN
+        counts as a divergence of that seed.
+
+        **Raises:** `ValueError` for another shape.
+        """
+        activation = np.asarray(activation, np.float64)
+        if activation.shape != (self.seeds, len(self.groups)):
+            check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
+        np.take(activation, self._group_of, axis=1, out=self._activation, mode="clip")
+        self._control[:, self._columns] = self._activation
+        failed = None
+        try:
+            self._batch.step(None, self.substeps, _VELOCITY_STAGE)
+        except mujoco_batch.SimulationError as error:
+            failed = error.ids
+        for target, source in self._copies:
+            target[...] = source
+        self._flag[...] = 0.0
+        if failed is not None or self._bad.any():
+            self._recover(failed)
+
+    def _recover(self, failed: np.ndarray | None) -> None:
+        """Put diverged simulations back to the start, flag and count them."""
+        lost = self._bad.any(axis=1)
+        if failed is not None:
+            lost[failed] = True
+        rows = np.flatnonzero(lost)
+        self.diverged[rows] += 1
+        self.reset(rows)
+        self._flag[rows] = 1.0
+
+    def reset(self, rows: Any = None) -> None:
+        """Put simulations to the start pose.
+
+        **Arguments:** `rows`: which seeds, an integer or boolean array; None for all. `packed` is refreshed for these
+        rows, with their flag 0; `diverged` stays.
+        """
+        rows = np.arange(self.seeds) if rows is None else _rows(rows, self.seeds)
+        if not rows.size:
+            return
+        self._batch.reset(rows, self._start)
+        self._bad[rows] = 0
+        for target, source in self._copies:
+            target[rows] = source[rows]
+        self._flag[rows] = 0.0
+
+    def unpack(self, packed: Any) -> BodyState:
+        """The named parts of `packed`, or of any array (..., width), by slicing only (NumPy, JAX, tracers)."""
+        return self._layout.unpack(packed)
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """All that `restore` needs, copied: physics `state` (seeds, n), `packed`, `diverged`."""
+        return {"state": self._batch.state.copy(), "packed": self.packed.copy(), "diverged": self.diverged.copy()}
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        """Go back to a snapshot of this or of an equal batch; what follows is the same to the last bit.
+
+        **Raises:** `ValueError` for a snapshot of another shape.
+        """
+        targets = {"state": self._batch.state, "packed": self.packed, "diverged": self.diverged}
+        check(set(snapshot) == set(targets), "snapshot", sorted(snapshot), f"a mapping with {sorted(targets)}")
+        for name, target in targets.items():
+            shape = np.shape(snapshot[name])
+            check(shape == target.shape, f"snapshot[{name!r}].shape", shape, f"{target.shape}")
+        for name, target in targets.items():
+            np.copyto(target, snapshot[name])
+        self._bad[...] = 0
+
+
+class _Layout:
+    """Where in a packed row each thing is."""
+
+    def __init__(self, model: mujoco.MjModel, components: Mapping[str, int]):
+        nq, nv, ns = int(model.nq), int(model.nv), int(model.nsensordata)
+        self.position, self.velocity = slice(0, nq), slice(nq, nq + nv)
+        self.sensordata = slice(nq + nv, nq + nv + ns)
+        self.width = nq + nv + ns + 1
+        self.sensors: dict[str, int | slice] = {}
+        for i in range(model.nsensor):
+            sensor = model.sensor(i)
+            first, size = nq + nv + int(sensor.adr[0]), int(sensor.dim[0])
+            if sensor.name in components:
+                self.sensors[sensor.name] = first + components[sensor.name]
+            else:
+                self.sensors[sensor.name] = first if size == 1 else slice(first, first + size)
+
+    def unpack(self, packed: Any) -> BodyState:
+        width = packed.shape[-1]
+        check(width == self.width, "packed.shape[-1]", width, f"{self.width}")
+        sensors = {name: packed[..., where] for name, where in self.sensors.items()}
+        return BodyState(packed[..., self.position], packed[..., self.velocity], sensors)
+
+
+def _start_key(model: mujoco.MjModel) -> int:
+    names = [model.key(i).name for i in range(model.nkey)]
+    check(START in names, "keyframes of the body", names, f"such that one is {START!r}")
+    return names.index(START)
+
+
+def _rows(rows: Any, seeds: int) -> np.ndarray:
+    """Sorted unique row numbers from row numbers or a mask."""
+    rows = np.asarray(rows)
+    if rows.dtype == bool:
+        check(rows.shape == (seeds,), "rows.shape", rows.shape, f"({seeds},) for a mask")
+        return np.flatnonzero(rows)
+    rows = np.unique(rows) if rows.size else np.zeros(0, np.int64)
+    whole = np.issubdtype(rows.dtype, np.integer)
+    check(whole and (not rows.size or (rows[0] >= 0 and rows[-1] < seeds)), "rows", rows, f"whole, 0 to {seeds - 1}")
+    return rows

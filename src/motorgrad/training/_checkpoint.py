@@ -1,0 +1,75 @@
+"""Checkpoints: a stepper's complete state in a file that is either whole or recognisably not."""
+
+import hashlib
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+FORMAT = 1
+
+
+class CorruptCheckpoint(ValueError):
+    """A checkpoint file that is truncated, altered or of another format."""
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Put `content` at `path` so that a reader, or a crash, sees the old file or the new one and nothing between."""
+    aside = path.with_name(f".{path.name}.partial")
+    with aside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(aside, path)
+    if os.name == "posix":  # the rename itself must reach the disk; Windows cannot sync a folder
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def name_of(path: tuple[Any, ...]) -> str:
+    """A leaf's place in the state, as text."""
+    return jax.tree_util.keystr(path, simple=True, separator=".")
+
+
+def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> None:
+    """Write `state` and the facts `about` it. The first line holds the checksum of all that follows."""
+    leaves = jax.tree_util.tree_leaves_with_path(state)
+    buffer = io.BytesIO()
+    np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, (_, leaf) in enumerate(leaves)})  # type: ignore[arg-type]
+    head = json.dumps({"format": FORMAT, "names": [name_of(path) for path, _ in leaves], **about})
+    body = head.encode() + b"\n" + buffer.getvalue()
+    write_atomically(path, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+
+
+def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays by name, and the facts about them. **Raises** `CorruptCheckpoint` unless every byte is as written."""
+    checksum, _, body = path.read_bytes().partition(b"\n")
+    if hashlib.sha256(body).hexdigest().encode() != checksum:
+        raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
+    head, _, content = body.partition(b"\n")
+    about = json.loads(head)
+    if about["format"] != FORMAT:
+        raise CorruptCheckpoint(f"{path}: format {about['format']}: this version reads format {FORMAT}")
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}, about
+
+
+def into(template: PyTree[np.ndarray], arrays: dict[str, np.ndarray]) -> PyTree[np.ndarray]:
+    """The arrays in the template's structure. **Raises** `ValueError` where name or shape differ from it."""
+
+    def find(path: tuple[Any, ...], leaf: np.ndarray) -> np.ndarray:
+        name = name_of(path)
+        if name not in arrays or arrays[name].shape != leaf.shape or arrays[name].dtype != leaf.dtype:
+            found = f"{arrays[name].dtype}{arrays[name].shape}" if name in arrays else "nothing"
+            raise ValueError(f"checkpoint: {name}: found {found}, but this run needs {leaf.dtype}{leaf.shape}")
+        return arrays[name]
+
+    return jax.tree_util.tree_map_with_path(find, template)

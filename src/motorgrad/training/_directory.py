@@ -1,0 +1,130 @@
+"""The run directory: what training leaves behind, safe against being killed at any instant.
+
+    config.toml        the effective configuration
+    provenance.json    versions, processor, command and seeds of every session
+    metrics/*.parquet  records, one file per stretch between two checkpoints
+    checkpoint/*       the last two complete states
+    figures/           pictures
+
+The newest whole checkpoint is the commit point: metrics beyond it are discarded on resume and made again.
+"""
+
+import json
+import os
+import tomllib
+import warnings
+from pathlib import Path
+from typing import Any, Self
+
+import filelock
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import tomli_w
+from jaxtyping import PyTree
+
+from motorgrad.training._checkpoint import CorruptCheckpoint, load, save, write_atomically
+from motorgrad.training._provenance import provenance
+
+
+class RunDirectoryError(RuntimeError):
+    """A run directory that cannot be used: held by another process, of another configuration, or not a run at all."""
+
+
+class RunWarning(UserWarning):
+    """Something about a run directory that the user should know, such as a damaged checkpoint."""
+
+
+class RunDirectory:
+    """A run's folder. As a context manager it is locked against other processes."""
+
+    def __init__(self, path: Path | str):
+        self.path = Path(path)
+        self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
+
+    def __enter__(self) -> Self:
+        if self.path.exists() and not self.path.is_dir():
+            raise RunDirectoryError(f"{self.path} is a file, not a run directory")
+        if self.path.is_dir() and not self.started and any(p.name != ".lock" for p in self.path.iterdir()):
+            kept = [p for p in self.path.iterdir() if not p.name.startswith(".")]
+            if kept:
+                raise RunDirectoryError(f"{self.path} holds other files ({kept[0].name}) and no config.toml: not a run")
+        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock.acquire()
+        except filelock.Timeout:
+            holder = self.path / ".holder"
+            who = f" (process {holder.read_text()})" if holder.exists() else ""
+            raise RunDirectoryError(f"{self.path} is in use by another process{who}") from None
+        (self.path / ".holder").write_text(str(os.getpid()))
+        for name in ("metrics", "checkpoint", "figures"):
+            (self.path / name).mkdir(exist_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        (self.path / ".holder").unlink(missing_ok=True)
+        self._lock.release()
+
+    @property
+    def started(self) -> bool:
+        """Whether a run has been configured here."""
+        return (self.path / "config.toml").is_file()
+
+    def read_config(self) -> dict[str, Any]:
+        """The configuration. **Raises** `RunDirectoryError` where there is none."""
+        if not self.started:
+            raise RunDirectoryError(f"{self.path} is not a run directory: it has no config.toml")
+        return tomllib.loads((self.path / "config.toml").read_text())
+
+    def write_config(self, config: dict[str, Any]) -> None:
+        write_atomically(self.path / "config.toml", tomli_w.dumps(config).encode())
+
+    def note_session(self, seeds: list[int]) -> None:
+        """Add the present process to the run's provenance."""
+        file = self.path / "provenance.json"
+        sessions = json.loads(file.read_text())["sessions"] if file.exists() else []
+        sessions.append(provenance())
+        write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())
+
+    def save(self, state: PyTree[np.ndarray], about: dict[str, Any], records: pa.Table | None) -> None:
+        """Commit: the records since the last checkpoint, then the state, then let go of the oldest state."""
+        if records is not None:
+            first, last = (records["decision"][i].as_py() for i in (0, -1))
+            sink = pa.BufferOutputStream()
+            pq.write_table(records, sink)
+            write_atomically(self.path / "metrics" / f"{first:012d}-{last:012d}.parquet", sink.getvalue().to_pybytes())
+        save(self._checkpoint(about["decision"]), state, about)
+        for old in self._checkpoints()[:-2]:
+            old.unlink()
+
+    def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
+        """The newest whole checkpoint. A damaged one is said (`RunWarning`) and the one before it used."""
+        for path in reversed(self._checkpoints()):
+            try:
+                return load(path)
+            except (CorruptCheckpoint, OSError, KeyError, ValueError) as error:
+                warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
+        return None
+
+    def roll_back(self, decision: int) -> None:
+        """Discard metrics and checkpoints beyond `decision`: they will be made again."""
+        for part in self._parts():
+            if int(part.stem.split("-")[1]) > decision:
+                part.unlink()
+        for path in self._checkpoints():
+            if int(path.stem) > decision:
+                path.unlink()
+
+    def metrics(self) -> pa.Table | None:
+        """All records, in order."""
+        parts = self._parts()
+        return pa.concat_tables([pq.read_table(part) for part in parts]) if parts else None
+
+    def _parts(self) -> list[Path]:
+        return sorted((self.path / "metrics").glob("*.parquet"))
+
+    def _checkpoint(self, decision: int) -> Path:
+        return self.path / "checkpoint" / f"{decision:012d}.state"
+
+    def _checkpoints(self) -> list[Path]:
+        return sorted((self.path / "checkpoint").glob("*.state"))

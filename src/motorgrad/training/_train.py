@@ -1,0 +1,203 @@
+"""The loop over decisions: advance, record, commit; the same for every task and engine."""
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from motorgrad._errors import check
+from motorgrad._settings import table
+from motorgrad.learning import Agent
+from motorgrad.tasks import BodyTask, Task, make
+from motorgrad.training._body_stepper import BodyStepper
+from motorgrad.training._checkpoint import into
+from motorgrad.training._cycle import Mode
+from motorgrad.training._directory import RunDirectory, RunDirectoryError
+from motorgrad.training._progress import Report
+from motorgrad.training._records import Records
+from motorgrad.training._run import Run
+from motorgrad.training._settings import describe_agent, settings_for
+from motorgrad.training._stepper import Stepper
+from motorgrad.training._world_stepper import WorldStepper
+
+SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
+
+
+def stepper_of(
+    task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0
+) -> Stepper:
+    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies."""
+    if isinstance(task, BodyTask):
+        return BodyStepper(task, agent, seeds, mode, threads)
+    return WorldStepper(task, agent, seeds, mode)
+
+
+def train(
+    task: Task | str,
+    agent: Agent | None = None,
+    steps: int = 100_000,
+    seeds: int | Sequence[int] = 1,
+    out: Path | str | None = None,
+    *,
+    window: int | None = None,
+    checkpoint_every: float = 30.0,
+    threads: int = 0,
+    progress: bool = True,
+) -> Run:
+    """Let an agent learn a task, for many seeds at once.
+
+    **Arguments:**
+
+    - `task`: a task, or the name of one.
+    - `agent`: what learns; by default the learner that goes with the task.
+    - `steps`: decisions per seed.
+    - `seeds`: how many (0, 1, 2 …), or which.
+    - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was, bit
+      for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
+    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps.
+    - `checkpoint_every`: seconds of wall time between checkpoints.
+    - `threads`: that step the physics of bodies; 0 for one per processor.
+    - `progress`: whether to show how far it is.
+
+    **Returns** a `Run`. Ctrl-C saves everything and gives back the unfinished run (`complete` is `False`).
+
+    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
+    before any work starts.
+    """
+    task = make(task) if isinstance(task, str) else task
+    agent = settings_for(task).agent(task) if agent is None else agent
+    chosen = list(range(seeds)) if isinstance(seeds, int) else [int(seed) for seed in seeds]
+    check(isinstance(steps, int) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
+    check(len(chosen) > 0, "seeds", seeds, "at least one seed")
+    check(len(set(chosen)) == len(chosen), "seeds", seeds, "all different")
+    check(all(0 <= seed < 2**31 for seed in chosen), "seeds", seeds, "integers from 0 to 2147483647")
+    check(window is None or window >= 1, "window", window, "at least 1 decision")
+    check(checkpoint_every >= 0, "checkpoint_every", checkpoint_every, "at least 0 seconds")
+    check(threads >= 0, "threads", threads, "0 for all processors, or their number")
+    with nullcontext() if out is None else RunDirectory(out) as directory:
+        return _Training(task, agent, steps, chosen, directory, window, checkpoint_every, threads).run(progress)
+
+
+class _Training:
+    """One call of `train`."""
+
+    def __init__(
+        self,
+        task: Task,
+        agent: Agent,
+        steps: int,
+        seeds: list[int],
+        directory: RunDirectory | None,
+        window: int | None,
+        checkpoint_every: float,
+        threads: int,
+    ):
+        self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
+        self.stepper = stepper_of(task, agent, seeds, threads=threads)
+        self.config: dict[str, Any] = {
+            "run": {"steps": steps, "seeds": seeds, "window": window or max(1, steps // 200)},
+            "task": {"name": task.name, **table(task)},
+            "agent": describe_agent(agent, self.stepper.policy),
+        }
+        self.records = Records(self.stepper.seeds, task.period)
+        self.wall, self.recorded = 0.0, 0
+        if directory is not None:
+            self._open(directory, window)
+
+    def _open(self, directory: RunDirectory, window: int | None) -> None:
+        """Take up the run that the directory holds, or begin one."""
+        if directory.started:
+            before = directory.read_config()
+            if window is None:
+                self.config["run"]["window"] = before["run"]["window"]
+            self.config["run"]["steps"] = max(self.config["run"]["steps"], before["run"]["steps"])
+            _same(before, self.config, directory.path)
+        if (found := directory.latest()) is None:
+            directory.roll_back(0)
+        else:
+            arrays, about = found
+            directory.roll_back(about["decision"])
+            self.stepper.restore(into(self.stepper.state, arrays))
+            self.stepper.decision, self.recorded, self.wall = about["decision"], about["recorded"], about["wall"]
+        directory.write_config(self.config)
+        directory.note_session(self.config["run"]["seeds"])
+
+    def run(self, progress: bool) -> Run:
+        steps, window = self.config["run"]["steps"], self.config["run"]["window"]
+        stepper, saved, count = self.stepper, time.monotonic(), 1
+        with _stop_on_interrupt() as stopped, Report(
+            self.task, len(stepper.seeds), steps, stepper.decision, progress
+        ) as report:
+            while stepper.decision < steps and not stopped():
+                due = min((stepper.decision // window + 1) * window, steps)
+                made, start = min(count, due - stepper.decision), time.monotonic()
+                stepper.advance(made)
+                took = time.monotonic() - start
+                self.wall += took
+                # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
+                count = max(1, min(2 * count, round(made * SLICE / took)))
+                reward = self._record() if stepper.decision == due else None
+                report.update(stepper.decision, made / took, reward)
+                if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
+                    self._commit()
+                    saved = time.monotonic()
+            table = self._commit()
+        return Run(
+            self.config, stepper.decision, table, stepper.policies(), self.directory and self.directory.path, self.task
+        )
+
+    def _record(self) -> float:
+        mean = self.records.add(self.stepper.harvest(), self.stepper.decision, self.recorded, self.wall)
+        self.recorded = self.stepper.decision
+        return mean
+
+    def _commit(self) -> pa.Table:
+        """Save everything, where there is a directory; all records so far."""
+        rows = self.records.take()
+        if self.directory is None:
+            return rows if rows is not None else pa.table({})
+        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
+        self.directory.save(self.stepper.state, about, rows)
+        found = self.directory.metrics()
+        return found if found is not None else pa.table({})
+
+
+def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
+    """Refuse to go on with a run of another configuration, naming the first difference."""
+
+    def differ(old: Any, new: Any, where: str) -> Iterator[str]:
+        if isinstance(old, dict) and isinstance(new, dict):
+            for key in [*old, *(k for k in new if k not in old)]:
+                yield from differ(old.get(key), new.get(key), f"{where}.{key}" if where else key)
+        elif old != new and where != "run.steps":
+            yield f"{where} was {old!r} and is now {new!r}"
+
+    for difference in differ(before, now, ""):
+        raise RunDirectoryError(
+            f"{path} holds a run of another configuration: {difference}; choose another directory, or the same settings"
+        )
+
+
+@contextmanager
+def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a request to stop at the next safe point; a second one interrupts at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set
+        return
+
+    def ask(number: int, frame: Any) -> None:
+        if asked.is_set():
+            signal.default_int_handler(number, frame)
+        asked.set()
+
+    previous = signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)
