@@ -1,1 +1,63 @@
-"""x"""
+"""motorgrad: learning motor control by policy gradients.
+
+Small stochastic units, each deciding whether its muscle fires, learn online from one stream of experience:
+
+    import motorgrad as mg
+
+    task = mg.make("hopper")
+    agent = mg.Agent(mg.policies.hyperplanes(task), mg.learning.Olgarb(decay=0.98), mg.learning.sgd(5e-4))
+    run = mg.train(task, agent, steps=100_000, seeds=16, out="runs/hopper")
+    run.plot()
+
+Names are loaded when first used, so that importing the package is quick.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_ROOMS = ("bodies", "experiments", "learning", "policies", "sim", "tasks", "training", "worlds")
+_NAMES = {
+    "Agent": "learning",
+    "Run": "training",
+    "evaluate": "training",
+    "load": "training",
+    "make": "tasks",
+    "train": "training",
+}
+
+__all__ = [  # noqa: PLE0604
+    "Agent",
+    "Run",
+    "bodies",
+    "evaluate",
+    "experiments",
+    "learning",
+    "load",
+    "make",
+    "policies",
+    "sim",
+    "tasks",
+    "train",
+    "training",
+    "worlds",
+]
+
+if TYPE_CHECKING:
+    from motorgrad import bodies, experiments, learning, policies, sim, tasks, training, worlds
+    from motorgrad.learning import Agent
+    from motorgrad.tasks import make
+    from motorgrad.training import Run, evaluate, load, train
+
+
+def __getattr__(name: str) -> Any:
+    if name in _ROOMS:
+        return importlib.import_module(f"motorgrad.{name}")
+    if name in _NAMES:
+        return getattr(importlib.import_module(f"motorgrad.{_NAMES[name]}"), name)
+    raise AttributeError(f"module 'motorgrad' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

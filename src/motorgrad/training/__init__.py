@@ -1,6 +1,8 @@
 """The loop over seeds and decisions, run directories, checkpoints and resume."""
 
 from motorgrad.training._directory import RunDirectoryError, RunWarning
+from motorgrad.training._evaluate import Evaluation, evaluate
+from motorgrad.training._plot import learning_curves
 from motorgrad.training._run import Run, load
 from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for
 from motorgrad.training._stepper import Stepper
@@ -9,10 +11,13 @@ from motorgrad.training._train import stepper_of, train
 __all__ = [
     "ESTIMATORS",
     "AgentSettings",
+    "Evaluation",
     "Run",
     "RunDirectoryError",
     "RunWarning",
     "Stepper",
+    "evaluate",
+    "learning_curves",
     "load",
     "settings_for",
     "stepper_of",

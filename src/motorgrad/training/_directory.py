@@ -3,7 +3,7 @@
     config.toml        the effective configuration
     provenance.json    versions, processor, command and seeds of every session
     metrics/*.parquet  records, one file per stretch between two checkpoints
-    checkpoint/*       the last two complete states
+    checkpoint/*       the last two complete states, and the initial policies
     figures/           pictures
 
 The newest whole checkpoint is the commit point: metrics beyond it are discarded on resume and made again.
@@ -96,6 +96,14 @@ class RunDirectory:
         save(self._checkpoint(about["decision"]), state, about)
         for old in self._checkpoints()[:-2]:
             old.unlink()
+
+    def save_initial(self, policies: PyTree[np.ndarray]) -> None:
+        """Keep the policies as they were before learning."""
+        save(self.path / "checkpoint" / "initial.policies", policies, {"decision": 0})
+
+    def initial(self) -> dict[str, np.ndarray]:
+        """The policies before learning, by the names of their fields."""
+        return load(self.path / "checkpoint" / "initial.policies")[0]
 
     def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
         """The newest whole checkpoint. A damaged one is said (`RunWarning`) and the one before it used."""

@@ -26,7 +26,7 @@ class Run:
     - `config`: the effective configuration, as in `config.toml`.
     - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
     - `metrics`: a table of records (`docs/training.md` has its columns).
-    - `policies`: the policies of all seeds, stacked along a leading axis.
+    - `policies`: the policies of all seeds, stacked along a leading axis; `initial`, the same before learning.
     - `path`: the run directory, `None` for a run in memory.
     """
 
@@ -34,6 +34,7 @@ class Run:
     decision: int
     metrics: pa.Table
     policies: Policy
+    initial: Policy
     path: Path | None = None
     _task: Task | None = None
 
@@ -90,10 +91,13 @@ def load(path: Path | str) -> Run:
         raise RunDirectoryError(f"{path} has no whole checkpoint yet")
     arrays, about = found
     shapes = rebuild(config["agent"]["policy"])
-    prefix = "cycle.agent.policy."
-    policies = jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
+
+    def filled(arrays: dict[str, np.ndarray], prefix: str) -> Policy:
+        return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
+
+    policies, initial = filled(arrays, "cycle.agent.policy."), filled(directory.initial(), "")
     metrics = directory.metrics()
     if metrics is None:
         raise RunDirectoryError(f"{path} has no records yet")
     metrics = metrics.filter(pc.less_equal(metrics["decision"], about["decision"]))
-    return Run(config, about["decision"], metrics, policies, Path(path))
+    return Run(config, about["decision"], metrics, policies, initial, Path(path))

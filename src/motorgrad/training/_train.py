@@ -105,6 +105,7 @@ class _Training:
             "agent": describe_agent(agent, self.stepper.policy),
         }
         self.records = Records(self.stepper.seeds, task.period)
+        self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
         if directory is not None:
             self._open(directory, window)
@@ -119,6 +120,7 @@ class _Training:
             _same(before, self.config, directory.path)
         if (found := directory.latest()) is None:
             directory.roll_back(0)
+            directory.save_initial(self.initial)
         else:
             arrays, about = found
             directory.roll_back(about["decision"])
@@ -147,9 +149,8 @@ class _Training:
                     self._commit()
                     saved = time.monotonic()
             table = self._commit()
-        return Run(
-            self.config, stepper.decision, table, stepper.policies(), self.directory and self.directory.path, self.task
-        )
+        path = self.directory and self.directory.path
+        return Run(self.config, stepper.decision, table, stepper.policies(), self.initial, path, self.task)
 
     def _record(self) -> float:
         mean = self.records.add(self.stepper.harvest(), self.stepper.decision, self.recorded, self.wall)

@@ -1,0 +1,1 @@
+"""The commands of `motorgrad`, one module each with a function `run(arguments) -> exit status`."""

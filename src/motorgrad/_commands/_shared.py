@@ -1,0 +1,50 @@
+"""What several commands need."""
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import tyro
+
+from motorgrad.training._checkpoint import write_atomically
+
+T = TypeVar("T")
+
+
+def parse(cls: Callable[..., T], arguments: Sequence[str], prog: str, **keywords: Any) -> T:
+    """The dataclass `cls` filled from the command line; unknown options are refused with the nearest known one."""
+    return tyro.cli(cls, args=arguments, prog=f"motorgrad {prog}", config=(tyro.conf.FlagConversionOff,), **keywords)
+
+
+def summary(values: Any) -> dict[str, Any]:
+    """One number per seed as its median, its quartiles and itself; what never occurred is left out."""
+    values = np.asarray(values, float)
+    seen = values[np.isfinite(values)]
+    if not len(seen):
+        return {"median": None, "quartiles": None, "per_seed": [None] * len(values)}
+    low, median, high = np.percentile(seen, [25, 50, 75])
+    each = [float(value) if np.isfinite(value) else None for value in values]
+    return {"median": float(median), "quartiles": [float(low), float(high)], "per_seed": each}
+
+
+def in_words(name: str, found: dict[str, Any]) -> str:
+    """A summary as a line of text."""
+    if found["median"] is None:
+        return f"{name}: never occurred"
+    low, high = found["quartiles"]
+    return f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {len(found['per_seed'])} seeds"
+
+
+def write_json(path: Path | None, result: dict[str, Any]) -> None:
+    """Write a command's result for machines; `-` for the standard output."""
+    if path is None:
+        return
+    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
+    if str(path) == "-":
+        sys.stdout.write(text)
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, text.encode())

@@ -1,0 +1,69 @@
+"""`motorgrad evaluate RUN`: a learnt policy, frozen."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+
+from motorgrad._commands._shared import in_words, parse, summary, write_json
+from motorgrad.experiments import motion_of
+from motorgrad.training import evaluate, load
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluate:
+    """Let the learnt policies of a run act without learning, from a fresh start; film one of them."""
+
+    run: tyro.conf.Positional[Path]
+    """The run directory."""
+    steps: int = 2000
+    """Decisions per seed."""
+    mode: Literal["sample", "mode"] = "sample"
+    """Draw every action from the policy, or always take the most probable one."""
+    untrained: bool = False
+    """Judge the policies as they were before learning."""
+    seed: int | None = None
+    """The seed to film; by default the first."""
+    video: Path | None = None
+    """Where the film goes, by default figures/evaluation.mp4 of the run. Only bodies are filmed."""
+    film: bool = True
+    """Whether to film."""
+    seconds: float = 10.0
+    """Length of the film."""
+    json: Path | None = None
+    """Also write the result to this file, for machines; - for the standard output."""
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Evaluate, arguments, "evaluate")
+    trained = load(options.run)
+    trained.policy(options.seed)  # refuses a seed that the run does not have, before any work
+    outcome = evaluate(trained, options.steps, mode=options.mode, untrained=options.untrained)
+    found: dict[str, Any] = {
+        "run": str(options.run),
+        "task": trained.task.name,
+        "steps": options.steps,
+        "mode": options.mode,
+        "reward": summary(outcome.reward),
+        **{name: summary(values) for name, values in outcome.readings.items()},
+    }
+    quiet = str(options.json) == "-"
+    if not quiet:
+        for name, value in found.items():
+            if isinstance(value, dict):
+                print(in_words(name, value))
+    if outcome.position is not None and options.film:
+        from motorgrad.sim import film
+
+        path = options.video or options.run / "figures" / "evaluation.mp4"
+        seed = trained.seeds[0] if options.seed is None else options.seed
+        motion = motion_of(trained, outcome, seed, f"seed {seed}", options.seconds)
+        made = film([motion], path)
+        found |= {"video": str(path), "renderer": made.renderer}
+        if not quiet:
+            print(f"filmed seed {seed}: {path}")
+            if made.note:
+                print(made.note)
+    write_json(options.json, found)
+    return 0

@@ -1,0 +1,40 @@
+"""`motorgrad list`: what there is."""
+
+import dataclasses
+import inspect
+from pathlib import Path
+from typing import Any
+
+from motorgrad._commands._shared import parse, write_json
+from motorgrad.policies import INITIAL
+from motorgrad.tasks import TASKS
+from motorgrad.training import ESTIMATORS
+
+
+@dataclasses.dataclass(frozen=True)
+class List:
+    """Every task, policy and estimator, by the names that configurations and commands take."""
+
+    json: Path | None = None
+    """Also write the list to this file, for machines; - for the standard output."""
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(List, arguments, "list")
+    estimators = {name: ", ".join(f"{k} {v}" for k, v in parts.items()) for name, parts in ESTIMATORS.items()}
+    found = {
+        "tasks": {name: _first_line(task) for name, task in TASKS.items()},
+        "policies": {name: _first_line(make) for name, make in INITIAL.items()},
+        "estimators": estimators,
+    }
+    if str(options.json) != "-":
+        for kind, entries in found.items():
+            print(kind)
+            for name, what in entries.items():
+                print(f"  {name:<16} {what}")
+    write_json(options.json, found)
+    return 0
+
+
+def _first_line(thing: Any) -> str:
+    return (inspect.getdoc(thing) or "").partition("\n")[0]

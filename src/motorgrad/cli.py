@@ -1,0 +1,63 @@
+"""The command line. Thin: every command is a typed dataclass and one call of the library."""
+
+import sys
+from collections.abc import Callable
+
+COMMANDS = {
+    "list": "every task, policy and estimator",
+    "train": "learn; progress bar; a run directory; goes on where it stopped",
+    "evaluate": "a learnt policy without learning: its numbers and a video",
+    "plot": "learning curves of one run or of several",
+    "demo": "a body learns to hop in about two minutes",
+    "bench": "the speed table: this library beside bare physics and hand-written loops",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; the exit status: 0 done, 1 failed, 2 refused what was asked, 130 stopped by Ctrl-C."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help())
+        return 0
+    if arguments[0] in ("-V", "--version"):
+        from motorgrad import __version__
+
+        print(f"motorgrad {__version__}")
+        return 0
+    name, *rest = arguments
+    from motorgrad._errors import choice
+
+    try:
+        choice("command", name, COMMANDS)
+        return _command(name)(rest)
+    except (ValueError, OSError, RuntimeError) as error:
+        print(f"motorgrad {name}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+def _command(name: str) -> Callable[[list[str]], int]:
+    """Each command lives in a module of its own, so that help and one command do not load what another needs."""
+    import importlib
+
+    return importlib.import_module(f"motorgrad._commands.{name}").run
+
+
+def _help() -> str:
+    lines = [f"  {name:<10} {what}" for name, what in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: motorgrad COMMAND ...",
+            "",
+            "Learning motor control by policy gradients: stochastic units, eligibility traces and muscle-driven bodies.",
+            "",
+            *lines,
+            "",
+            "motorgrad COMMAND --help says more; motorgrad --version names the version.",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,86 @@
+"""Evaluation: a frozen policy from a fresh start."""
+
+import dataclasses
+from typing import Literal
+
+import jax
+import numpy as np
+import pyarrow as pa
+
+from motorgrad._errors import check, choice
+from motorgrad.learning import Agent
+from motorgrad.training._body_stepper import BodyStepper
+from motorgrad.training._records import Records
+from motorgrad.training._run import Run
+from motorgrad.training._train import stepper_of
+
+FRESH = 1_000_000_000
+"""Added to a seed for its evaluation, so that a policy is not judged on the random numbers that it learnt from."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Evaluation:
+    """How the policies of a run behave without learning.
+
+    - `metrics`: records as in a run, one row per window and seed.
+    - `reward`: mean reward per decision of each seed, `(seeds,)`.
+    - `readings`: mean of each of the task's readings, per seed; NaN where it never occurred.
+    - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
+      leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
+    """
+
+    metrics: pa.Table
+    reward: np.ndarray
+    readings: dict[str, np.ndarray]
+    time: np.ndarray
+    position: np.ndarray | None = None
+    sensors: dict[str, np.ndarray] | None = None
+    activation: np.ndarray | None = None
+
+
+def evaluate(
+    run: Run,
+    steps: int = 2000,
+    *,
+    mode: Literal["sample", "mode"] = "sample",
+    untrained: bool = False,
+    threads: int = 0,
+) -> Evaluation:
+    """Let the policies of all seeds of a run act from a fresh start, without learning.
+
+    **Arguments:**
+
+    - `steps`: decisions per seed.
+    - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
+    - `untrained`: judge the policies as they were before learning.
+    - `threads`: as in `train`.
+    """
+    check(isinstance(steps, int) and steps >= 1, "steps", steps, "a positive integer")
+    choice("mode", mode, ("sample", "mode"))
+    policies = run.initial if untrained else run.policies
+    agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
+    stepper = stepper_of(run.task, agent, [(seed + FRESH) % 2**31 for seed in run.seeds], mode, threads)
+    stepper.use(policies)
+    moved: list[tuple[np.ndarray, np.ndarray]] = []
+    if isinstance(stepper, BodyStepper):
+        for _ in range(steps):
+            action = np.array(stepper.activation)
+            stepper.advance(1)
+            moved.append((stepper.batch.packed.copy(), action))
+    else:
+        stepper.advance(steps)
+    record = stepper.harvest()
+    records = Records(np.asarray(run.seeds, np.int32), run.task.period)
+    records.add(record, steps, 0, 0.0)
+    metrics = records.take()
+    assert metrics is not None
+    skipped = {"reward", "baseline", "parameters", "episodes", "diverged"}
+    readings = {name: record[name] for name in record if name not in skipped and not name.endswith("_count")}
+    time = run.task.period * np.arange(1, steps + 1)
+    reward = metrics["reward"].to_numpy()
+    if not isinstance(stepper, BodyStepper):
+        return Evaluation(metrics, reward, readings, time)
+    state = stepper.batch.unpack(np.stack([packed for packed, _ in moved], axis=1))
+    return Evaluation(
+        metrics, reward, readings, time, state.position, state.sensors, np.stack([a for _, a in moved], axis=1)
+    )
