@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 def parse(cls: Callable[..., T], arguments: Sequence[str], prog: str, **keywords: Any) -> T:
     """The dataclass `cls` filled from the command line; unknown options are refused with the nearest known one."""
-    return tyro.cli(cls, args=arguments, prog=f"motorgrad {prog}", config=(tyro.conf.FlagConversionOff,), **keywords)
+    return tyro.cli(cls, args=arguments, prog=f"motorgrad {prog}", **keywords)
 
 
 def summary(values: Any) -> dict[str, Any]:

@@ -1,0 +1,25 @@
+"""The speed table: ratios measured side by side in one run, and the hand-written loops that we are measured by."""
+
+from collections.abc import Iterator
+
+from motorgrad.benchmarks._measure import Row
+
+__all__ = ["Row", "speed_table"]
+
+
+def speed_table(quick: bool = False) -> Iterator[Row]:
+    """The rows of the speed table, one after the other as they are measured. `quick` is a smoke test's size."""
+    from motorgrad.benchmarks._hopper import hopper_rows
+    from motorgrad.benchmarks._learning import learning_rows
+    from motorgrad.benchmarks._process import memory_row, start_row
+    from motorgrad.benchmarks._three_state import three_state_row
+
+    pairs = 2 if quick else 7
+    yield hopper_rows(16, 50 if quick else 1500, pairs, "≥ 0.8")
+    yield hopper_rows(1, 100 if quick else 8000, pairs, "≥ 0.6")
+    yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
+    yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
+    yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
+    yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
+    yield memory_row("≤ 1.5")
+    yield from learning_rows(2 if quick else 16, 50.0 if quick else 1500.0)

@@ -5,8 +5,9 @@ simulations, `to_mjcf` a file for other programs.
 """
 
 from motorgrad.bodies._batch import BodyBatch, BodyState
-from motorgrad.bodies._body import Body, add_muscles, compile_model, to_mjcf
+from motorgrad.bodies._body import Body, add_muscles, compile_model
 from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies._export import to_mjcf
 from motorgrad.bodies._hopper import Hopper
 from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
 from motorgrad.bodies._native import native_force_length

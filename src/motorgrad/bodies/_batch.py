@@ -1,5 +1,8 @@
 """Many simulations of one body, stepped together on a thread pool."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -9,6 +12,7 @@ from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check
 from motorgrad.bodies._body import START, Body, compile_model
+from motorgrad.bodies._callback import check_muscle_callback, uses_callback
 
 _WARNING = mujoco.mjtWarning
 # MuJoCo resets a simulation in which one of these is found, with nothing but a counter to show for it.
@@ -66,6 +70,7 @@ class BodyBatch:
         self.period = self.substeps * float(self.model.opt.timestep)
         self._start = _start_key(self.model)
         self._batch = mujoco_batch.Batch(self.model, self.seeds, int(threads), persistent=True)
+        self._callback = mujoco.get_mjcb_act_gain() if uses_callback(self.model) else None
         self._layout = _Layout(self.model, body.sensor_components)
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
@@ -95,13 +100,16 @@ class BodyBatch:
         **Arguments:** `activation` (seeds, groups): from 0 to 1, array-like; MuJoCo clamps what lies outside, and NaN
         counts as a divergence of that seed.
 
-        **Raises:** `ValueError` for another shape.
+        **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback has vanished.
         """
         activation = np.asarray(activation, np.float64)
         if activation.shape != (self.seeds, len(self.groups)):
             check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
         np.take(activation, self._group_of, axis=1, out=self._activation, mode="clip")
         self._control[:, self._columns] = self._activation
+        # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
+        if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
+            check_muscle_callback(self.model)
         failed = None
         try:
             self._batch.step(None, self.substeps, _VELOCITY_STAGE)

@@ -1,12 +1,15 @@
 """What every body is, and how a description of it becomes a MuJoCo model."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import mujoco
 
 from motorgrad._errors import check, choice, unknown
-from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback, uses_callback
+from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies._muscle import Attachment, Muscle
 from motorgrad.bodies._native import set_native_gain
 
@@ -95,24 +98,13 @@ def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
 
     **Raises:** `RuntimeError` if a foreign gain callback is in the way; `ValueError` from MuJoCo for a bad description.
     """
-    model = (body if isinstance(body, mujoco.MjSpec) else body.spec()).compile()
-    if uses_callback(model):
+    spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
+    # before compiling, which runs the physics for a moment and would run a foreign callback
+    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
         install_muscle_callback()
+    model = spec.compile()
     check_muscle_callback(model)
     return model
-
-
-def to_mjcf(body: Body | mujoco.MjSpec) -> str:
-    """The body as MJCF, MuJoCo's XML format, for other programs.
-
-    **Arguments:** `body`: a body, or a description such as `body.spec()`.
-
-    **Returns:** the document. Muscles of the "thesis" model need the gain callback wherever it is loaded
-    (`install_muscle_callback`); export `muscle_model="native"` for programs that have none.
-    """
-    spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
-    spec.compile()  # the writer needs resolved references
-    return spec.to_xml()
 
 
 def _add_site(spec: mujoco.MjSpec, name: str, attachment: Attachment) -> None:

@@ -6,6 +6,9 @@ the gain 1, so that a muscle would silently *push* with one newton; hence every 
 needs.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import ctypes
 import functools
 import warnings
@@ -72,8 +75,8 @@ def uses_callback(model: mujoco.MjModel) -> bool:
 
 def _foreign(callback: Any) -> str:
     return (
-        f"mjcb_act_gain = {callback!r}: a callback that is not motorgrad's muscle law is installed, and MuJoCo has room "
-        "for one; remove it with mujoco.set_mjcb_act_gain(None), or use muscle_model='native'"
+        f"mjcb_act_gain = {callback!r}: a callback that is not motorgrad's muscle law is installed, and MuJoCo "
+        "has room for one; remove it with mujoco.set_mjcb_act_gain(None), or use muscle_model='native'"
     )
 
 
@@ -106,8 +109,9 @@ def _compiled_gain() -> Any:
         return law(1.0, data[lengths][actuator], 0.0, prm[first], prm[first + 1], prm[first + 2], 0.0)
 
     gain_type = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
-    pointer = gain_type(gain.address)
-    pointer.owner = gain  # type: ignore[attr-defined]  # the machine code lives as long as the pointer to it
+    address: Any = gain.address
+    pointer: Any = gain_type(address)
+    pointer.owner = gain  # the machine code lives as long as the pointer to it
     return pointer
 
 

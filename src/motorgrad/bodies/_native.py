@@ -4,6 +4,9 @@ The built-in force–length curve is a bump of four parabolas between `lmin` and
 way to either end. Its half-width is the one free number; everything else of the built-in muscle is switched off.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import math
 from typing import Any
 

@@ -1,5 +1,8 @@
 """Floor, light, sky and camera, the same for every planar body."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import mujoco
 
 _SKY = ((0.62, 0.74, 0.86), (0.93, 0.95, 0.98))
@@ -7,13 +10,14 @@ _TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
 
 
 def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> None:
-    """Add a checkered floor at z = 0 (the only thing to touch), light, sky, a rail and the camera "side".
+    """Add a checkered floor at z = 0 (the only thing to touch), light, sky, a rail and two cameras from the side: "side", which
+    follows the body, and "stand", which stays and shows hops of up to 1 m.
 
     **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind the body; `target`:
-    name of an existing body that the camera follows.
+    name of an existing body for "side" to follow.
     """
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
+    spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     builtin = mujoco.mjtBuiltin
     for name, kind, pattern, colours in (
@@ -21,10 +25,11 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> 
         ("tiles", mujoco.mjtTexture.mjTEXTURE_2D, builtin.mjBUILTIN_CHECKER, _TILES),
     ):
         spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=colours[0], rgb2=colours[1], width=128, height=128)
-    floor_material = spec.add_material(name="floor", texrepeat=(4, 4), texuniform=True, reflectance=0.05)
+    floor_material = spec.add_material(name="floor", texrepeat=(4, 4), texuniform=True)
     floor_material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
     world = spec.worldbody
-    world.add_light(pos=(-1.0, -2.0, 3.0), dir=(0.35, 0.6, -1.0), diffuse=(0.6, 0.6, 0.6), castshadow=True)
+    light = world.add_light(pos=(-1.0, -2.0, 3.0), dir=(0.35, 0.6, -1.0), diffuse=(0.55, 0.55, 0.55), castshadow=True)
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     world.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -43,6 +48,9 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> 
         contype=0,
         conaffinity=0,
     )
-    camera = spec.body(target).add_camera(name="side", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
-    camera.pos = (0.0, -2.6, -0.05)
-    camera.alt.xyaxes = (1, 0, 0, 0, 0, 1)
+    follow = spec.body(target).add_camera(name="side", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
+    follow.pos = (0.0, -2.2, -0.1)
+    stay = world.add_camera(name="stand", pos=(0.0, -3.0, 0.75), fovy=40.0)
+    for camera in (follow, stay):
+        # x to the right, z up, seen from negative y
+        camera.quat = (0.5**0.5, 0.5**0.5, 0.0, 0.0)

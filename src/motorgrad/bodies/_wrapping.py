@@ -30,7 +30,7 @@ def wrapped_length(angle: Any, origin_distance: Any, insertion_distance: Any, ra
 
     `l_A sin α_A + l_B sin α_B + ρ (θ_c − θ)` where it wraps (θ < θ_c), else the straight distance.
 
-    **Arguments:** `angle`: θ in rad, from 0 to 2π, measured on the side away from the muscle (`away_angle`); then as in `wrapping_angle`.
+    **Arguments:** θ in rad, from 0 to 2π, on the side away from the muscle (`away_angle`); then as in `wrapping_angle`.
 
     **Returns:** the length in m; continuous in θ, and so is its first derivative.
 
@@ -60,9 +60,7 @@ def away_angle(interior: Any, behind: bool) -> Any:
     return interior if behind else 2.0 * np.pi - np.asarray(interior)
 
 
-def path_points(
-    origin: Any, insertion: Any, centre: Any, radius: float, side: Any, arc_points: int = 16
-) -> np.ndarray:
+def path_points(origin: Any, insertion: Any, centre: Any, radius: float, side: Any, arc_points: int = 16) -> np.ndarray:
     """The path as a line through space, for drawing.
 
     **Arguments:**
@@ -83,7 +81,9 @@ def path_points(
     normal = np.cross(a, b)
     if np.linalg.norm(normal) <= 1e-12 * length_a * length_b:  # a straight joint: the side point gives the plane
         normal = np.cross(a, toward)
-    check(np.linalg.norm(normal) > 0.0, "side", tuple(side), "off the line of the attachments when the joint is straight")
+    check(
+        np.linalg.norm(normal) > 0.0, "side", tuple(side), "off the line of the attachments when the joint is straight"
+    )
     up = np.cross(normal, across)
     up /= np.linalg.norm(up)
     # polar angles in the plane, the origin at 0, turning through the muscle's side
@@ -110,7 +110,9 @@ def _tangent(distance: Any, radius: Any) -> Any:
 def _straight(angle: Any, origin_distance: Any, insertion_distance: Any) -> Any:
     """The law of cosines in a form that keeps its accuracy for a folded joint."""
     half = np.sin(np.asarray(angle) / 2.0)
-    return np.sqrt(np.square(origin_distance - insertion_distance) + 4.0 * origin_distance * insertion_distance * half**2)
+    return np.sqrt(
+        np.square(origin_distance - insertion_distance) + 4.0 * origin_distance * insertion_distance * half**2
+    )
 
 
 def _check_lengths(origin_distance: Any, insertion_distance: Any, radius: Any) -> None:

@@ -183,7 +183,9 @@ def _centres(boxes: Sequence[np.ndarray], right: np.ndarray) -> tuple[tuple[np.n
 
 
 def _smooth(path: np.ndarray, span: int = 15) -> np.ndarray:
-    """A moving mean over 2 `span` + 1 frames, the ends held."""
-    padded = np.concatenate([np.repeat(path[:1], span, 0), path, np.repeat(path[-1:], span, 0)])
+    """A moving mean over 2 `span` + 1 frames ; mirrored at its ends, so that steady travel has no lag."""
+    span = min(span, len(path) - 1)
+    padded = np.pad(path, ((span, span), (0, 0)), mode="reflect", reflect_type="odd")
     total = np.cumsum(np.concatenate([np.zeros((1, 3)), padded]), 0)
-    return (total[2 * span + 1 :] - total[: -2 * span - 1]) / (2 * span + 1)
+    width = 2 * span + 1
+    return (total[width:] - total[:-width]) / width

@@ -33,7 +33,6 @@ class Rendered:
         self._view, self._which = view, which
         self._size = width, height
         self._distance, self._lift = _stand_back(view, width / height)
-        self._own_sky = bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
         self._terrain = bool(np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD))
         self._ground = _level_ground(model)
         self._style()
@@ -44,9 +43,10 @@ class Rendered:
         self._resources = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._resources)
         flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._terrain or (model.nlight > 0 and self._ground is None)
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._terrain
         flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        flags[mujoco.mjtRndFlag.mjRND_FOG] = not self._own_sky
+        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False
+        flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._options = mujoco.MjvOption()
         self._camera = mujoco.MjvCamera()
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -68,10 +68,12 @@ class Rendered:
         model.vis.map.fogstart = self._distance / size + 2.0
         model.vis.map.fogend = self._distance / size + 14.0
         model.vis.rgba.fog[:] = (*_scenery.SKY, 1)
-        if not model.nlight:
-            model.vis.headlight.ambient[:] = 0.34
-            model.vis.headlight.diffuse[:] = 0.26
-            model.vis.headlight.specular[:] = 0.05
+        # the model's lamps and sky give way to a pale studio, into which the ground fades: all bodies in one light
+        model.light_active[:] = 0
+        model.vis.headlight.active = 1
+        model.vis.headlight.ambient[:] = 0.34
+        model.vis.headlight.diffuse[:] = 0.26
+        model.vis.headlight.specular[:] = 0.05
         # points of muscle paths and touch sensors' volumes are means, not things to look at
         markers = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
         wrapped = np.isin(model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
@@ -114,8 +116,7 @@ class Rendered:
     def _decorate(self, frame: int) -> None:
         scene, view = self._scene, self._view
         count = scene.ngeom
-        if not self._model.nlight:
-            _scenery.add_lamp(scene)
+        _scenery.add_lamp(scene, self._terrain)
         centre, size = view.centres[self._which][frame], float(np.linalg.norm(view.half))
         if self._ground is not None:
             point, normal, rgb, plain = self._ground
@@ -124,8 +125,7 @@ class Rendered:
             # opaque: where transparent shadows overlap they would be darker
             shade = np.append(rgb * _scenery.SHADE, 1.0)
             _scenery.add_shadows(scene, count, point, normal, size, shade)
-        if not self._own_sky:
-            _scenery.add_backdrop(scene, centre, view.axes, 40 * size)
+        _scenery.add_backdrop(scene, centre, view.axes, 40 * size)
 
     def close(self) -> None:
         """Free what the graphics driver holds."""

@@ -41,13 +41,13 @@ def add_backdrop(scene: mujoco.MjvScene, place: np.ndarray, axes: np.ndarray, re
     add_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, wall, place - axes[2] * reach, axes.T, np.append(SKY, 1.0))
 
 
-def add_lamp(scene: mujoco.MjvScene) -> None:
-    """A sun without shadow pass, beside the camera's own light, for models that bring no light."""
+def add_lamp(scene: mujoco.MjvScene, shadow_map: bool) -> None:
+    """A sun beside the camera's own light; with a shadow map, which is slow, or without."""
     import mujoco
 
     lamp = scene.lights[scene.nlight]
     lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    lamp.headlight = lamp.castshadow = False
+    lamp.headlight, lamp.castshadow = False, shadow_map
     lamp.pos[:] = -4 * SUN
     lamp.dir[:] = SUN
     lamp.attenuation[:] = (1, 0, 0)

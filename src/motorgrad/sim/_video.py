@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
+import subprocess
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,25 +16,43 @@ def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], f
 
     **Arguments:** frames `(height, width, 3)`, uint8; `size`: width and height, both even; `fps`: frames a second.
 
+    **Raises:** `RuntimeError` with ffmpeg's own words where it fails.
+
     The file is written beside its place and moved there when it is whole: a film that was interrupted leaves nothing.
     """
-    import imageio_ffmpeg
-
     part = path.with_name(f".{path.stem}.{os.getpid()}.part.mp4")
-    writer = imageio_ffmpeg.write_frames(
-        str(part),
-        size,
-        fps=fps,  # type: ignore[arg-type]  # ffmpeg takes fractions too
-        codec="libx264",
-        pix_fmt_out="yuv420p",
-        macro_block_size=2,
-        output_params=["-crf", "20", "-preset", "veryfast", "-movflags", "+faststart"],
-    )
     try:
-        writer.send(None)
-        with contextlib.closing(writer):
-            for frame in frames:
-                writer.send(np.ascontiguousarray(frame))
+        # messages go to a file: an unread pipe that fills would stop ffmpeg, and us with it
+        with tempfile.TemporaryFile() as messages:
+            # not imageio-ffmpeg's own writer, which leaves its pipes for the garbage collector to close, aloud
+            with subprocess.Popen(
+                _command(part, size, fps), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages
+            ) as ffmpeg:
+                assert ffmpeg.stdin is not None
+                try:
+                    for frame in frames:
+                        ffmpeg.stdin.write(np.ascontiguousarray(frame).data)
+                    ffmpeg.stdin.close()
+                except BrokenPipeError:
+                    pass  # ffmpeg gave up; its exit status and messages say why
+                except BaseException:
+                    ffmpeg.kill()
+                    raise
+            if ffmpeg.returncode:
+                messages.seek(0)
+                reason = messages.read().decode(errors="replace").strip()
+                raise RuntimeError(f"ffmpeg could not write {str(path)!r}: {reason or f'status {ffmpeg.returncode}'}")
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _command(path: Path, size: tuple[int, int], fps: float) -> list[str]:
+    import imageio_ffmpeg
+
+    # a whole path: one that begins with a dash is no option, one with a colon no protocol
+    command = f"""{{}} -y -hide_banner -loglevel error
+        -f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -r {fps:.6f} -i -
+        -an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart {{}}"""
+    places = iter((imageio_ffmpeg.get_ffmpeg_exe(), f"file:{path.absolute()}"))
+    return [next(places) if word == "{}" else word for word in command.split()]

@@ -3,13 +3,13 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check
+from motorgrad._errors import check, choice
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._body_task import BodyTask
@@ -17,9 +17,12 @@ from motorgrad.tasks._task import Reading
 
 
 class Flight(NamedTuple):
-    """What the hopper's task remembers: the flight's greatest foot height so far, and the apex just paid (else 0)."""
+    """What the hopper's task remembers: the flight's greatest foot height so far, the first apex of the flight (0 before
+    it), what has just been paid for, and the greatest height of the flight that has just ended (else 0)."""
 
     height: Float[Array, ""]
+    first: Float[Array, ""]
+    paid: Float[Array, ""]
     landed: Float[Array, ""]
 
 
@@ -28,13 +31,15 @@ class Hopper(BodyTask):
     """Hop as high as possible.
 
     Observed: foot contact (±1), knee angle about `centre` in rad, knee velocity × `velocity_scale` (rad/s).
-    Actions: the flexor pair, the extensor pair. Reward: `reward_scale` × the flight's greatest foot height (m), paid at
-    landing if it was a hop (above `hop_height`), minus `penalty` for each active muscle at each decision.
+    Actions: the flexor pair, the extensor pair. Reward: `reward_scale` × the height (m) of a hop, a flight above
+    `hop_height`, minus `penalty` for each active muscle at each decision.
 
     **Arguments:**
 
     - `body`: the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`.
-    - `reward_scale`: reward per metre of apex.
+    - `paid`: `"landing"` pays the flight's greatest foot height when it is over; `"apex"` pays its first apex when that
+      is reached, which is sooner after the push and learnt sooner, but may pay less than the flight was worth.
+    - `reward_scale`: reward per metre.
     - `penalty`: cost of a muscle that is active for one decision.
     - `hop_height`: in metres; a lower flight does not count.
     - `centre`: the interior knee angle, in degrees, that is observed as 0; 0 gives the raw angle.
@@ -47,6 +52,7 @@ class Hopper(BodyTask):
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.98, "rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
+    paid: Literal["landing", "apex"] = "landing"
     reward_scale: float = 100.0
     penalty: float = 0.1
     hop_height: float = 0.03
@@ -56,6 +62,7 @@ class Hopper(BodyTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        choice("paid", self.paid, ("landing", "apex"))
         check(self.hop_height > 0, "hop_height", self.hop_height, "a positive height in m")
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
         check(self.penalty >= 0, "penalty", self.penalty, "at least 0")
@@ -95,7 +102,7 @@ class Hopper(BodyTask):
         return np.array([groups.count(group) for group in self.body.groups], np.float32)
 
     def init(self, uniforms: Float[Array, " 0"]) -> Flight:
-        return Flight(jnp.zeros(()), jnp.zeros(()))
+        return Flight(*(jnp.zeros(()),) * 4)
 
     def observe(
         self, memory: Flight, state: BodyState, uniforms: Float[Array, " 0"]
@@ -107,11 +114,16 @@ class Hopper(BodyTask):
     def reward(
         self, memory: Flight, state: BodyState, action: Float[Array, " groups"]
     ) -> tuple[Flight, Float[Array, ""], Bool[Array, ""] | bool]:
-        height = jnp.maximum(memory.height, state.sensors["foot_height"])
+        now = state.sensors["foot_height"]
         down = state.sensors["foot_contact"] > 0
+        height = jnp.maximum(memory.height, now)
         landed = jnp.where(down & (height > self.hop_height), height, 0.0)
+        # The first apex is over once the foot is below where it has been, for the first time in this flight.
+        over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
+        paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
+        first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
         cost = self.penalty * jnp.sum(action * self._muscles_per_group)
-        return Flight(jnp.where(down, 0.0, height), landed), self.reward_scale * landed - cost, False
+        return Flight(jnp.where(down, 0.0, height), first, paid, landed), self.reward_scale * paid - cost, False
 
     def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:
         """`apex`: the greatest foot height (m) of the flight that has just ended in a landing."""

@@ -1,0 +1,52 @@
+"""`motorgrad bench`: the speed table."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from motorgrad._commands._shared import parse, write_json
+from motorgrad.benchmarks import Row, speed_table
+from motorgrad.training._provenance import provenance
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """Measure this library beside bare physics and hand-written loops, in one run on this machine."""
+
+    quick: bool = False
+    """A smoke test: small sizes, meaningless numbers."""
+    json: Path | None = None
+    """Also write the table to this file, for machines; - for the standard output."""
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Bench, arguments, "bench")
+    console = Console(stderr=str(options.json) == "-")
+    where = provenance()
+    console.print(f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest]")
+    rows = []
+    for row in speed_table(options.quick):
+        rows.append(row)
+        console.print(in_words(row), highlight=False, soft_wrap=True)
+    table = [{key: _finite(value) for key, value in dataclasses.asdict(row).items()} for row in rows]
+    write_json(options.json, {"machine": where, "rows": table})
+    return 0
+
+
+def in_words(row: Row) -> str:
+    """A row as text."""
+    text = f"{row.name:<56} {row.ours:>14,.4g}"
+    text += "" if row.other is None else f" ÷ {row.other:>12,.4g}"
+    text += f" {row.unit}"
+    text += "" if row.ratio is None else f"  = {row.ratio:.2f}"
+    text += "" if row.spread is None else f" [{row.spread[0]:.2f} … {row.spread[1]:.2f}]"
+    return text + (f"   wanted {row.wanted}" if row.wanted else "")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

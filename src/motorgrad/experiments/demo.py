@@ -1,0 +1,74 @@
+"""The demonstration: a body learns to hop, is watched before and after, and says what it learnt."""
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motorgrad.experiments._behaviour import behaviour_figure
+from motorgrad.experiments._motion import motion_of
+from motorgrad.sim import film
+from motorgrad.tasks import Hopper
+from motorgrad.training import Evaluation, Run, evaluate, settings_for, train
+
+
+@dataclasses.dataclass(frozen=True)
+class Demonstration:
+    """What a demonstration made: the run, its evaluations before and after, and its files by name."""
+
+    run: Run
+    before: Evaluation
+    after: Evaluation
+    files: dict[str, Path]
+    notes: list[str]
+    seconds: float
+
+
+def demonstrate(out: Path | str, seconds: float = 2000.0, seeds: int = 8, film_seconds: float = 8.0) -> Demonstration:
+    """Train hoppers for `seconds` of simulated time each, then write the learning curve, the behaviour before and after
+    (figure 5.3 of the thesis) and a film of both, into the run directory `out`. A run found there goes on."""
+    started = time.monotonic()
+    task = Hopper()
+    steps = round(seconds / task.period)
+    run = train(task, settings_for(task).agent(task), steps, seeds, out)
+    if not run.complete:
+        raise KeyboardInterrupt
+    before, after = (evaluate(run, 2000, untrained=untrained) for untrained in (True, False))
+    # The seed in the middle, not the best: a figure should show what to expect.
+    order = np.argsort(np.nan_to_num(after.readings["apex"]))
+    shown = run.seeds[int(order[len(order) // 2])]
+    figures = Path(out) / "figures"
+    files = {
+        "learning curve": figures / "learning-curve.png",
+        "behaviour before and after": figures / "behaviour.png",
+        "film before and after": figures / "before-after.mp4",
+    }
+    run.plot("apex", files["learning curve"])
+    behaviour_figure(run, before, after, shown, files["behaviour before and after"])
+    motions = [
+        motion_of(run, outcome, shown, label, film_seconds)
+        for outcome, label in ((before, "before learning"), (after, "after learning"))
+    ]
+    made = film(motions, files["film before and after"])
+    return Demonstration(run, before, after, files, [made.note] if made.note else [], time.monotonic() - started)
+
+
+def in_words(shown: Demonstration) -> list[str]:
+    """What was learnt, as lines of text."""
+
+    def apex(outcome: Evaluation) -> str:
+        values = np.nan_to_num(outcome.readings["apex"])
+        low, median, high = np.percentile(values, [25, 50, 75])
+        return f"{median:.2f} m (quartiles {low:.2f} … {high:.2f})"
+
+    weights: Any = shown.run.policies
+    contact = np.sign(weights.weights[:, :, 0]).astype(int)
+    seeds = len(contact)
+    return [
+        f"{seeds} hoppers practised for {shown.run.decision * shown.run.task.period:,.0f} simulated seconds each.",
+        f"Height of a hop, foot above the floor: {apex(shown.before)} before, {apex(shown.after)} after learning.",
+        f"On the ground the extensors now fire more than in the air in {np.sum(contact[:, 1] > 0)} of {seeds}, "
+        f"the flexors less in {np.sum(contact[:, 0] < 0)} of {seeds}.",
+    ]

@@ -1,0 +1,160 @@
+"""The hopper's mechanics against what can be said of them without simulating."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from motorgrad import bodies
+from motorgrad.bodies import Attachment, BodyBatch, Hopper, Muscle
+
+GRAVITY = 9.81
+
+
+def simulate(body, control, steps=600, lift=0.0, model=None):
+    """Positions (steps, nq), and the final data, from the start pose raised by `lift` m."""
+    model = model or bodies.compile_model(body)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[0] += lift
+    data.ctrl[:] = control
+    positions = np.empty((steps, model.nq))
+    for i in range(steps):
+        mujoco.mj_step(model, data)
+        positions[i] = data.qpos
+    mujoco.mj_forward(model, data)
+    return positions, data
+
+
+def test_masses_add_up():
+    for body, mass in ((Hopper(), 2.0 + 4 * 0.15 + 0.2), (Hopper(load_mass=3.0, foot_mass=0.5), 3.0 + 0.6 + 0.5)):
+        assert bodies.compile_model(body).body_mass.sum() == pytest.approx(mass, abs=1e-12)
+
+
+def test_start_pose_stands_on_the_floor_at_right_angles():
+    state = (batch := BodyBatch(Hopper(), 2)).unpack(batch.packed)
+    assert state.sensors["foot_height"] == pytest.approx(0.0, abs=1e-9)
+    assert state.sensors["knee_angle"] == pytest.approx(0.0)
+    assert state.sensors["load_height"] == pytest.approx(2 * 0.25 * np.sin(np.pi / 4) + 0.03, abs=1e-6)
+
+
+@pytest.mark.parametrize("lateral", ["symmetric", "spring"])
+def test_comes_to_rest_on_the_floor(lateral):
+    _, data = simulate(Hopper(lateral=lateral), 0.0, steps=2500)
+    assert data.sensor("foot_contact").data[0] == pytest.approx(2.8 * GRAVITY, rel=1e-3)
+    assert abs(data.qvel).max() < 1e-3
+    assert data.sensor("foot_height").data[2] == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("control", [(0, 1, 0, 1), (1, 0, 1, 0), (1, 1, 1, 1)])
+def test_foot_stays_level_loop_closed_and_knees_equal(control):
+    positions, data = simulate(Hopper(), control)
+    assert data.body("foot").xmat.reshape(3, 3)[0, 2] == pytest.approx(0.0, abs=0.01)
+    np.testing.assert_allclose(positions[:, 5], positions[:, 2], atol=0.01)
+    np.testing.assert_allclose(positions[:, 3], -positions[:, 2] / 2, atol=0.01)
+    foot, shank = data.body("foot"), data.body("shank_right")
+    end = shank.xpos + shank.xmat.reshape(3, 3) @ (0, 0, -0.25)
+    np.testing.assert_allclose(end, foot.xpos, atol=1e-3)
+
+
+def test_knee_stops_hold_under_full_activation():
+    for control in ((0, 1, 0, 1), (1, 0, 1, 0)):
+        positions, _ = simulate(Hopper(), control, steps=1500)
+        knees = 90.0 + np.degrees(positions[:, [2, 5]])
+        assert knees.min() > 36.0
+        assert knees.max() < 155.0
+
+
+def test_falls_freely():
+    steps, h = 300, 0.001
+    positions, data = simulate(Hopper(), 0.0, steps=steps, lift=1.0)
+    n = np.arange(1, steps + 1)
+    # the closed form of free fall under MuJoCo's semi-implicit step
+    np.testing.assert_allclose(positions[:, 0], 1.0 - GRAVITY * h * h * n * (n + 1) / 2, atol=1e-6)
+    np.testing.assert_allclose(positions[:, 1:], 0.0, atol=1e-6)
+    assert data.sensor("foot_contact").data[0] == 0.0
+
+
+def test_extending_lifts_off():
+    positions, _ = simulate(Hopper(), (0, 1, 0, 1))
+    assert positions[:, 0].max() > 0.4
+
+
+def test_only_the_foot_touches_the_floor():
+    model = bodies.compile_model(Hopper())
+    touching = [model.geom(i).name for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
+    assert sorted(touching) == ["floor", "foot"]
+
+
+def test_spring_lets_the_body_lean_and_brings_it_back():
+    model = bodies.compile_model(Hopper(lateral="spring"))
+    data = mujoco.MjData(model)
+    data.qpos[:] = (1.0, 0.1, 0.0, 0.0, -0.1, 0.0)  # a lean of .1 rad, in the air
+    leans = []
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        leans.append(data.body("foot").xpos[0])
+    assert abs(leans[0]) > 0.03
+    assert abs(leans[-1]) < 0.005
+    held, _ = simulate(Hopper(), 0.0, lift=1.0, steps=400)
+    assert abs(held[:, 1] - held[:, 4]).max() < 1e-6
+
+
+@pytest.mark.parametrize("muscle_model", ["thesis", "native"])
+@pytest.mark.parametrize("lateral", ["symmetric", "spring"])
+def test_export_simulates_identically(muscle_model, lateral):
+    body = Hopper(muscle_model=muscle_model, lateral=lateral, load_mass=1.7)
+    again = mujoco.MjModel.from_xml_string(bodies.to_mjcf(body))
+    mine = bodies.compile_model(body)
+    for name in ("body_mass", "body_inertia", "body_quat", "site_pos", "actuator_gainprm", "eq_data", "geom_rgba"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(mine, name), err_msg=name)
+    one, _ = simulate(body, (0, 1, 0, 1))
+    two, _ = simulate(body, (0, 1, 0, 1), model=again)
+    np.testing.assert_array_equal(two, one)
+
+
+def test_a_number_can_be_changed_and_a_muscle_added():
+    hopper = Hopper()
+    heavy = dataclasses.replace(hopper, load_mass=3.0)
+    assert simulate(heavy, (0, 1, 0, 1))[0][:, 0].max() < simulate(hopper, (0, 1, 0, 1))[0][:, 0].max()
+    assert hopper.groups == ("flexor", "extensor")
+    strap = Muscle("strap", "strap", Attachment("load", (0, 0, 0)), Attachment("foot", (0, 0, 0)), 300.0, 0.3)
+    strapped = dataclasses.replace(hopper, extra_muscles=(strap,))
+    assert strapped.groups == ("flexor", "extensor", "strap")
+    assert [m.name for m in strapped.muscles] == [
+        *("flexor_left", "extensor_left", "flexor_right", "extensor_right"),
+        "strap",
+    ]
+    batch = BodyBatch(strapped, 1)
+    for _ in range(5):
+        batch.step([[0.0, 0.0, 1.0]])
+    # pulling the foot towards the load flexes the knees
+    assert batch.unpack(batch.packed).sensors["knee_angle"][0] < -0.1
+    pulled = batch.model.actuator("strap").id
+    assert pulled == 4
+
+
+def test_native_hopper_hops_nearly_as_high():
+    exact, native = (simulate(Hopper(muscle_model=kind), (0, 1, 0, 1))[0][:, 0].max() for kind in ("thesis", "native"))
+    assert native == pytest.approx(exact, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"load_mass": 0.0}, "load_mass = 0.0: must be a finite number > 0"),
+        ({"link_length": -1.0}, "link_length = -1.0"),
+        ({"extensor_strength": float("inf")}, "extensor_strength = inf"),
+        ({"joint_damping": -0.1}, "joint_damping = -0.1"),
+        ({"knee_range": (100.0, 150.0)}, "knee_range"),
+        ({"foot_size": (0.1, 0.1)}, "foot_size"),
+        ({"capsule_radius": 0.2}, "attachment_distance = 0.12: must be between"),
+        ({"lateral": "symetric"}, "unknown lateral 'symetric': did you mean 'symmetric'"),
+        ({"muscle_model": "nativ"}, "unknown muscle_model 'nativ': did you mean 'native'"),
+        ({"extra_muscles": ("strap",)}, "extra_muscles = 'strap'"),
+    ],
+)
+def test_bad_numbers_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        Hopper(**changes)
