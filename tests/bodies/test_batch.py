@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from mujoco.batch import SimulationError
 
 from motorgrad.bodies import BodyBatch, Hopper
 
@@ -131,6 +132,27 @@ def test_divergence_is_flagged_counted_and_harms_no_other_seed(column_value):
     # a seed that diverged goes on as a fresh one does
     fresh = BodyBatch(Hopper(), 1)
     np.testing.assert_array_equal(run(fresh, sequence[21:, 2:3])[-1, 0], hurt.packed[2])
+
+
+def test_an_error_raised_by_mujoco_counts_as_divergence(monkeypatch):
+    batch, healthy = BodyBatch(Hopper(), 3), BodyBatch(Hopper(), 3)
+    start = batch.packed.copy()
+    sequence = actions(3, 5)
+    run(batch, sequence)
+    real = batch._batch.step
+
+    def step(*arguments):
+        real(*arguments)
+        raise SimulationError(np.array([1]), "arena is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(batch._batch, "step", step)
+        batch.step(sequence[0])
+    np.testing.assert_array_equal(batch.packed[:, -1], [0, 1, 0])
+    np.testing.assert_array_equal(batch.packed[1, :-1], start[1, :-1])
+    np.testing.assert_array_equal(batch.diverged, [0, 1, 0])
+    run(healthy, [*sequence, sequence[0]])
+    np.testing.assert_array_equal(batch.packed[[0, 2]], healthy.packed[[0, 2]])
 
 
 def test_reset_of_some_rows():

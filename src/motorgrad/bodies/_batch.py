@@ -83,10 +83,10 @@ class BodyBatch:
         self._group_of = np.array([index[muscle.group] for muscle in muscles], np.intp)
         self._activation = np.zeros((self.seeds, len(muscles)))
         actuators = [self.model.actuator(muscle.name).id for muscle in muscles]
-        # in every body of this library the muscles are the actuators, in order; one with motors too keeps those apart
-        own = actuators == list(range(self.model.nu))
-        self._control = batch.bind("ctrl")
-        self._columns: Any = slice(None) if own else actuators
+        # muscles are added one after the other, so that one slice holds their controls; motors may stand around it
+        first, last = actuators[0], actuators[-1] + 1
+        check(actuators == list(range(first, last)), "actuators of the muscles", actuators, "consecutive")
+        self._control = batch.bind("ctrl")[:, first:last]
         self._bad = batch.warning[:, _BAD, 1]
         self.packed = np.zeros((self.seeds, layout.width), np.float32)
         sources = (batch.bind("qpos"), batch.bind("qvel"), batch.bind("sensordata"))
@@ -105,8 +105,8 @@ class BodyBatch:
         activation = np.asarray(activation, np.float64)
         if activation.shape != (self.seeds, len(self.groups)):
             check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
-        np.take(activation, self._group_of, axis=1, out=self._activation, mode="clip")
-        self._control[:, self._columns] = self._activation
+        activation.take(self._group_of, 1, self._activation, "clip")
+        self._control[...] = self._activation
         # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
         if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
             check_muscle_callback(self.model)
@@ -117,8 +117,8 @@ class BodyBatch:
             failed = error.ids
         for target, source in self._copies:
             target[...] = source
-        self._flag[...] = 0.0
-        if failed is not None or self._bad.any():
+        self._flag.fill(0.0)
+        if failed is not None or np.count_nonzero(self._bad):
             self._recover(failed)
 
     def _recover(self, failed: np.ndarray | None) -> None:

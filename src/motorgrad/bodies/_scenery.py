@@ -10,8 +10,9 @@ _TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
 
 
 def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> None:
-    """Add a checkered floor at z = 0 (the only thing to touch), light, sky, a rail and two cameras from the side: "side", which
-    follows the body, and "stand", which stays and shows hops of up to 1 m.
+    """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and two cameras from the side.
+
+    The camera "side" follows the body; "stand" stays and shows hops of up to 1 m.
 
     **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind the body; `target`:
     name of an existing body for "side" to follow.

@@ -57,6 +57,7 @@ class Drawing:
         self.muscles = LineCollection([], alpha=alpha, zorder=2.2, **shape)
         for collection in (self.parts, self._rims, self.muscles):
             ax.add_collection(collection, autolim=False)
+        self._rimmed = alpha == 1  # a rim under a muscle that is seen through would colour it
         self._ground: Any = None
         if ground:
             self._ground = PolyCollection([], facecolors=GROUND, edgecolors=SURFACE, linewidths=1.0, zorder=0.5)
@@ -84,7 +85,7 @@ class Drawing:
         level = tendon_activation(model, activation)[[tendon for tendon, _ in pieces]]
         lines = [points @ self._screen.T for _, points in pieces]
         wide = self._linewidth * width(level)
-        self._rims.set_segments(lines)
+        self._rims.set_segments(lines if self._rimmed else [])
         self._rims.set_linewidth((wide + 0.5 * self._linewidth).tolist())
         self.muscles.set_segments(lines)
         self.muscles.set_linewidth(wide.tolist())

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from typing import Any
 
-PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
+PACKAGES = "libegl1 libopengl0 libgl1-mesa-dri"
 ADVICE = f"On Debian or Ubuntu, `apt-get install {PACKAGES}` gives the rendered picture, also without a graphics card."
 
 # Run in a process of its own: a broken driver may abort the process that tries it.

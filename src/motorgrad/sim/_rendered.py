@@ -71,7 +71,7 @@ class Rendered:
         # the model's lamps and sky give way to a pale studio, into which the ground fades: all bodies in one light
         model.light_active[:] = 0
         model.vis.headlight.active = 1
-        model.vis.headlight.ambient[:] = 0.34
+        model.vis.headlight.ambient[:] = 0.50
         model.vis.headlight.diffuse[:] = 0.26
         model.vis.headlight.specular[:] = 0.05
         # points of muscle paths and touch sensors' volumes are means, not things to look at
@@ -116,8 +116,8 @@ class Rendered:
     def _decorate(self, frame: int) -> None:
         scene, view = self._scene, self._view
         count = scene.ngeom
-        _scenery.add_lamp(scene, self._terrain)
         centre, size = view.centres[self._which][frame], float(np.linalg.norm(view.half))
+        _scenery.add_lamp(scene, centre, size, self._terrain)
         if self._ground is not None:
             point, normal, rgb, plain = self._ground
             if plain and normal[2] > 0.999:

@@ -41,17 +41,19 @@ def add_backdrop(scene: mujoco.MjvScene, place: np.ndarray, axes: np.ndarray, re
     add_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, wall, place - axes[2] * reach, axes.T, np.append(SKY, 1.0))
 
 
-def add_lamp(scene: mujoco.MjvScene, shadow_map: bool) -> None:
+def add_lamp(scene: mujoco.MjvScene, target: np.ndarray, size: float, shadow_map: bool) -> None:
     """A sun beside the camera's own light; with a shadow map, which is slow, or without."""
     import mujoco
 
     lamp = scene.lights[scene.nlight]
     lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     lamp.headlight, lamp.castshadow = False, shadow_map
-    lamp.pos[:] = -4 * SUN
-    lamp.dir[:] = SUN
+    # steeper over hills: a shadow map stipples slopes that the light only grazes
+    ray = np.array([0.08, 0.12, -0.99]) if shadow_map else SUN
+    lamp.pos[:] = target - 4 * size * ray  # what the map covers lies around the ray from here
+    lamp.dir[:] = ray
     lamp.attenuation[:] = (1, 0, 0)
-    lamp.ambient[:] = 0.16
+    lamp.ambient[:] = 0
     lamp.diffuse[:] = 0.46
     lamp.specular[:] = 0.12
     scene.nlight += 1
