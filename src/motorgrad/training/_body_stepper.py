@@ -13,6 +13,7 @@ from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask
 from motorgrad.training._cycle import CycleState, Mode
+from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper
 
@@ -20,7 +21,7 @@ Numbers = dict[str, Float[Array, "decisions size seeds"]]
 
 
 class BodyStepper(Stepper):
-    """Learning in a MuJoCo body. Data cross once each way per decision, in one packed array.
+    """Learning in a MuJoCo body. Data cross once each way per decision, in packed arrays.
 
     **Arguments:** as `Stepper`; `threads` that step the physics, 0 for one per processor.
     """
@@ -28,11 +29,11 @@ class BodyStepper(Stepper):
     def __init__(self, task: BodyTask, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0):
         super().__init__(task, agent, seeds, mode, diverges=True)
         self.batch = BodyBatch(task.dynamics, len(self.seeds), substeps=task.substeps, threads=threads)
+        self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
         self._compile()
         self._block, self._numbers = -1, {}
-        cycles = jax.jit(jax.vmap(self._begin, (0, 0, None)))(self.seeds, self.batch.packed, self.decision)
-        self._structure = jax.tree.structure(cycles)
-        self._leaves, self._out = self._first(jax.tree.leaves(cycles), self._drawn(), 0)
+        cycles = self._start(self.seeds, self.batch.packed)
+        self._cycles, self._out = self._first(cycles, self._drawn(), self._place())
 
     @property
     def activation(self) -> Float[np.ndarray, "seeds groups"]:
@@ -44,36 +45,35 @@ class BodyStepper(Stepper):
             # Reading the action waits for the compiled call, so the batch never writes what the call still reads.
             self.batch.step(self.activation)
             self.decision += 1
-            numbers, index = self._drawn(), self.decision % BLOCK
-            self._leaves, self._out = self._next(self._leaves, self.batch.packed, numbers, index)
+            numbers, place = self._drawn(), self._place()
+            self._cycles, self._out = self._next(self._cycles, self.batch.packed, numbers, place)
             ended = np.asarray(self._out)[:, -1] > 0
             if ended.any():
                 self.batch.reset(np.flatnonzero(ended))
-                self._leaves, self._out = self._again(self._leaves, self.batch.packed, ended, self._out, numbers, index)
-        jax.block_until_ready(self._leaves)
+                inputs = (self.batch.packed, ended, self._out)
+                self._cycles, self._out = self._again(self._cycles, *inputs, numbers, place)
 
     @property
     def state(self) -> PyTree[np.ndarray]:
-        cycles = jax.tree.unflatten(self._structure, self._leaves)
-        return jax.tree.map(np.array, {"cycle": cycles, "action": self._out, "physics": self.batch.snapshot()})
+        cycle = self._unpack(self._cycles)
+        return jax.tree.map(np.array, {"cycle": cycle, "action": self._out, "physics": self.batch.snapshot()})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         self.batch.restore(state["physics"])
-        self._leaves = [jnp.array(leaf) for leaf in jax.tree.leaves(state["cycle"])]
+        self._cycles = self._pack(state["cycle"])
         self._out = jnp.array(state["action"])
-        self._block = -1
 
     def harvest(self) -> Record:
-        self._leaves, look = self._harvest(self._leaves)
+        self._cycles, look = self._harvest(self._cycles)
         return jax.tree.map(np.array, look)
 
     def policies(self) -> Policy:
-        return jax.tree.map(np.array, jax.tree.unflatten(self._structure, self._leaves).agent.policy)
+        return jax.tree.map(np.array, self._unpack(self._cycles).agent.policy)
 
     def use(self, policies: Policy) -> None:
-        cycles = jax.tree.unflatten(self._structure, self._leaves)
+        cycles = self._unpack(self._cycles)
         cycles = cycles._replace(agent=cycles.agent._replace(policy=jax.tree.map(jnp.array, policies)))
-        self._leaves, self._out = self._first(jax.tree.leaves(cycles), self._drawn(), self.decision % BLOCK)
+        self._cycles, self._out = self._first(self._pack(cycles), self._drawn(), self._place())
 
     def _drawn(self) -> Numbers:
         """The random numbers of the present block of decisions."""
@@ -82,54 +82,55 @@ class BodyStepper(Stepper):
             self._block, self._numbers = block, self._draw(np.uint32(block))
         return self._numbers
 
+    def _place(self) -> np.int32:
+        """Where in the block the present decision's numbers are."""
+        return np.int32(self.decision % BLOCK)
+
     def _compile(self) -> None:
-        """The compiled calls. Learners cross the border as a flat list: taking the pytree apart would cost more time
-        than the learning itself."""
-        sizes = {"policy": self.policy.uniforms, "observe": self.task.uniforms}
-        sizes |= {"memory": self.task.init_uniforms, "look": self.task.uniforms}
+        """Map the functions of one seed below over all seeds, packed outside and unpacked inside."""
+        purposes = {"policy": self.policy.uniforms, "observe": self.task.uniforms}
+        purposes |= {"memory": self.task.init_uniforms, "look": self.task.uniforms}
+        sizes = {name: size for name, size in purposes.items() if size}
+        pack, unpack = self._packing.pack, self._packing.unpack
 
-        def pick(numbers: Numbers, index: Any) -> dict[str, Float[Array, "size seeds"]]:
-            return {name: drawn[index] for name, drawn in numbers.items()}
+        def draw(block: Array) -> Numbers:
+            return {name: draw_block(self.seeds, name, block, size) for name, size in sizes.items()}
 
-        def cycles_of(leaves: list[Array]) -> CycleState:
-            return jax.tree.unflatten(self._structure, leaves)
+        def over_seeds(function: Any, inputs: int) -> Any:
+            """`function(cycle, *inputs, numbers) -> (cycle, out)`, compiled for packed cycles and a block's numbers."""
 
-        def first(leaves: list[Array], numbers: Numbers, index: Any) -> tuple[list[Array], Array]:
-            cycles, out = jax.vmap(self._act, (0, -1))(cycles_of(leaves), pick(numbers, index))
-            return jax.tree.leaves(cycles), out
+            def one(cycle: Packed, *rest: Any) -> tuple[Packed, Array]:
+                *given, drawn = rest
+                after, out = function(unpack(cycle), *given, dict.fromkeys(purposes, jnp.zeros(0)) | drawn)
+                return pack(after), out
 
-        def following(leaves: list[Array], packed: Array, numbers: Numbers, index: Any) -> tuple[list[Array], Array]:
-            cycles, out = jax.vmap(self._settle_and_act, (0, 0, -1))(cycles_of(leaves), packed, pick(numbers, index))
-            return jax.tree.leaves(cycles), out
+            def every(cycles: Packed, *rest: Any) -> tuple[Packed, Array]:
+                *given, numbers, place = rest
+                drawn = {name: block[place] for name, block in numbers.items()}
+                return jax.vmap(one, (0,) * (inputs + 1) + (-1,))(cycles, *given, drawn)
 
-        def again(
-            leaves: list[Array], packed: Array, ended: Array, out: Array, numbers: Numbers, index: Any
-        ) -> tuple[list[Array], Array]:
-            run = jax.vmap(self._restart_and_act, (0, 0, 0, 0, -1))
-            cycles, out = run(cycles_of(leaves), packed, ended, out, pick(numbers, index))
-            return jax.tree.leaves(cycles), out
+            return jax.jit(every, donate_argnums=0)
 
-        def harvest(leaves: list[Array]) -> tuple[list[Array], dict[str, Array]]:
-            cycles, look = jax.vmap(self._look)(cycles_of(leaves))
-            return jax.tree.leaves(cycles), look
+        def harvest(cycle: Packed) -> tuple[Packed, dict[str, Array]]:
+            state, look = self._look(unpack(cycle))
+            return pack(state), look
 
-        self._draw = jax.jit(
-            lambda block: {name: draw_block(self.seeds, name, block, size) for name, size in sizes.items()}
-        )
-        self._first = jax.jit(first, donate_argnums=0)
-        self._next = jax.jit(following, donate_argnums=0)
-        self._again = jax.jit(again, donate_argnums=0)
-        self._harvest = jax.jit(harvest, donate_argnums=0)
+        self._draw = jax.jit(draw)
+        self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
+        self._start = jax.jit(jax.vmap(lambda seed, packed: pack(self._begin(seed, packed))))
+        self._first = over_seeds(self._act, 0)
+        self._next = over_seeds(self._settle_and_act, 1)
+        self._again = over_seeds(self._restart_and_act, 3)
+        self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
 
-    def _begin(self, seed: Array, packed: Array, decision: int) -> CycleState:
+    def _begin(self, seed: Array, packed: Array) -> CycleState:
         task = self.task
         init, look = (
             jax.random.uniform(key_of(seed, name), (size,))
             for name, size in (("start-memory", task.init_uniforms), ("start-look", task.uniforms))
         )
-        return self.cycle.begin(
-            self.cycle.agent.init(key_of(seed, "initial")), self.batch.unpack(packed), init, look
-        )
+        agent = self.cycle.agent.init(key_of(seed, "initial"))
+        return self.cycle.begin(agent, self.batch.unpack(packed), init, look)
 
     def _act(self, cycle: CycleState, numbers: dict[str, Array]) -> tuple[CycleState, Array]:
         cycle = self.cycle.act(cycle, numbers["policy"])
