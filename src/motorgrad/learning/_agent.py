@@ -27,15 +27,16 @@ from motorgrad.policies import Policy, split, trainable
 class AgentState(NamedTuple):
     r"""Everything a learner carries from one decision to the next, for one seed.
 
-    `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the last sample
-    $g = \delta z$ of an online learner, or else the running mean of the samples since the last step; `ascent` the state
-    of the ascent rule; `weight` the discount $\gamma^t$ within the episode, `None` without discounting.
+    `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the running mean
+    of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
+    `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
+    $\gamma^t$ within the episode, `None` without discounting.
     """
 
     policy: Policy
     trace: PyTree[Array]
     baseline: Any
-    gradient: PyTree[Array] | RunningMean
+    gradient: PyTree[Array] | RunningMean | None
     ascent: Any
     weight: Float[Array, ""] | None
 
@@ -77,7 +78,7 @@ class Agent:
             policy=policy,
             trace=self.estimator.trace.init(parameters),
             baseline=self.estimator.baseline.init(dtype),
-            gradient=zeros if self.estimator.online else running_mean(zeros),
+            gradient=None if self.estimator.online else running_mean(zeros),
             ascent=self.ascent.init(parameters),  # type: ignore[arg-type]
             weight=None if self.estimator.discount is None else jnp.ones((), dtype),
         )
@@ -140,7 +141,7 @@ class Agent:
         if estimator.improve == "never":
             return state
         if estimator.online:
-            return self._step(state, state.gradient)
+            return self._step(state, state.gradient)._replace(gradient=None)
         running = _running(state)
         full = ended if estimator.improve == "episode" else running.count >= estimator.improve
         if full is False:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 from jaxtyping import Array, PyTree
 
@@ -37,12 +38,13 @@ class sgd:
     def __post_init__(self) -> None:
         rates = self.rate if isinstance(self.rate, Mapping) else {"rate": self.rate}
         for name, rate in rates.items():
-            check(bool(jnp.all(jnp.asarray(rate) >= 0)), f"step size {name}", rate, "a number of at least 0")
+            valid = np.all((np.asarray(rate) >= 0) & np.isfinite(rate))
+            check(valid, f"step size {name}", rate, "finite numbers of at least 0")
 
     def init(self, params: PyTree[Array]) -> SgdState:
         if not isinstance(self.rate, Mapping):
             rate = self.rate
-            return SgdState(jax.tree.map(lambda p: jnp.asarray(rate, p.dtype), params))
+            return SgdState(jax.tree.map(lambda p: _fitting("rate", rate, p), params))
         rates = dict(self.rate)
         used = set()
 
@@ -51,7 +53,7 @@ class sgd:
             if name not in rates:
                 raise unknown("group of parameters without a step size:", name, rates)
             used.add(name)
-            return jnp.asarray(rates[name], parameter.dtype)
+            return _fitting(name, rates[name], parameter)
 
         found = jax.tree_util.tree_map_with_path(look_up, params)
         for name in rates:
@@ -71,6 +73,17 @@ def adam(rate: float | Mapping[str, Any], b1: float = 0.9, b2: float = 0.999) ->
     """Adam (Kingma & Ba, 2015) with one step size or one for every group, as in `sgd`."""
     scale: Any = sgd(rate)
     return optax.chain(optax.scale_by_adam(b1=b1, b2=b2), scale)
+
+
+def _fitting(name: str, rate: Any, parameter: Array) -> Array:
+    """A step size as data, in the parameter's type; one that would change the parameter's shape is refused."""
+    shape = np.shape(rate)
+    try:
+        fits = np.broadcast_shapes(shape, parameter.shape) == parameter.shape
+    except ValueError:
+        fits = False
+    check(fits, f"step size {name}", shape, f"one number or of a shape that broadcasts to {parameter.shape}")
+    return jnp.asarray(rate, parameter.dtype)
 
 
 def _field(path: tuple[Any, ...]) -> str:

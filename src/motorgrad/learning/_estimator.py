@@ -18,8 +18,8 @@ class Estimator:
     - `baseline`: what rewards are compared with.
     - `discount`: `None` for the average reward; $\gamma \in (0, 1]$ for the discounted return of an episode,
       $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$.
-    - `improve`: after how many samples the parameters move; `"episode"` for once at each episode's end, `"never"` for an
-      estimate at fixed parameters.
+    - `improve`: after how many samples the parameters move; `"episode"` for once at each episode's end, `"never"` for
+      an estimate at fixed parameters.
     - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
     """
 

@@ -38,6 +38,7 @@ def add_sample(running: RunningMean, sample: PyTree[Array], step: Any = None) ->
         return total, (mean - (total - part)) + (moved - part)
 
     means, structure = jax.tree.flatten(running.mean)
-    pairs = [add(*leaves) for leaves in zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)]
+    leaves = zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)
+    pairs = [add(*leaf) for leaf in leaves]
     mean, carry = (jax.tree.unflatten(structure, part) for part in zip(*pairs, strict=True))
     return RunningMean(mean, carry, count)

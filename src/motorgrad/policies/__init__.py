@@ -23,7 +23,6 @@ __all__ = [
     "Policy",
     "SigmoidUnits",
     "Softmax",
-    "fixed",
     "describe",
     "fixed",
     "gaussians",

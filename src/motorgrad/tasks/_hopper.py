@@ -17,12 +17,11 @@ from motorgrad.tasks._task import Reading
 
 
 class Flight(NamedTuple):
-    """What the hopper's task remembers: the flight's greatest foot height so far, the first apex of the flight (0 before
-    it), what has just been paid for, and the greatest height of the flight that has just ended (else 0)."""
+    """What the hopper's task remembers: the flight's greatest foot height so far, its first apex (0 before it), and the
+    greatest height of a flight that has just ended (else 0)."""
 
     height: Float[Array, ""]
     first: Float[Array, ""]
-    paid: Float[Array, ""]
     landed: Float[Array, ""]
 
 
@@ -49,6 +48,7 @@ class Hopper(BodyTask):
     """
 
     name: ClassVar[str] = "hopper"
+    reports: ClassVar[tuple[str, ...]] = ("apex",)
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.98, "rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
@@ -102,7 +102,7 @@ class Hopper(BodyTask):
         return np.array([groups.count(group) for group in self.body.groups], np.float32)
 
     def init(self, uniforms: Float[Array, " 0"]) -> Flight:
-        return Flight(*(jnp.zeros(()),) * 4)
+        return Flight(*(jnp.zeros(()),) * 3)
 
     def observe(
         self, memory: Flight, state: BodyState, uniforms: Float[Array, " 0"]
@@ -123,7 +123,7 @@ class Hopper(BodyTask):
         paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
         cost = self.penalty * jnp.sum(action * self._muscles_per_group)
-        return Flight(jnp.where(down, 0.0, height), first, paid, landed), self.reward_scale * paid - cost, False
+        return Flight(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
 
     def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:
         """`apex`: the greatest foot height (m) of the flight that has just ended in a landing."""

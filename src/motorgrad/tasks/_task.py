@@ -30,6 +30,8 @@ class Task(abc.ABC):
     """Numbers from U[0, 1) that `init` consumes."""
     actions: ClassVar[Literal["binary", "discrete"]] = "binary"
     """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers."""
+    reports: ClassVar[tuple[str, ...]] = ()
+    """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
     """Whether `reward` can report the end of an episode."""
 
@@ -74,6 +76,6 @@ class Task(abc.ABC):
         """What the step that led to `state` by `action` pays: the memory afterwards, the reward, and `terminated`."""
 
     def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
-        """Quantities to report beside the reward, after `reward`: each with whether it occurred at this decision."""
+        """The quantities named in `reports`, after `reward`: each with whether it occurred at this decision."""
         del memory, state
         return {}

@@ -17,7 +17,11 @@ from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper
 
-Numbers = dict[str, Float[Array, "decisions size seeds"]]
+# A decision's call is far shorter than waking another thread for it, which is what asynchronous dispatch does. (It has no
+# effect on a process in which JAX is already at work.)
+jax.config.update("jax_cpu_enable_async_dispatch", False)
+
+Numbers = dict[str, Float[Array, " size"]]
 
 
 class BodyStepper(Stepper):
@@ -31,9 +35,9 @@ class BodyStepper(Stepper):
         self.batch = BodyBatch(task.dynamics, len(self.seeds), substeps=task.substeps, threads=threads)
         self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
         self._compile()
-        self._block, self._numbers = -1, {}
+        self._block, self._drawn = -1, np.empty(0)
         cycles = self._start(self.seeds, self.batch.packed)
-        self._cycles, self._out = self._first(cycles, self._drawn(), self._place())
+        self._cycles, self._out = self._first(cycles, self._input())
 
     @property
     def activation(self) -> Float[np.ndarray, "seeds groups"]:
@@ -41,17 +45,19 @@ class BodyStepper(Stepper):
         return np.asarray(self._out)[:, :-1]
 
     def advance(self, decisions: int) -> None:
+        out = np.asarray(self._out)
         for _ in range(decisions):
-            # Reading the action waits for the compiled call, so the batch never writes what the call still reads.
-            self.batch.step(self.activation)
+            self.batch.step(out[:, :-1])
             self.decision += 1
-            numbers, place = self._drawn(), self._place()
-            self._cycles, self._out = self._next(self._cycles, self.batch.packed, numbers, place)
-            ended = np.asarray(self._out)[:, -1] > 0
-            if ended.any():
+            seen = self._input()
+            self._cycles, self._out = self._next(self._cycles, seen)
+            # Waits for the compiled call, which reads `seen` in place.
+            out = np.asarray(self._out)
+            if np.count_nonzero(out[:, -1]):
+                ended = out[:, -1] > 0
                 self.batch.reset(np.flatnonzero(ended))
-                inputs = (self.batch.packed, ended, self._out)
-                self._cycles, self._out = self._again(self._cycles, *inputs, numbers, place)
+                self._cycles, self._out = self._again(self._cycles, self._input(), ended, self._out)
+                out = np.asarray(self._out)
 
     @property
     def state(self) -> PyTree[np.ndarray]:
@@ -73,54 +79,51 @@ class BodyStepper(Stepper):
     def use(self, policies: Policy) -> None:
         cycles = self._unpack(self._cycles)
         cycles = cycles._replace(agent=cycles.agent._replace(policy=jax.tree.map(jnp.array, policies)))
-        self._cycles, self._out = self._first(self._pack(cycles), self._drawn(), self._place())
+        self._cycles, self._out = self._first(self._pack(cycles), self._input())
 
-    def _drawn(self) -> Numbers:
-        """The random numbers of the present block of decisions."""
+    def _input(self) -> Float[np.ndarray, "seeds width"]:
+        """What the compiled call reads for the present decision: the bodies' packed rows, then random numbers."""
         block = self.decision // BLOCK
         if block != self._block:
-            self._block, self._numbers = block, self._draw(np.uint32(block))
-        return self._numbers
-
-    def _place(self) -> np.int32:
-        """Where in the block the present decision's numbers are."""
-        return np.int32(self.decision % BLOCK)
+            self._block, self._drawn = block, np.asarray(self._draw(np.uint32(block)))
+        width = self.batch.packed.shape[1]
+        self._seen[:, :width] = self.batch.packed
+        self._seen[:, width:] = self._drawn[self.decision % BLOCK]
+        return self._seen
 
     def _compile(self) -> None:
         """Map the functions of one seed below over all seeds, packed outside and unpacked inside."""
-        purposes = {"policy": self.policy.uniforms, "observe": self.task.uniforms}
-        purposes |= {"memory": self.task.init_uniforms, "look": self.task.uniforms}
-        sizes = {name: size for name, size in purposes.items() if size}
+        task, width = self.task, self.batch.packed.shape[1]
+        sizes = {"policy": self.policy.uniforms, "observe": task.uniforms}
+        sizes |= {"memory": task.init_uniforms, "look": task.uniforms}
+        ends = np.cumsum([width, *sizes.values()])
         pack, unpack = self._packing.pack, self._packing.unpack
 
-        def draw(block: Array) -> Numbers:
-            return {name: draw_block(self.seeds, name, block, size) for name, size in sizes.items()}
+        def draw(block: Array) -> Float[Array, "decisions seeds size"]:
+            drawn = [draw_block(self.seeds, name, block, size) for name, size in sizes.items()]
+            return jnp.swapaxes(jnp.concatenate(drawn, axis=1), 1, 2)
 
-        def over_seeds(function: Any, inputs: int) -> Any:
-            """`function(cycle, *inputs, numbers) -> (cycle, out)`, compiled for packed cycles and a block's numbers."""
+        def over_seeds(function: Any) -> Any:
+            """`function(cycle, packed, numbers, *rest) -> (cycle, out)` compiled for all seeds."""
 
-            def one(cycle: Packed, *rest: Any) -> tuple[Packed, Array]:
-                *given, drawn = rest
-                after, out = function(unpack(cycle), *given, dict.fromkeys(purposes, jnp.zeros(0)) | drawn)
+            def one(cycle: Packed, seen: Array, *rest: Any) -> tuple[Packed, Array]:
+                numbers = dict(zip(sizes, jnp.split(seen, ends)[1:], strict=False))
+                after, out = function(unpack(cycle), seen[:width], numbers, *rest)
                 return pack(after), out
 
-            def every(cycles: Packed, *rest: Any) -> tuple[Packed, Array]:
-                *given, numbers, place = rest
-                drawn = {name: block[place] for name, block in numbers.items()}
-                return jax.vmap(one, (0,) * (inputs + 1) + (-1,))(cycles, *given, drawn)
-
-            return jax.jit(every, donate_argnums=0)
+            return jax.jit(jax.vmap(one), donate_argnums=0)
 
         def harvest(cycle: Packed) -> tuple[Packed, dict[str, Array]]:
             state, look = self._look(unpack(cycle))
             return pack(state), look
 
+        self._seen = np.empty((len(self.seeds), ends[-1]), np.float32)
         self._draw = jax.jit(draw)
         self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
         self._start = jax.jit(jax.vmap(lambda seed, packed: pack(self._begin(seed, packed))))
-        self._first = over_seeds(self._act, 0)
-        self._next = over_seeds(self._settle_and_act, 1)
-        self._again = over_seeds(self._restart_and_act, 3)
+        self._first = over_seeds(self._act)
+        self._next = over_seeds(self._settle_and_act)
+        self._again = over_seeds(self._restart_and_act)
         self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
 
     def _begin(self, seed: Array, packed: Array) -> CycleState:
@@ -132,22 +135,22 @@ class BodyStepper(Stepper):
         agent = self.cycle.agent.init(key_of(seed, "initial"))
         return self.cycle.begin(agent, self.batch.unpack(packed), init, look)
 
-    def _act(self, cycle: CycleState, numbers: dict[str, Array]) -> tuple[CycleState, Array]:
+    def _act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         cycle = self.cycle.act(cycle, numbers["policy"])
         return cycle, jnp.append(cycle.action, 0.0)
 
-    def _settle_and_act(self, cycle: CycleState, packed: Array, numbers: dict[str, Array]) -> tuple[CycleState, Array]:
+    def _settle_and_act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         diverged = packed[-1] > 0
         cycle, ended = self.cycle.settle(cycle, self.batch.unpack(packed), numbers["observe"], diverged)
         cycle = self.cycle.act(cycle, numbers["policy"])
         return cycle, jnp.append(cycle.action, ended)
 
     def _restart_and_act(
-        self, cycle: CycleState, packed: Array, ended: Bool[Array, ""], out: Array, numbers: dict[str, Array]
+        self, cycle: CycleState, packed: Array, numbers: Numbers, ended: Bool[Array, ""], out: Array
     ) -> tuple[CycleState, Array]:
-        """Where an episode has ended, the action already chosen is taken back and chosen again on the new start."""
+        """Where an episode has `ended`, the action already chosen is taken back and chosen again on the new start."""
         state = self.batch.unpack(packed)
         fresh = self.cycle.restart(cycle, state, ended, numbers["memory"], numbers["look"])
         fresh = fresh._replace(agent=self.cycle.agent.restart(fresh.agent, ended))
-        fresh, action = self._act(fresh, numbers)
+        fresh, action = self._act(fresh, packed, numbers)
         return jax.tree.map(lambda new, old: jnp.where(ended, new, old), (fresh, action), (cycle, out))

@@ -20,12 +20,13 @@ Mode = Literal["learn", "sample", "mode"]
 
 
 class Tally(NamedTuple):
-    """Sums since the last record, for one seed; `readings` maps a name to (sum, number of occurrences)."""
+    """Sums since the last record, for one seed, in two vectors (few arrays make a fast call).
 
-    reward: Float[Array, ""]
-    episodes: Int[Array, ""] | None
-    diverged: Int[Array, ""] | None
-    readings: dict[str, tuple[Float[Array, ""], Int[Array, ""]]]
+    `sums`: the reward's and each reading's; `counts`: of each reading's occurrences, of episodes ended, of divergences.
+    """
+
+    sums: Float[Array, " 1+readings"]
+    counts: Int[Array, " readings+2"]
 
 
 class CycleState(NamedTuple):
@@ -61,14 +62,23 @@ class Cycle:
         memory, observation = self.task.observe(self.task.init(init), state, observe)
         policy = agent.policy
         action = policy.mode(observation)
-        readings = jax.eval_shape(lambda: self.task.readings(memory, state))
-        zero, none = jnp.zeros(()), jnp.zeros((), jnp.int32)
-        tally = Tally(
-            zero, none if self.episodic else None, none if self.diverges else None, dict.fromkeys(readings, (zero, none))
-        )
-        return CycleState(
-            agent, memory, observation, jnp.zeros_like(action), none if self.task.episode_limit else None, tally
-        )
+        readings = len(self.task.reports)
+        tally = Tally(jnp.zeros(1 + readings), jnp.zeros(readings + 2, jnp.int32))
+        elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
+        return CycleState(agent, memory, observation, jnp.zeros_like(action), elapsed, tally)
+
+    def read(self, tally: Tally) -> dict[str, Array]:
+        """A tally by name: the reward's sum, each reading's mean (NaN if it never occurred) and count, and episodes and
+        divergences where the task can have them."""
+        found = {"reward": tally.sums[0]}
+        if self.episodic:
+            found["episodes"] = tally.counts[-2]
+        if self.diverges:
+            found["diverged"] = tally.counts[-1]
+        for index, name in enumerate(self.task.reports):
+            found[name] = tally.sums[1 + index] / tally.counts[index]
+            found[f"{name}_count"] = tally.counts[index]
+        return found
 
     def act(self, cycle: CycleState, uniforms: Float[Array, " _"]) -> CycleState:
         """Choose an action on the present observation."""
@@ -124,15 +134,11 @@ class Cycle:
     def _count(
         self, tally: Tally, memory: Any, state: Any, reward: Float[Array, ""], ended: Any, diverged: Any
     ) -> Tally:
-        def count(total: Any, flag: Any) -> Any:
-            return total if total is None or flag is False else total + jnp.asarray(flag, jnp.int32)
-
-        readings = {}
-        for name, (value, occurred) in self.task.readings(memory, state).items():
-            occurred = occurred if diverged is False else jnp.logical_and(occurred, ~jnp.asarray(diverged))
-            total, times = tally.readings[name]
-            readings[name] = (total + jnp.where(occurred, value, 0.0), times + jnp.asarray(occurred, jnp.int32))
-        kept = reward if diverged is False else jnp.where(diverged, 0.0, reward)
-        return Tally(
-            tally.reward + kept, count(tally.episodes, ended), count(tally.diverged, diverged), readings
-        )
+        kept = True if diverged is False else ~jnp.asarray(diverged)
+        named = self.task.readings(memory, state)
+        readings = [named[name] for name in self.task.reports]
+        occurred = [jnp.logical_and(happened, kept) for _, happened in readings]
+        sums = [jnp.where(kept, reward, 0.0)]
+        sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, readings, strict=True)]
+        counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, ended, diverged)])
+        return Tally(tally.sums + jnp.stack(sums), tally.counts + counts)

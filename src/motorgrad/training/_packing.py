@@ -1,7 +1,7 @@
-"""A pytree as a few arrays, one for each type of number.
+"""A pytree as one array.
 
 A compiled call costs some microseconds for every array that crosses its border, which for a small learner is more than
-the learning itself. Packed, a whole learner crosses as two or three arrays.
+the learning itself. Packed, a whole learner crosses as one array of 32-bit words (and one more for each wider type).
 """
 
 import math
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 Packed = dict[str, Array]
+WORD = jnp.dtype("uint32")
 
 
 class Packing:
@@ -19,20 +20,25 @@ class Packing:
 
     def __init__(self, example: PyTree[Any]):
         leaves, self._structure = jax.tree.flatten(example)
-        self._shapes = [(leaf.shape, jnp.dtype(leaf.dtype).name) for leaf in leaves]
+        self._shapes = [(leaf.shape, jnp.dtype(leaf.dtype)) for leaf in leaves]
 
     def pack(self, tree: PyTree[Array]) -> Packed:
-        """One vector for each type of number."""
+        """One vector of words, bit for bit the numbers of the tree; types of another width have their own."""
         parts: dict[str, list[Array]] = {}
         for leaf, (_, kind) in zip(jax.tree.leaves(tree), self._shapes, strict=True):
-            parts.setdefault(kind, []).append(jnp.ravel(leaf))
+            vector = jnp.ravel(leaf)
+            if kind.itemsize == WORD.itemsize:
+                vector, kind = jax.lax.bitcast_convert_type(vector, WORD), WORD
+            parts.setdefault(kind.name, []).append(vector)
         return {kind: jnp.concatenate(vectors) for kind, vectors in parts.items()}
 
     def unpack(self, packed: Packed) -> PyTree[Array]:
         """The inverse of `pack`."""
         leaves, start = [], dict.fromkeys(packed, 0)
         for shape, kind in self._shapes:
-            size = math.prod(shape)
-            leaves.append(packed[kind][start[kind] : start[kind] + size].reshape(shape))
-            start[kind] += size
+            word = kind.itemsize == WORD.itemsize
+            place, size = WORD.name if word else kind.name, math.prod(shape)
+            vector = packed[place][start[place] : start[place] + size]
+            start[place] += size
+            leaves.append((jax.lax.bitcast_convert_type(vector, kind) if word else vector).reshape(shape))
         return jax.tree.unflatten(self._structure, leaves)

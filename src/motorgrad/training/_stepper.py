@@ -62,13 +62,9 @@ class Stepper(abc.ABC):
 
     def _look(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
         """One seed's tallies and the learner's visible state; the tallies begin anew."""
-        tally, agent = state.tally, state.agent
-        look = {"reward": tally.reward, "baseline": self.cycle.agent.estimator.baseline.value(agent.baseline)}
-        for name, count in (("episodes", tally.episodes), ("diverged", tally.diverged)):
-            if count is not None:
-                look[name] = count
-        for name, (total, times) in tally.readings.items():
-            look[name], look[f"{name}_count"] = total / times, times
+        agent, tally = state.agent, state.tally
+        look = self.cycle.read(tally)
+        look["baseline"] = self.cycle.agent.estimator.baseline.value(agent.baseline)
         look["parameters"] = ravel_pytree(trainable(agent.policy))[0]
         return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), look
 

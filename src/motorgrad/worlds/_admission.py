@@ -64,6 +64,10 @@ class AdmissionThresholds(SigmoidUnits):
     threshold: Float[Array, " types"] = eqx.field(converter=jnp.asarray)
     steepness: Float[Array, ""] = fixed(converter=jnp.asarray, default=1.5)
 
+    def __check_init__(self) -> None:
+        check(self.threshold.ndim == 1, "threshold", self.threshold.shape, "of shape (types,)")
+        check(self.steepness.ndim == 0, "steepness", self.steepness.shape, "one number")
+
     @property
     def inputs(self) -> int:
         return self.threshold.shape[0] + 1
@@ -76,6 +80,5 @@ class AdmissionThresholds(SigmoidUnits):
         return self.steepness * (jnp.sum(self.threshold * observation[:-1]) - observation[-1])[None]
 
     def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
-        return {"threshold": self.steepness * observation[None, :-1]}
-
-
+        # There is one unit, which all thresholds belong to: the gradient has no axis of units, as they have none.
+        return {"threshold": self.steepness * observation[:-1]}
