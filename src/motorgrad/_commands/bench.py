@@ -39,7 +39,7 @@ def run(arguments: list[str]) -> int:
 def in_words(row: Row) -> str:
     """A row as text."""
     text = f"{row.name:<56} {row.ours:>14,.4g}"
-    text += "" if row.other is None else f" ÷ {row.other:>12,.4g}"
+    text += "" if row.other is None else f" {'÷' if row.ratio else '|'} {row.other:>12,.4g}"
     text += f" {row.unit}"
     text += "" if row.ratio is None else f"  = {row.ratio:.2f}"
     text += "" if row.spread is None else f" [{row.spread[0]:.2f} … {row.spread[1]:.2f}]"

@@ -1,31 +1,43 @@
 """How long the hopper takes to learn, in simulated and in wall time."""
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from motorgrad.benchmarks._measure import Row
-from motorgrad.training import train
+from motorgrad.tasks import Hopper
+from motorgrad.training import settings_for, train
 
 HEIGHT = 0.3  # metres
 
 
-def learning_rows(seeds: int, seconds: float) -> list[Row]:
-    """Time until the median seed's apex, averaged over 25 s windows, passes 0.3 m; NaN if it does not."""
-    start = time.perf_counter()
-    run = train("hopper", steps=round(100 * seconds), seeds=seeds, window=2500, progress=False)
-    wall = time.perf_counter() - start
-    decision, apex = run.curve("apex")
-    passed = np.flatnonzero(np.nanmedian(apex, axis=0) > HEIGHT)
-    simulated = decision[passed[0]] * run.task.period if len(passed) else float("nan")
-    each = [decision[row > HEIGHT][0] * run.task.period if (row > HEIGHT).any() else np.inf for row in apex]
-    low, high = np.quantile(each, [0, 1])
-    last = apex[:, -8:]
-    final = np.nanmean(last, axis=1)
-    return [
-        Row(f"hopper, median apex > {HEIGHT} m, {seeds} seeds", float(simulated), 315.0, "simulated s", None, (low, high)),
-        Row("   the same", wall * simulated / seconds, None, "wall s", None, None),
-        Row(
-            f"   apex at {seconds:.0f} s (median seed)", float(np.median(final)), 0.72, "m", None, (final.min(), final.max())
-        ),
-    ]
+SETTINGS = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
+"""What is paid for, and the trace's decay: the thesis's decay twice, and the task's own learner."""
+
+
+def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
+    """Until the median seed's apex, averaged over 25 s windows, passes 0.3 m; and the apex at the end.
+
+    The other column has the figures of the independent model that section 5 of the reading describes, paid at the first
+    apex: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds.
+    """
+    for paid, decay in SETTINGS:
+        start = time.perf_counter()
+        task = Hopper(paid=paid)
+        run = train(
+            task,
+            settings_for(task, decay=decay).agent(task),
+            round(seconds / task.period),
+            seeds,
+            window=round(25 / task.period),
+            progress=False,
+        )
+        wall = time.perf_counter() - start
+        decision, apex = run.curve("apex")
+        each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
+        simulated, last = float(np.median(each)), np.nanmean(apex[:, -8:], axis=1)
+        name = f"hopper paid at {paid}, decay {decay}, {seeds} seeds"
+        yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
+        yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s", None, None)
+        yield Row(f"   apex at {seconds:.0f} s", float(np.median(last)), 0.72, "m", None, (last.min(), last.max()))
