@@ -27,7 +27,7 @@ _NAMES = {
     "train": "training",
 }
 
-__all__ = [  # noqa: PLE0604
+__all__ = [
     "Agent",
     "Run",
     "bodies",

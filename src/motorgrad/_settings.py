@@ -73,7 +73,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         if len(inner) != len(value):
             raise TypeError(f"{where} = {value!r}: must have {len(inner)} entries")
         return tuple(_convert(i, v, f"{where}[{n}]") for n, (i, v) in enumerate(zip(inner, value, strict=True)))
-    if origin in (dict, Mapping) or typing.get_origin(hint) is not None and issubclass(origin, Mapping):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise TypeError(f"{where} = {value!r}: must be a table")
         return dict(value)
@@ -87,7 +87,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise TypeError(f"{where} = {value!r}: must be a finite number")
         return float(value)
-    if hint is int and isinstance(value, bool) or not isinstance(value, hint):
+    if (hint is int and isinstance(value, bool)) or not isinstance(value, hint):
         raise TypeError(f"{where} = {value!r}: must be {_name(hint)}")
     return value
 

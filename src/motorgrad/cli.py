@@ -50,7 +50,7 @@ def _help() -> str:
         [
             "usage: motorgrad COMMAND ...",
             "",
-            "Learning motor control by policy gradients: stochastic units, eligibility traces and muscle-driven bodies.",
+            "Learning motor control by policy gradients: stochastic units, eligibility traces, muscle-driven bodies.",
             "",
             *lines,
             "",

@@ -35,7 +35,9 @@ def in_words(name: str, found: dict[str, Any]) -> str:
     if found["median"] is None:
         return f"{name}: never occurred"
     low, high = found["quartiles"]
-    return f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {len(found['per_seed'])} seeds"
+    return (
+        f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {len(found['per_seed'])} seeds"
+    )
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:

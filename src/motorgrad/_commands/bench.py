@@ -26,7 +26,9 @@ def run(arguments: list[str]) -> int:
     options = parse(Bench, arguments, "bench")
     console = Console(stderr=str(options.json) == "-")
     where = provenance()
-    console.print(f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest]")
+    console.print(
+        f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest]"
+    )
     rows = []
     for row in speed_table(options.quick):
         rows.append(row)

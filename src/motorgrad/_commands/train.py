@@ -100,7 +100,11 @@ def _say(run: Run, found: dict[str, Any], out: Path) -> None:
     done = "done" if run.complete else "stopped"
     print(f"{done} after {run.decision:,} decisions per seed; means over the last tenth of the records:")
     for name, value in found.items():
-        if isinstance(value, dict) and not name.endswith("_count") and not (name == "diverged" and not any(value["per_seed"])):
+        if (
+            isinstance(value, dict)
+            and not name.endswith("_count")
+            and not (name == "diverged" and not any(value["per_seed"]))
+        ):
             print(f"  {in_words(name, value)}")
     print(f"saved in {out}")
     if not run.complete:

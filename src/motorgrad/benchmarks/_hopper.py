@@ -1,21 +1,20 @@
 """The hopper that learns, beside its bare physics replaying the same actions."""
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import compile_model
 from motorgrad.tasks import Hopper
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import BodyStepper, settings_for
 
 
 def hopper_rows(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """Physics steps per second of learning, against `mujoco.batch` alone on the actions that the learner took."""
     task = Hopper()
 
-    def make() -> object:
-        return stepper_of(task, settings_for(task).agent(task), range(seeds))
+    def make() -> BodyStepper:
+        return BodyStepper(task, settings_for(task).agent(task), range(seeds))
 
     twin, learner = make(), make()
     learner.advance(decisions)  # compiles
@@ -25,7 +24,7 @@ def hopper_rows(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") ->
     group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
     model = compile_model(body)
     bare = Batch(model, seeds)
-    bare.state[:] = twin.batch._batch.state
+    bare.state[:] = twin.batch.snapshot()["state"]
     control = bare.bind("ctrl")
     actions = np.empty((pairs, decisions, seeds, model.nu))
     for part in actions:  # the twin learns bit for bit as the learner will
@@ -41,6 +40,6 @@ def hopper_rows(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") ->
 
     steps = decisions * seeds * task.substeps
     name = f"hopper, learning ÷ bare physics, {seeds} seed{'s' * (seeds > 1)}"
-    row = in_turn(name, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted)
-    assert mujoco.get_mjcb_act_gain() is not None
-    return row
+    return in_turn(
+        name, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted
+    )

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from motorgrad.training import settings_for, train
 HEIGHT = 0.3  # metres
 
 
-SETTINGS = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
+SETTINGS: tuple[tuple[Literal["landing", "apex"], float], ...] = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
 """What is paid for, and the trace's decay: the thesis's decay twice, and the task's own learner."""
 
 

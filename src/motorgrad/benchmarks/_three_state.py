@@ -20,8 +20,8 @@ def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = ""
         world._cumulative.astype(single),
         world._successors,
         world.rewards.astype(single),
-        single(settings.decay),
-        single(settings.rate),
+        settings.decay,
+        settings.rate,
     )
     three_state_loop(10, 0, *inputs)  # compiles
     loop_steps = 4_000_000

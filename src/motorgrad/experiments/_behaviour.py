@@ -38,7 +38,11 @@ def behaviour_figure(
             for line, group in enumerate(groups):
                 firing = outcome.activation[row, part, line] > 0.5
                 muscles.stairs(
-                    np.where(firing, line + 0.8, line), edges, baseline=line, fill=True, color=COLOURS.get(group, f"C{line}")
+                    np.where(firing, line + 0.8, line),
+                    edges,
+                    baseline=line,
+                    fill=True,
+                    color=COLOURS.get(group, f"C{line}"),
                 )
             muscles.set_yticks([line + 0.4 for line in range(len(groups))], groups)
             muscles.set_ylim(-0.2, len(groups))

@@ -27,8 +27,8 @@ from motorgrad.policies import Policy, split, trainable
 class AgentState(NamedTuple):
     r"""Everything a learner carries from one decision to the next, for one seed.
 
-    `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the running mean
-    of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
+    `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the running
+    mean of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
     $\gamma^t$ within the episode, `None` without discounting.
     """
@@ -115,7 +115,7 @@ class Agent:
         after = state._replace(
             baseline=estimator.baseline.update(state.baseline, reward),
             gradient=sample if estimator.online else add_sample(_running(state), sample),
-            weight=None if state.weight is None else state.weight * estimator.discount,
+            weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
         )
         if diverged is not False:
             dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient

@@ -27,8 +27,12 @@ class SgdState(NamedTuple):
 class sgd:
     r"""Steepest ascent, $\theta \leftarrow \theta + \alpha g$, with one step size or one for every group.
 
-    **Arguments:** `rate`, a positive number; or a mapping from the names of the policy's fields to numbers or arrays
-    that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`.
+    **Arguments:** `rate`, a number of at least 0; or a mapping from the names of the policy's fields to numbers or
+    arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of several pools a
+    name stands for that field in every pool.
+
+    **Raises:** `ValueError` for a negative or infinite rate; from `init`, for a field without a rate, a rate without a
+    field, or one whose shape does not fit its field.
 
     It is an optax transformation: it goes where one goes, into `optax.chain` too.
     """

@@ -16,7 +16,7 @@ class RunningMean(NamedTuple):
 
     mean: PyTree[Array]
     carry: PyTree[Array]
-    count: UInt32[Array, ""]
+    count: UInt32[Array, ""]  # pyright: ignore[reportIncompatibleMethodOverride]
 
 
 def running_mean(like: PyTree[Array]) -> RunningMean:

@@ -74,7 +74,6 @@ class Episodic(Trace):
 class _Kernel(Trace):
     """A finite filter: the last scores are kept and weighted, the newest first."""
 
-
     @abc.abstractmethod
     def weights(self) -> Float[Any, " length"]:
         """The weight of the score from 0, 1, 2 … decisions ago."""
@@ -97,7 +96,12 @@ class _Kernel(Trace):
 
 @dataclasses.dataclass(frozen=True)
 class Window(_Kernel):
-    """The sum of the last `length` scores, the present one included. Costs `length` times the parameters in memory."""
+    r"""The sum of the last `length` scores, the present one included: $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$.
+
+    It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1), and costs `length` times the parameters in memory.
+
+    **Arguments:** `length` $n \ge 1$, in decisions.
+    """
 
     length: int = 10
 

@@ -1,5 +1,6 @@
 """A policy made of pools of units of any kinds."""
 
+import itertools
 from typing import Self
 
 import equinox as eqx
@@ -17,7 +18,7 @@ class Factored(BinaryUnits):
     The action is the concatenation of the pools' actions, the score that of their scores (section 4.2.1 of the thesis);
     pools of different kinds may be mixed (section 6.5.2). A `Factored` policy is itself a pool, so it nests.
 
-    **Arguments:** `pools`, a sequence of pools of binary units over the same observation.
+    **Arguments:** `pools`, a sequence of at least one pool of binary units over observations of one length.
     """
 
     pools: tuple[BinaryUnits, ...] = eqx.field(converter=tuple)
@@ -36,10 +37,8 @@ class Factored(BinaryUnits):
         return sum(pool.outputs for pool in self.pools)
 
     def _parts(self, action: Float[Array, " units"]) -> list[Float[Array, " _"]]:
-        ends = [0]
-        for pool in self.pools:
-            ends.append(ends[-1] + pool.outputs)
-        return [action[start:end] for start, end in zip(ends[:-1], ends[1:], strict=True)]
+        ends = itertools.accumulate((pool.outputs for pool in self.pools), initial=0)
+        return [action[start:end] for start, end in itertools.pairwise(ends)]
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return jnp.concatenate([pool.prob(observation) for pool in self.pools])

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
@@ -83,7 +84,7 @@ class LocalGaussians(GaussianUnits):
             self.p_max.shape,
             f"one number or of shape {self.centre.shape[:1]}",
         )
-        if not isinstance(self.p_max, jax.core.Tracer):  # while tracing there is no value to look at
+        if not isinstance(self.p_max, Tracer):  # while tracing there is no value to look at
             p_max = np.asarray(self.p_max)
             check(np.all((p_max > 0) & (p_max <= 1)), "p_max", p_max.tolist(), "in (0, 1]")
 
@@ -93,13 +94,11 @@ class LocalGaussians(GaussianUnits):
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         surprise = self._surprise(observation, action)[:, None]
         scaled = self._scaled(observation)
-        return in_structure(
-            self, centre=surprise * scaled * jnp.exp(-self.log_width), log_width=surprise * scaled**2
-        )
+        return in_structure(self, centre=surprise * scaled * jnp.exp(-self.log_width), log_width=surprise * scaled**2)
 
 
 class FreeGaussians(GaussianUnits):
-    r"""Local Gaussian units with a learnt height: $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$, capped.
+    r"""Local Gaussian units with a learnt height, $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$.
 
     The density is normalised as in equation 6.1, so that widening a unit lowers it: hence the score's $z^2 - 1$.
 

@@ -67,7 +67,7 @@ def gaussians(
 
     def initial(key: jax.Array) -> LocalGaussians:
         centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), p_max)
+        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), jnp.asarray(p_max))
 
     return initial
 

@@ -16,6 +16,8 @@ class Softmax(Policy):
 
     An action is an integer scalar in 0 … K − 1. Score: $\partial_{\theta_k} = (\mathbb 1[a = k] - \pi_k)\,y$.
 
+    One number from U[0, 1) chooses among all, by the inverse of the cumulative distribution.
+
     **Arguments:** `weights` $\theta$ of shape `(actions, inputs)`.
     """
 

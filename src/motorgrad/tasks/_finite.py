@@ -14,6 +14,9 @@ from motorgrad.tasks._task import Task
 from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
 from motorgrad.worlds._chain import VARIANTS
 
+# Tasks are equal by their numbers; so are the worlds that they make, each of which is made once.
+_three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
+
 
 @dataclasses.dataclass(frozen=True)
 class FiniteTask(Task):
@@ -63,9 +66,9 @@ class ThreeState(FiniteTask):
     actions: ClassVar[Literal["binary", "discrete"]] = "discrete"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.8, "rate": 0.01}
 
-    @functools.cached_property
+    @property
     def dynamics(self) -> FiniteMDP:
-        return three_state()
+        return _three_state()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,9 +90,9 @@ class Chain(FiniteTask):
         check(self.length >= 2, "length", self.length, "at least 2")
         choice("variant", self.variant, VARIANTS)
 
-    @functools.cached_property
+    @property
     def dynamics(self) -> FiniteMDP:
-        return chain(self.length, self.variant)
+        return _chain(self.length, self.variant)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,6 +112,6 @@ class CallAdmission(FiniteTask):
         super().__post_init__()
         check(self.capacity >= 1, "capacity", self.capacity, "at least 1 call")
 
-    @functools.cached_property
+    @property
     def dynamics(self) -> FiniteMDP:
-        return call_admission(self.capacity)
+        return _call_admission(self.capacity)

@@ -49,8 +49,8 @@ class Hopper(BodyTask):
 
     name: ClassVar[str] = "hopper"
     reports: ClassVar[tuple[str, ...]] = ("apex",)
-    # The thesis's decay of 0.98 forgets two thirds of a push within half a second, about the flight that `"landing"` waits
-    # for; 0.995 remembers it, and learns twice as fast (docs/hopper.md has both measured).
+    # The thesis's decay of 0.98 forgets two thirds of a push within half a second, about the flight that `"landing"`
+    # waits for; 0.995 remembers it, and learns twice as fast (docs/hopper.md has both measured).
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
@@ -70,7 +70,9 @@ class Hopper(BodyTask):
         check(self.penalty >= 0, "penalty", self.penalty, "at least 0")
         ratio = self.action_period / self.body.timestep
         whole = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6
-        check(whole, "action_period", self.action_period, f"a positive multiple of the time step, {self.body.timestep} s")
+        check(
+            whole, "action_period", self.action_period, f"a positive multiple of the time step, {self.body.timestep} s"
+        )
         check(
             self.time_limit is None or self.time_limit >= self.action_period,
             "time_limit",

@@ -16,8 +16,8 @@ Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
 class Task(abc.ABC):
     """A task over a world (JAX) or a body (MuJoCo). Subclasses are frozen dataclasses of the task's numbers.
 
-    What a task must remember between decisions (a flight's apex, a delay line) is its `memory`, a pytree handed back and
-    forth explicitly; the functions below are pure, act on one seed, and run inside compiled code.
+    What a task must remember between decisions (a flight's apex, a delay line) is its `memory`, a pytree handed back
+    and forth explicitly; the functions below are pure, act on one seed, and run inside compiled code.
     """
 
     name: ClassVar[str]

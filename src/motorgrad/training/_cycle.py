@@ -55,9 +55,7 @@ class Cycle:
         """Whether episodes end at all."""
         return self.task.episodic or self.task.episode_limit is not None or self.diverges
 
-    def begin(
-        self, agent: AgentState, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]
-    ) -> CycleState:
+    def begin(self, agent: AgentState, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> CycleState:
         """Before the first decision, the dynamics being in `state`; no action has been taken yet."""
         memory, observation = self.task.observe(self.task.init(init), state, observe)
         policy = agent.policy
@@ -86,9 +84,7 @@ class Cycle:
             agent, action = self.agent.act(cycle.agent, cycle.observation, uniforms)
             return cycle._replace(agent=agent, action=action)
         policy = cycle.agent.policy
-        chosen = (
-            policy.mode(cycle.observation) if self.mode == "mode" else policy.sample(cycle.observation, uniforms)
-        )
+        chosen = policy.mode(cycle.observation) if self.mode == "mode" else policy.sample(cycle.observation, uniforms)
         return cycle._replace(action=chosen)
 
     def settle(
@@ -101,7 +97,7 @@ class Cycle:
         elapsed = cycle.elapsed
         if elapsed is not None:
             elapsed = elapsed + 1
-            truncated = elapsed >= self.task.episode_limit
+            truncated = elapsed >= (self.task.episode_limit or 0)
             truncated = truncated if terminated is False else truncated & ~terminated
         agent = cycle.agent
         ended: Any = False

@@ -22,8 +22,8 @@ LABELS = {
 def learning_curves(runs: "Sequence[Run]", quantity: str = "reward", path: Path | str | None = None) -> "Figure":
     """Learning curves of several runs in one figure: every seed, their median and their interquartile band.
 
-    Values are means over each record's window of decisions, without further smoothing. **Arguments:** the runs; a column
-    of their metrics; where to save the figure, by suffix (`.png`, `.svg`, `.pdf`).
+    Values are means over each record's window of decisions, without further smoothing. **Arguments:** the runs; a
+    column of their metrics; where to save the figure, by suffix (`.png`, `.svg`, `.pdf`).
     """
     import matplotlib
     from matplotlib.figure import Figure

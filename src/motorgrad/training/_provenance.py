@@ -14,7 +14,8 @@ LIBRARIES = ("motorgrad", "jax", "jaxlib", "equinox", "optax", "mujoco", "numpy"
 def provenance() -> dict[str, Any]:
     """Versions, processor, command and time. Bit-for-bit promises hold where `versions` and `processor` are equal."""
     return {
-        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES} | {"python": platform.python_version()},
+        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES}
+        | {"python": platform.python_version()},
         "processor": _processor(),
         "system": platform.platform(),
         "cores": os.cpu_count(),

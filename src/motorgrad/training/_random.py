@@ -1,14 +1,16 @@
 """Random numbers: from a seed, a purpose and a block of decisions, so that nothing else can change them.
 
-Keys are folded from (seed, purpose, block of `BLOCK` decisions) and a block's numbers are drawn at once: a key for every
-decision would cost several times the decision itself. The length of a chunk, another seed or another purpose changes no
-number.
+Keys are folded from (seed, purpose, block of `BLOCK` decisions) and a block's numbers are drawn at once: a key for
+every decision would cost several times the decision itself. The length of a chunk, another seed or another purpose
+changes no number.
 """
 
 import zlib
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 BLOCK = 128
@@ -21,13 +23,13 @@ def key_of(seed: Int[Array, ""] | int, purpose: str) -> jax.Array:
 
 
 def draw_block(
-    seeds: Int[Array, " seeds"], purpose: str, block: Int[Array, ""], size: int
+    seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
 ) -> Float[Array, "decisions size seeds"]:
     """The U[0, 1) numbers of a block of decisions, `size` a decision, seeds last."""
 
-    def draw(seed: Int[Array, ""]) -> Float[Array, "decisions size"]:
+    def draw(seed: Any) -> Float[Array, "decisions size"]:
         return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (BLOCK, size))
 
     if size == 0:
         return jnp.zeros((BLOCK, 0, len(seeds)))
-    return jax.vmap(draw, out_axes=-1)(seeds)
+    return jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds))

@@ -99,5 +99,5 @@ def load(path: Path | str) -> Run:
     metrics = directory.metrics()
     if metrics is None:
         raise RunDirectoryError(f"{path} has no records yet")
-    metrics = metrics.filter(pc.less_equal(metrics["decision"], about["decision"]))
+    metrics = metrics.filter(pc.field("decision") <= about["decision"])
     return Run(config, about["decision"], metrics, policies, initial, Path(path))

@@ -73,7 +73,9 @@ class AgentSettings:
         if self.baseline is not None:
             choice("baseline", self.baseline, ("mean", "fixed-step", "none"))
         choice("ascent", self.ascent, ("sgd", "adam"))
-        self.estimate(), self.rule()  # refuses impossible numbers at once
+        # making them refuses impossible numbers at once
+        self.estimate()
+        self.rule()
 
     def estimate(self) -> Estimator:
         """The estimator that the settings stand for."""

@@ -84,7 +84,9 @@ def validate(task: Task, policy: Policy) -> None:
     one = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
     kind = "binary" if one.ndim == 1 else "discrete"
     if kind != task.actions:
-        raise ValueError(f"policy {type(policy).__name__}: {kind} actions, but the task {task.name!r} takes {task.actions}")
+        raise ValueError(
+            f"policy {type(policy).__name__}: {kind} actions, but the task {task.name!r} takes {task.actions}"
+        )
 
 
 def seeds_first(tree: Any) -> Any:

@@ -28,9 +28,7 @@ from motorgrad.training._world_stepper import WorldStepper
 SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
 
 
-def stepper_of(
-    task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0
-) -> Stepper:
+def stepper_of(task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0) -> Stepper:
     """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies."""
     if isinstance(task, BodyTask):
         return BodyStepper(task, agent, seeds, mode, threads)
@@ -57,8 +55,8 @@ def train(
     - `agent`: what learns; by default the learner that goes with the task.
     - `steps`: decisions per seed.
     - `seeds`: how many (0, 1, 2 …), or which.
-    - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was, bit
-      for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
+    - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was,
+      bit for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
     - `window`: decisions per record of the metrics, by default a two-hundredth of the steps.
     - `checkpoint_every`: seconds of wall time between checkpoints.
     - `threads`: that step the physics of bodies; 0 for one per processor.
@@ -132,9 +130,10 @@ class _Training:
     def run(self, progress: bool) -> Run:
         steps, window = self.config["run"]["steps"], self.config["run"]["window"]
         stepper, saved, count = self.stepper, time.monotonic(), 1
-        with _stop_on_interrupt() as stopped, Report(
-            self.task, len(stepper.seeds), steps, stepper.decision, progress
-        ) as report:
+        with (
+            _stop_on_interrupt() as stopped,
+            Report(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
+        ):
             while stepper.decision < steps and not stopped():
                 due = min((stepper.decision // window + 1) * window, steps)
                 made, start = min(count, due - stepper.decision), time.monotonic()

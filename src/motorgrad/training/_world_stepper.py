@@ -69,7 +69,7 @@ class WorldStepper(Stepper):
         cycle = self.cycle.act(cycle, numbers["policy"])
         state = self.world.step(state, cycle.action, numbers["world"])
         cycle, ended = self.cycle.settle(cycle, state, numbers["observe"])
-        if ended is not False:
+        if not isinstance(ended, bool):
             fresh = self.world.reset(numbers["reset"])
             state = jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, state)
             cycle = self.cycle.restart(cycle, state, ended, numbers["memory"], numbers["look"])

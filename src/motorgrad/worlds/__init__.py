@@ -7,4 +7,13 @@ from motorgrad.worlds._finite import FiniteMDP, action_index
 from motorgrad.worlds._three_state import three_state
 from motorgrad.worlds._world import World
 
-__all__ = ["AdmissionThresholds", "FiniteMDP", "World", "action_index", "call_admission", "chain", "oracle", "three_state"]
+__all__ = [
+    "AdmissionThresholds",
+    "FiniteMDP",
+    "World",
+    "action_index",
+    "call_admission",
+    "chain",
+    "oracle",
+    "three_state",
+]

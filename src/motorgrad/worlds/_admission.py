@@ -27,6 +27,9 @@ def call_admission(
 
     A state is (calls of each type in progress, which type asks to be let in, or none). Action 1 accepts the call that
     asks, if there is room. The observation is (one-hot type of the asking call, calls in progress): `(types + 1,)`.
+    Rewards belong to the action in the state where the call asks; the average reward is that of one uniformised step.
+
+    **Raises:** `ValueError` for a capacity below 1 or departures and rewards of other numbers of types.
     """
     types = len(arrivals)
     check(capacity >= 1, "capacity", capacity, "at least 1")
@@ -58,7 +61,7 @@ class AdmissionThresholds(SigmoidUnits):
     The policy of Baxter, Bartlett & Weaver (2001): one threshold a type, so three parameters; where no call asks, the
     action is without effect and the score is zero.
 
-    **Arguments:** `threshold` $\theta$, `(types,)`; `steepness` $s$, 1.5 in the source.
+    **Arguments:** `threshold` $\theta$, `(types,)`, in calls; `steepness` $s$, one number, fixed, 1.5 in the source.
     """
 
     threshold: Float[Array, " types"] = eqx.field(converter=jnp.asarray)

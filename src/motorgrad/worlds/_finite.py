@@ -23,6 +23,9 @@ class FiniteMDP(World):
     - `rewards`: `(states,)`, paid on entering a state; or `(actions, states)`, paid for an action taken in a state.
     - `observations`: `(states, inputs)`, what the policy sees.
     - `start`: the state in which an episode begins.
+
+    **Raises:** `ValueError` for arrays of other shapes, for rows that are not probabilities (to 1e-12), and for a start
+    that is no state.
     """
 
     uniforms: ClassVar[int] = 1
@@ -97,5 +100,3 @@ def _compact(transitions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     last = np.take_along_axis(order, count - 1, axis=-1)
     successors = np.where(np.arange(most) < count, order, last).astype(np.int32)
     return successors, np.cumsum(probability, axis=-1)
-
-
