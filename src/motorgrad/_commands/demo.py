@@ -13,7 +13,7 @@ class Demo:
 
     out: Path = Path("runs/demo")
     """The run directory. An unfinished run found there goes on."""
-    seconds: float = 2000.0
+    seconds: float = 1200.0
     """Simulated seconds of practice for each hopper."""
     seeds: int = 8
     """How many hoppers."""

@@ -3,18 +3,13 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
+from motorgrad.bodies._hopper_numbers import HopperNumbers
 from motorgrad.bodies._scenery import add_scenery
-
-if TYPE_CHECKING:
-    from motorgrad.bodies._hopper import Hopper
 
 SIDES = ("left", "right")
 # Joint positions count from this interior angle of the knee, so that 0 everywhere is the start pose.
@@ -26,7 +21,7 @@ _FOOT = (0.36, 0.38, 0.44, 1.0)
 _CAPSULE = (0.95, 0.95, 0.98, 0.35)
 
 
-def skeleton(hopper: Hopper) -> mujoco.MjSpec:
+def skeleton(hopper: HopperNumbers) -> mujoco.MjSpec:
     """The hopper without muscles and keyframe, with its knees at 90° and the foot's underside on the floor."""
     spec = mujoco.MjSpec()
     spec.modelname = "hopper"
@@ -48,7 +43,7 @@ def _set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
 
 
-def _add_load(spec: mujoco.MjSpec, hopper: Hopper, height: float) -> mujoco.MjsBody:
+def _add_load(spec: mujoco.MjSpec, hopper: HopperNumbers, height: float) -> mujoco.MjsBody:
     load = spec.worldbody.add_body(name="load", pos=(0.0, 0.0, height))
     load.add_joint(name="height", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1))
     # drawn as a ball of aluminium of that mass, so that a heavier load looks heavier
@@ -58,7 +53,7 @@ def _add_load(spec: mujoco.MjSpec, hopper: Hopper, height: float) -> mujoco.MjsB
     return load
 
 
-def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
+def _add_leg(load: mujoco.MjsBody, hopper: HopperNumbers, side: str) -> None:
     """Thigh, shank and, on the left, the foot. Positive joint positions mean the same on both sides."""
     mirror = 1.0 if side == "left" else -1.0
     axis, length = (0.0, mirror, 0.0), hopper.link_length
@@ -81,7 +76,7 @@ def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
         _add_foot(foot, hopper)
 
 
-def _add_capsule(thigh: mujoco.MjsBody, hopper: Hopper, side: str, mirror: float) -> None:
+def _add_capsule(thigh: mujoco.MjsBody, hopper: HopperNumbers, side: str, mirror: float) -> None:
     """The knee's sphere, and a point on either side of it that tells MuJoCo which way round a muscle goes.
 
     The points sit in the middle of the arc: behind the knee when it is flexed most, in front of it when it is
@@ -102,7 +97,7 @@ def _add_capsule(thigh: mujoco.MjsBody, hopper: Hopper, side: str, mirror: float
         thigh.add_site(name=f"{name}_{side}", pos=position, size=(0.004, 0.004, 0.004), group=4)
 
 
-def _add_foot(foot: mujoco.MjsBody, hopper: Hopper) -> None:
+def _add_foot(foot: mujoco.MjsBody, hopper: HopperNumbers) -> None:
     size = hopper.foot_size
     geom = _add_geom(foot, "foot", mujoco.mjtGeom.mjGEOM_BOX, size, (0, 0, -size[2]), hopper.foot_mass, _FOOT)
     geom.contype = 1
@@ -114,7 +109,7 @@ def _add_foot(foot: mujoco.MjsBody, hopper: Hopper) -> None:
     sole.size = np.asarray(size) + 0.01
 
 
-def _close_loop(spec: mujoco.MjSpec, hopper: Hopper) -> None:
+def _close_loop(spec: mujoco.MjSpec, hopper: HopperNumbers) -> None:
     """Right shank to foot, foot square to the line from load to foot, and that line upright or on a spring.
 
     Equal links make the two knee angles equal by themselves once the loop is closed, but leave the rhombus free to
@@ -158,13 +153,13 @@ def _add_sensors(spec: mujoco.MjSpec) -> None:
         spec.add_sensor(name=name, type=kind, objtype=object_kind, objname=of)
 
 
-def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple, hopper: Hopper) -> mujoco.MjsJoint:
+def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple, hopper: HopperNumbers) -> mujoco.MjsJoint:
     joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=hopper.armature)
     joint.damping[0] = hopper.joint_damping
     return joint
 
 
-def _add_link(body: mujoco.MjsBody, name: str, hopper: Hopper) -> None:
+def _add_link(body: mujoco.MjsBody, name: str, hopper: HopperNumbers) -> None:
     half = hopper.link_length / 2.0
     size = (0.05 * hopper.link_length, half, 0.0)
     _add_geom(body, name, mujoco.mjtGeom.mjGEOM_CAPSULE, size, (0, 0, -half), hopper.link_mass, _BONE)

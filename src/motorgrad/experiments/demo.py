@@ -26,7 +26,7 @@ class Demonstration:
     seconds: float
 
 
-def demonstrate(out: Path | str, seconds: float = 2000.0, seeds: int = 8, film_seconds: float = 8.0) -> Demonstration:
+def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_seconds: float = 8.0) -> Demonstration:
     """Train hoppers for `seconds` of simulated time each, then write the learning curve, the behaviour before and after
     (figure 5.3 of the thesis) and a film of both, into the run directory `out`. A run found there goes on."""
     started = time.monotonic()

@@ -17,8 +17,8 @@ from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper
 
-# A decision takes far less time than waking another thread for it, as asynchronous dispatch does. (This has no effect in
-# a process in which JAX is already at work.)
+# A decision takes less time than waking another thread for it, as asynchronous dispatch does. (No effect where JAX is
+# already at work.)
 jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 Numbers = dict[str, Float[Array, " size"]]

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from motorgrad.tasks import Task
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from motorgrad.training._run import Run
 
 LABELS = {
     "reward": "mean reward per decision",
@@ -19,7 +19,22 @@ LABELS = {
 }
 
 
-def learning_curves(runs: "Sequence[Run]", quantity: str = "reward", path: Path | str | None = None) -> "Figure":
+class Plotted(Protocol):
+    """What is plotted of a run."""
+
+    @property
+    def config(self) -> dict[str, Any]: ...
+
+    @property
+    def path(self) -> Path | None: ...
+
+    @property
+    def task(self) -> Task: ...
+
+    def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+def learning_curves(runs: Sequence[Plotted], quantity: str = "reward", path: Path | str | None = None) -> "Figure":
     """Learning curves of several runs in one figure: every seed, their median and their interquartile band.
 
     Values are means over each record's window of decisions, without further smoothing. **Arguments:** the runs; a

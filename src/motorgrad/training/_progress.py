@@ -43,7 +43,9 @@ class Report:
         if not self.console.is_terminal and line > self._line:
             self._line = line
             left = (self.steps - decision) / rate if rate else 0
-            self.console.print(f"{self.task.name}: {decision:,}/{self.steps:,} decisions · {facts} · {left:.0f} s left")
+            self.console.print(
+                f"{self.task.name}: {decision:,}/{self.steps:,} decisions · {facts} · {left:.0f} s left", soft_wrap=True
+            )
 
     def __enter__(self) -> Self:
         self._bar.start()

@@ -14,6 +14,7 @@ from motorgrad.policies import Policy, rebuild
 from motorgrad.tasks import Task, make
 from motorgrad.training._checkpoint import name_of
 from motorgrad.training._directory import RunDirectory, RunDirectoryError
+from motorgrad.training._plot import learning_curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,8 +75,6 @@ class Run:
 
     def plot(self, quantity: str = "reward", path: Path | str | None = None) -> "Figure":
         """The learning curve: every seed, their median and their interquartile band; saved to `path` if given."""
-        from motorgrad.training._plot import learning_curves
-
         return learning_curves([self], quantity, path)
 
 
