@@ -1,0 +1,128 @@
+"""The policies that every policy test runs over. A new kind of policy is one more line of `EXAMPLES`.
+
+An example is a function of a NumPy generator, so that each has as many parameter settings as a test likes to draw.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.policies import (
+    Factored,
+    FreeGaussians,
+    Hyperplanes,
+    LocalGaussians,
+    Motoneurons,
+    Policy,
+    Softmax,
+)
+from motorgrad.worlds import AdmissionThresholds
+
+Rng = np.random.Generator
+
+
+def _motoneurons(rng: Rng, units: int = 3) -> Motoneurons:
+    return Motoneurons(rng.normal(size=units), rng.normal(size=units, scale=3))
+
+
+def _hyperplanes(rng: Rng, units: int = 3, inputs: int = 2) -> Hyperplanes:
+    return Hyperplanes(rng.normal(size=(units, inputs)), rng.normal(size=units))
+
+
+def _local(rng: Rng, units: int = 3, inputs: int = 2, p_max=1.0) -> LocalGaussians:
+    return LocalGaussians(rng.normal(size=(units, inputs)), rng.normal(size=(units, inputs), scale=0.5), p_max)
+
+
+def _free(rng: Rng, units: int = 3, inputs: int = 2) -> FreeGaussians:
+    shape = (units, inputs)
+    return FreeGaussians(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(size=units))
+
+
+EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
+    "motoneurons": _motoneurons,
+    "hyperplanes": _hyperplanes,
+    "local-gaussians": _local,
+    "local-gaussians-p-max": lambda rng: _local(rng, p_max=rng.uniform(0.1, 0.9, size=3)),
+    "free-gaussians": _free,
+    "factored": lambda rng: Factored([_hyperplanes(rng, 1), _local(rng, 1), _free(rng, 2)]),
+    "factored-nested": lambda rng: Factored(
+        [Factored([_local(rng, 1, 1, 0.7), _motoneurons(rng, 1)]), Factored([Factored([_hyperplanes(rng, 2, 1)])])]
+    ),
+    "softmax-2": lambda rng: Softmax(rng.normal(size=(2, 3))),
+    "softmax-5": lambda rng: Softmax(rng.normal(size=(5, 3))),
+    "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
+}
+
+
+def policy_of(name: str, seed: int = 0) -> Policy:
+    """The example called `name` with the parameters of one seed, in JAX's present precision."""
+    return EXAMPLES[name](np.random.default_rng(seed))
+
+
+def observation_of(policy: Policy, seed: int = 0, scale: float = 1.0) -> jax.Array:
+    """A random observation for `policy`."""
+    return jnp.asarray(np.random.default_rng([seed, 1]).normal(size=policy.inputs, scale=scale))
+
+
+@eqx.filter_jit
+def call(policy: Policy, method: str, *arguments: Any) -> Any:
+    """`policy.method(*arguments)`, compiled once for all policies of one shape."""
+    return getattr(policy, method)(*arguments)
+
+
+@eqx.filter_jit
+def over_actions(policy: Policy, method: str, observation: Any) -> Any:
+    """A method of (observation, action) for every action, along a leading axis."""
+    return jax.vmap(lambda action: getattr(policy, method)(observation, action))(policy.enumerate())
+
+
+def _motoneurons_at(potential: float) -> tuple[Policy, np.ndarray]:
+    return Motoneurons([0.25, -0.5], [potential, -potential]), np.array([1.25])
+
+
+def _hyperplanes_at(potential: float) -> tuple[Policy, np.ndarray]:
+    return Hyperplanes([[potential, 0.0], [-potential, 0.0]], [0.0, 0.0]), np.array([1.0, -2.0])
+
+
+def _softmax_at(potential: float, actions: int) -> tuple[Policy, np.ndarray]:
+    return Softmax(np.linspace(0, potential, actions)[:, None]), np.array([1.0])
+
+
+def _gaussians_at(widths: float, p_max: float = 1.0) -> tuple[Policy, np.ndarray]:
+    return LocalGaussians([[0.0, 1.0], [0.0, 0.0]], [[0.0, -1.0], [1.0, 0.0]], p_max), np.array([widths, 1.0])
+
+
+def _free_at(widths: float, log_mass: float) -> tuple[Policy, np.ndarray]:
+    return FreeGaussians([[0.0], [0.5]], [[0.0], [-1.0]], [log_mass, 0.0]), np.array([widths])
+
+
+def _mixed_at(potential: float, widths: float) -> tuple[Policy, np.ndarray]:
+    pools = (
+        Motoneurons([0.0], [potential]),
+        LocalGaussians([[1.0 - widths]], [[0.0]]),
+        Hyperplanes([[potential]], [0.0]),
+    )
+    return Factored(pools), np.array([1.0])
+
+
+EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
+    **{f"motoneurons at {x}": lambda x=x: _motoneurons_at(x) for x in (-700.0, -50.0, 50.0, 700.0)},
+    **{f"hyperplanes at {x}": lambda x=x: _hyperplanes_at(x) for x in (-700.0, -50.0, 50.0, 700.0)},
+    **{f"softmax-2 at {x}": lambda x=x: _softmax_at(x, 2) for x in (-700.0, -50.0, 50.0, 700.0)},
+    **{f"softmax-5 at {x}": lambda x=x: _softmax_at(x, 5) for x in (-700.0, -50.0, 50.0, 700.0)},
+    **{f"gaussian {x} widths away": lambda x=x: _gaussians_at(x) for x in (0.0, 1e-4, 1.5e-3, 0.1, 40.0)},
+    "gaussian at the centre, p_max = 0.5": lambda: _gaussians_at(0.0, 0.5),
+    "gaussian 40 widths away, p_max = 0.5": lambda: _gaussians_at(40.0, 0.5),
+    "free gaussian of too great a mass": lambda: _free_at(0.0, 5.0),
+    "free gaussian 40 widths away": lambda: _free_at(40.0, 0.0),
+    "factored, saturated and capped": lambda: _mixed_at(700.0, 0.0),
+    "factored, silent and far": lambda: _mixed_at(-50.0, 40.0),
+    "admission thresholds at 700": lambda: (AdmissionThresholds([500.0, 0.0], 1.5), np.array([1.0, 0.0, 100 / 3])),
+    "admission, no call asking": lambda: (AdmissionThresholds([500.0, 0.0], 1.5), np.array([0.0, 0.0, 7.0])),
+}
+"""Places where a careless formula overflows, divides by zero or cancels: a policy and the observation that brings it
+there."""

@@ -1,0 +1,179 @@
+"""Probabilities, samples, modes and entropies of every policy, against sums over all its actions."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from policy_examples import EXAMPLES, EXTREMES, call, observation_of, over_actions, policy_of
+from scipy import stats
+
+seeds = st.integers(0, 2**31)
+few = settings(max_examples=25, deadline=None, derandomize=True)
+
+
+@eqx.filter_jit
+def samples(policy, observation, uniforms):
+    return jax.vmap(lambda u: policy.sample(observation, u))(uniforms)
+
+
+def drawn(name, seed, look):
+    policy = policy_of(name, seed)
+    observation = observation_of(policy, look)
+    return policy, observation, np.asarray(over_actions(policy, "log_prob", observation))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@few
+@given(seed=seeds, look=seeds)
+def test_probabilities_of_all_actions_sum_to_one(name, seed, look):
+    with jax.enable_x64(True):
+        _, _, log_p = drawn(name, seed, look)
+    assert np.exp(log_p).sum() == pytest.approx(1, abs=1e-13)  # at most 32 terms of rounding 1e-16
+
+
+@pytest.mark.parametrize("place", EXTREMES)
+def test_probabilities_of_all_actions_sum_to_one_at_extremes(place):
+    with jax.enable_x64(True):
+        policy, observation = EXTREMES[place]()
+        total = np.exp(over_actions(policy, "log_prob", jnp.asarray(observation))).sum()
+    assert total == pytest.approx(1, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@few
+@given(seed=seeds, look=seeds)
+def test_prob_is_the_marginal_of_the_log_probability(name, seed, look):
+    with jax.enable_x64(True):
+        policy, observation, log_p = drawn(name, seed, look)
+        actions, prob = np.asarray(policy.enumerate()), call(policy, "prob", observation)
+    marginal = np.exp(log_p) if actions.ndim == 1 else np.exp(log_p) @ actions
+    np.testing.assert_allclose(prob, marginal, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@few
+@given(seed=seeds, look=seeds)
+def test_entropy_is_the_expected_surprise(name, seed, look):
+    with jax.enable_x64(True):
+        policy, observation, log_p = drawn(name, seed, look)
+        entropy = call(policy, "entropy", observation)
+    assert entropy == pytest.approx(-np.sum(np.exp(log_p) * log_p), abs=1e-12)
+
+
+@pytest.mark.parametrize("place", EXTREMES)
+def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(place):
+    policy, observation = EXTREMES[place]()
+    single = call(policy, "entropy", jnp.asarray(observation))
+    with jax.enable_x64(True):
+        policy, observation = EXTREMES[place]()
+        log_p = np.asarray(over_actions(policy, "log_prob", jnp.asarray(observation)))
+        double = call(policy, "entropy", jnp.asarray(observation))
+    exact = -np.sum(np.exp(log_p) * log_p)
+    assert double == pytest.approx(exact, abs=1e-11)
+    # φ − φ σ(φ) at φ = 700 in single precision cancels to an ulp of 700, 6e-5
+    assert single == pytest.approx(exact, abs=2e-4)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@few
+@given(seed=seeds, look=seeds)
+def test_mode_is_the_most_probable_action(name, seed, look):
+    with jax.enable_x64(True):
+        policy, observation, log_p = drawn(name, seed, look)
+        at_mode = call(policy, "log_prob", observation, call(policy, "mode", observation))
+    assert at_mode == pytest.approx(log_p.max(), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
+    policy = policy_of(name)
+    actions = policy.enumerate()
+    sample = call(policy, "sample", jnp.zeros(policy.inputs), jnp.full(policy.uniforms, 0.5))
+    assert len(np.unique(actions, axis=0)) == len(actions)
+    assert len(actions) == (policy.outputs if actions.ndim == 1 else 2**policy.outputs)
+    assert (actions[0].shape, actions.dtype) == (sample.shape, sample.dtype)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
+    policy = policy_of(name)
+    observation = observation_of(policy)
+    uniforms = jax.random.uniform(jax.random.key(0), (64, policy.uniforms))
+    first, second = (samples(policy, observation, uniforms) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    for number in range(policy.uniforms):  # and each of the numbers matters
+        low, high = (samples(policy, observation, uniforms.at[:, number].set(u)) for u in (0.0, 1.0))
+        assert not np.array_equal(low, high)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
+    policy, points = policy_of(name), 4096
+    observation = observation_of(policy)
+    grid = (jnp.arange(points) + 0.5) / points
+    actions = np.asarray(samples(policy, observation, jnp.repeat(grid[:, None], policy.uniforms, axis=1)))
+    share = np.bincount(actions, minlength=policy.outputs) / points if actions.ndim == 1 else actions.mean(0)
+    # An interval holds its length's share of an even grid to within one point.
+    np.testing.assert_allclose(share, call(policy, "prob", observation), atol=1.01 / points)
+
+
+def check_frequencies(name, draws):
+    policy = policy_of(name)
+    observation = observation_of(policy)
+    actions = np.asarray(policy.enumerate()).reshape(-1, 1 if policy.uniforms == 1 else policy.outputs)
+    uniforms = jax.random.uniform(jax.random.key(7), (draws, policy.uniforms))
+    taken = np.asarray(samples(policy, observation, uniforms)).reshape(draws, -1)
+    weights = 2 ** np.arange(actions.shape[1])[::-1]
+    count = np.bincount((taken @ weights).astype(int), minlength=len(actions))
+    with jax.enable_x64(True):
+        expected = draws * np.exp(over_actions(policy_of(name), "log_prob", jnp.asarray(observation, float)))
+    expected = expected[np.argsort((actions @ weights).astype(int))]
+    common = expected >= 5  # the chi-square approximation wants five in a cell: the others share one
+    count, expected = (np.append(x[common], x[~common].sum()) for x in (count, expected))
+    kept = expected > 0
+    statistic = np.sum((count[kept] - expected[kept]) ** 2 / np.maximum(expected[kept], 1))
+    assert count[~kept].sum() == 0
+    # The keys are fixed; were they not, a right sampler would fail here once in a hundred thousand.
+    assert stats.chi2.sf(statistic, max(kept.sum() - 1, 1)) > 1e-5
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_actions_are_as_frequent_as_their_joint_probability(name):
+    check_frequencies(name, 20_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_actions_are_as_frequent_as_their_joint_probability_over_many_draws(name):
+    check_frequencies(name, 2_000_000)
+
+
+def everything(policy, observation, action, uniforms):
+    """All that a policy can be asked on one observation."""
+    return {
+        "prob": policy.prob(observation),
+        "sample": policy.sample(observation, uniforms),
+        "mode": policy.mode(observation),
+        "log_prob": policy.log_prob(observation, action),
+        "score": policy.score(observation, action),
+        "entropy": policy.entropy(observation),
+    }
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_mapping_over_seeds_gives_the_same_as_one_at_a_time(name):
+    policies = [policy_of(name, seed) for seed in range(3)]
+    looks = [observation_of(policy, seed) for seed, policy in enumerate(policies)]
+    actions = policies[0].enumerate()[jnp.asarray([0, 1, -1])]
+    uniforms = jax.random.uniform(jax.random.key(3), (3, policies[0].uniforms))
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies)
+    together = jax.jit(jax.vmap(everything))(stacked, jnp.stack(looks), actions, uniforms)
+    single = jax.jit(everything)
+    for seed in range(3):
+        alone = single(policies[seed], looks[seed], actions[seed], uniforms[seed])
+        for a, b in zip(jax.tree.leaves(alone), jax.tree.leaves(together), strict=True):
+            # a compiled loop may round differently by a few ulp of single precision
+            np.testing.assert_allclose(b[seed], a, rtol=1e-5, atol=1e-6)

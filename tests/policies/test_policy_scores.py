@@ -1,0 +1,145 @@
+"""Every analytic score against automatic differentiation, and where arithmetic is hardest."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jax.flatten_util import ravel_pytree
+from policy_examples import EXAMPLES, EXTREMES, call, over_actions, policy_of
+
+from motorgrad.policies import Factored, LocalGaussians, split, trainable
+
+seeds = st.integers(0, 2**31)
+
+
+@eqx.filter_jit
+def scores(policy, observation):
+    """Analytic and automatic score of every action, as arrays (actions, parameters)."""
+    parameters, rest = split(policy)
+
+    def automatic(action):
+        return jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(observation, action))(parameters)
+
+    actions = policy.enumerate()
+    flat = lambda tree: ravel_pytree(tree)[0]  # noqa: E731
+    analytic = jax.vmap(lambda action: flat(policy.score(observation, action)))(actions)
+    return analytic, jax.vmap(lambda action: flat(automatic(action)))(actions)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=seeds, look=seeds, scale=st.floats(0.01, 10))
+def test_analytic_score_is_the_derivative_of_the_log_probability(name, seed, look, scale):
+    with jax.enable_x64(True):
+        policy = policy_of(name, seed)
+        observation = jnp.asarray(np.random.default_rng(look).normal(size=policy.inputs, scale=scale))
+        analytic, automatic = scores(policy, observation)
+    # Either side rounds a few times; 1e-9 leaves room for the near-certain unit, where −p/(1 − p) is up to 1e6.
+    np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12 * (1 + scale))
+
+
+@pytest.mark.parametrize("place", EXTREMES)
+def test_analytic_score_is_the_derivative_of_the_log_probability_at_extremes(place):
+    with jax.enable_x64(True):
+        policy, observation = EXTREMES[place]()
+        analytic, automatic = scores(policy, jnp.asarray(observation))
+    assert np.isfinite(analytic).all()
+    # A − p is exact to 1 ulp of p; potentials of 700 and distances of 40² multiply that.
+    np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("place", EXTREMES)
+def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
+    policy, observation = EXTREMES[place]()
+    single, _ = scores(policy, jnp.asarray(observation))
+    single_log = over_actions(policy, "log_prob", jnp.asarray(observation))
+    with jax.enable_x64(True):
+        policy, observation = EXTREMES[place]()
+        double, _ = scores(policy, jnp.asarray(observation))
+        double_log = over_actions(policy, "log_prob", jnp.asarray(observation))
+    assert single.dtype == single_log.dtype == np.float32
+    assert np.isfinite(single).all()
+    assert np.isfinite(single_log).all()
+    # Single precision resolves 6e-8 of what enters: potentials of 700, squares of 40 and, at 1.5e-3 widths, 1/(1 − p)
+    # near its greatest value, where the input's rounding counts a thousandfold.
+    np.testing.assert_allclose(single, double, rtol=2e-4, atol=1e-4)
+    np.testing.assert_allclose(single_log, double_log, rtol=2e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
+    policy = policy_of(name)
+    score = call(policy, "score", jnp.ones(policy.inputs), policy.enumerate()[-1])
+    part = trainable(policy)
+    assert jax.tree.structure(score) == jax.tree.structure(part)
+    assert [x.shape for x in jax.tree.leaves(score)] == [x.shape for x in jax.tree.leaves(part)]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=seeds, look=seeds)
+def test_expected_score_is_zero(name, seed, look):
+    with jax.enable_x64(True):
+        policy = policy_of(name, seed)
+        observation = jnp.asarray(np.random.default_rng(look).normal(size=policy.inputs))
+        analytic, _ = scores(policy, observation)
+        weight = jnp.exp(over_actions(policy, "log_prob", observation))
+    terms = np.asarray(weight)[:, None] * np.asarray(analytic)
+    # The sum of at most 32 terms, each rounded to 1e-16 of itself.
+    np.testing.assert_allclose(terms.sum(0), 0, atol=1e-13 * (1 + np.abs(terms).max()))
+
+
+@pytest.mark.parametrize("double", [False, True])
+@pytest.mark.parametrize("action", [0.0, 1.0])
+def test_at_the_centre_of_a_certain_unit_the_score_is_zero_and_the_probability_capped(action, double):
+    with jax.enable_x64(double):
+        unit = LocalGaussians([[0.3, -0.2]], [[-1.0, -2.0]], 1.0)
+        centre, action = unit.centre[0], jnp.asarray([action])
+        score, p = unit.score(centre, action), np.asarray(unit.prob(centre))
+        log_prob, fires = np.asarray(unit.log_prob(centre, action)), bool(action[0])
+    for leaf in jax.tree.leaves(score):
+        np.testing.assert_array_equal(leaf, 0)
+    cap = 1 - 1e-6
+    assert p[0] == np.asarray(cap, p.dtype)
+    # The log-probability is formed without subtracting p from 1, which single precision resolves to 6 % of 1e-6 only.
+    assert float(log_prob) == pytest.approx(np.log(cap if fires else 1e-6), rel=1e-6)
+
+
+def test_a_capped_unit_is_sampled_with_the_capped_probability():
+    with jax.enable_x64(True):
+        unit = LocalGaussians([[0.0]], [[0.0]], 1.0)
+        at = jnp.zeros(1)
+        assert unit.sample(at, jnp.asarray([1 - 1.1e-6])) == 1
+        assert unit.sample(at, jnp.asarray([1 - 0.9e-6])) == 0
+
+
+def test_the_score_leaves_zero_where_the_cap_ends():
+    with jax.enable_x64(True):
+        unit = LocalGaussians([[0.0]], [[0.0]], 1.0)
+        edge = np.sqrt(-2 * np.log1p(-1e-6))  # where p = 1 − 1e-6
+        inside, outside = (
+            float(unit.score(jnp.asarray([edge * f]), jnp.zeros(1)).centre[0, 0]) for f in (0.999, 1.001)
+        )
+    assert inside == 0
+    # −p/(1 − p) · z, with 1 − p = 1e-6 at the edge and 0.2 % more at 1.001 of it
+    assert outside == pytest.approx(-edge / 1e-6, rel=3e-3)
+
+
+@pytest.mark.parametrize("name", ["factored", "factored-nested"])
+def test_factored_log_probability_is_the_sum_and_score_the_concatenation_of_the_pools(name):
+    policy = policy_of(name)
+    assert isinstance(policy, Factored)
+    observation = jnp.full(policy.inputs, 0.4)
+    ends = np.cumsum([pool.outputs for pool in policy.pools])
+    for action in policy.enumerate():
+        parts = np.split(np.asarray(action), ends[:-1])
+        total = sum(pool.log_prob(observation, part) for pool, part in zip(policy.pools, parts, strict=True))
+        # a sum of at most four float32 numbers, in another order
+        assert float(policy.log_prob(observation, action)) == pytest.approx(float(total), rel=1e-6)
+        score = policy.score(observation, action)
+        for own, pool, part in zip(score.pools, policy.pools, parts, strict=True):
+            for a, b in zip(jax.tree.leaves(own), jax.tree.leaves(pool.score(observation, part)), strict=True):
+                np.testing.assert_array_equal(a, b)

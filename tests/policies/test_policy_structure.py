@@ -1,0 +1,191 @@
+"""What is learnt and what is fixed, storing a policy's structure, refusing wrong shapes, and the initial policies."""
+
+import json
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from policy_examples import EXAMPLES, observation_of, policy_of
+
+from motorgrad import policies
+from motorgrad.policies import (
+    INITIAL,
+    Factored,
+    FreeGaussians,
+    Hyperplanes,
+    LocalGaussians,
+    Motoneurons,
+    Softmax,
+    describe,
+    initial,
+    rebuild,
+    split,
+    trainable,
+)
+from motorgrad.worlds import AdmissionThresholds
+
+FIXED = {"p_max", "steepness"}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_trainable_and_fixed_parts_join_to_the_policy(name):
+    policy = policy_of(name)
+    learnt, rest = split(policy)
+    assert len(jax.tree.leaves(learnt)) + len(jax.tree.leaves(rest)) == len(jax.tree.leaves(policy))
+    assert eqx.tree_equal(eqx.combine(learnt, rest), policy)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_fixed_arrays_are_none_in_the_trainable_part_and_in_scores(name):
+    policy = policy_of(name)
+    score = policy.score(observation_of(policy), policy.enumerate()[0])
+    for tree in (trainable(policy), score):
+        names = {path[-1].name for path, _ in jax.tree_util.tree_leaves_with_path(tree)}
+        assert names
+        assert not names & FIXED
+
+
+@pytest.mark.parametrize(
+    ("policy", "field"),
+    [(LocalGaussians([[0.0]], [[0.0]], 0.5), "p_max"), (AdmissionThresholds([1.0, 2.0]), "steepness")],
+)
+def test_a_fixed_field_is_in_the_fixed_part_alone(policy, field):
+    learnt, rest = split(policy)
+    assert getattr(learnt, field) is None
+    assert getattr(rest, field) is not None
+
+
+def test_integer_arrays_are_not_trainable():
+    class Masked(Softmax):
+        mask: jax.Array = eqx.field(converter=jnp.asarray, default=0)
+
+    assert trainable(Masked([[1.0]], [3])).mask is None
+
+
+@pytest.mark.parametrize("double", [False, True])
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_described_policy_is_rebuilt_through_json(name, double):
+    with jax.enable_x64(double):
+        policy = policy_of(name)
+        shapes = rebuild(json.loads(json.dumps(describe(policy))))
+        assert jax.tree.structure(shapes) == jax.tree.structure(policy)
+        for shape, leaf in zip(jax.tree.leaves(shapes), jax.tree.leaves(policy), strict=True):
+            assert (shape.shape, shape.dtype) == (leaf.shape, leaf.dtype)
+        filled = jax.tree.unflatten(jax.tree.structure(shapes), jax.tree.leaves(policy))
+        observation = observation_of(policy)
+        np.testing.assert_array_equal(filled.prob(observation), policy.prob(observation))
+
+
+def test_a_stored_kind_names_the_public_place_of_the_class():
+    assert describe(Softmax([[1.0]]))["kind"] == "motorgrad.policies.Softmax"
+    assert describe(AdmissionThresholds([1.0]))["kind"] == "motorgrad.worlds.AdmissionThresholds"
+
+
+def test_rebuilding_an_unknown_kind_is_refused_with_the_nearest():
+    with pytest.raises(ValueError, match=r"did you mean 'motorgrad\.policies\.Softmax'"):
+        rebuild({"kind": "motorgrad.policies.Softmaxx", "weights": "float32[2,2]"})
+
+
+def test_rebuilding_runs_no_code_outside_the_known_policies():
+    with pytest.raises(ValueError, match=r"unknown kind of policy 'os\.system'"):
+        rebuild({"kind": "os.system", "weights": "float32[2,2]"})
+
+
+one, two, square = np.zeros(1), np.zeros(2), np.zeros((2, 2))
+
+
+@pytest.mark.parametrize(
+    ("build", "names"),
+    [
+        (lambda: Motoneurons(square, square), "threshold = (2, 2)"),
+        (lambda: Motoneurons(two, one), "gain = (1,): must be of shape (2,)"),
+        (lambda: Hyperplanes(two, two), "weights = (2,)"),
+        (lambda: Hyperplanes(square, one), "bias = (1,): must be of shape (2,)"),
+        (lambda: Softmax(two), "weights = (2,)"),
+        (lambda: LocalGaussians(two, two), "centre = (2,)"),
+        (lambda: LocalGaussians(square, two), "log_width = (2,): must be of shape (2, 2)"),
+        (lambda: LocalGaussians(square, square, np.ones(3)), "p_max = (3,)"),
+        (lambda: LocalGaussians(square, square, 0.0), "p_max = 0.0: must be in (0, 1]"),
+        (lambda: LocalGaussians(square, square, [0.5, 1.5]), "p_max = [0.5, 1.5]: must be in (0, 1]"),
+        (lambda: LocalGaussians(square, square, np.nan), "p_max = nan"),
+        (lambda: FreeGaussians(square, square, one), "log_mass = (1,): must be of shape (2,)"),
+        (lambda: Factored([]), "pools = (): must be at least one"),
+        (lambda: Factored([Motoneurons(two, two), Hyperplanes(square, two)]), "pools = [1, 2]"),
+        (lambda: AdmissionThresholds(square), "threshold = (2, 2)"),
+        (lambda: AdmissionThresholds(two, two), "steepness = (2,)"),
+    ],
+)
+def test_wrong_shapes_and_values_are_refused_by_name(build, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        build()
+    assert names in str(error.value)
+
+
+def started(start, seed=0):
+    return start if isinstance(start, policies.Policy) else start(jax.random.key(seed))
+
+
+@pytest.mark.parametrize("name", INITIAL)
+def test_initial_policies_fit_the_task(name):
+    task = SimpleNamespace(observation_size=1, action_size=3)
+    policy = started(initial(name, task))
+    assert (policy.inputs, policy.outputs) == (1, 3)
+
+
+@pytest.mark.parametrize("name", INITIAL)
+def test_initial_policies_can_be_made_from_sizes_alone(name):
+    policy = started(INITIAL[name](1, 4))
+    assert (policy.inputs, policy.outputs) == (1, 4)
+
+
+@pytest.mark.parametrize("name", ["hyperplanes", "softmax"])
+def test_zero_weights_are_the_policy_of_most_entropy(name):
+    policy = started(INITIAL[name](2, 3))
+    log_count = np.log(len(policy.enumerate()))
+    assert policy.entropy(jnp.asarray([0.3, -7.0])) == pytest.approx(log_count, rel=1e-6)  # float32
+
+
+@pytest.mark.parametrize("name", ["gaussians", "motoneurons"])
+def test_random_initial_policies_are_functions_of_the_key(name):
+    make = INITIAL[name](1, 5)
+    assert eqx.tree_equal(make(jax.random.key(1)), make(jax.random.key(1)))
+    assert not eqx.tree_equal(make(jax.random.key(1)), make(jax.random.key(2)))
+
+
+def test_motoneurons_start_with_gain_zero_and_thresholds_in_the_interval():
+    policy = started(initial("motoneurons", 1, units=1000, low=2.0, high=10.0))
+    np.testing.assert_array_equal(policy.gain, 0)
+    assert 2 <= policy.threshold.min() < 2.2 < 9.8 < policy.threshold.max() <= 10
+
+
+def test_gaussians_start_with_their_width_and_height_and_centres_in_the_interval():
+    policy = started(initial("gaussians", 2, units=500, width=0.2, p_max=0.5, low=0.0, high=3.0))
+    np.testing.assert_allclose(np.exp(policy.log_width), 0.2, rtol=1e-6)
+    np.testing.assert_array_equal(policy.p_max, 0.5)
+    assert 0 <= policy.centre.min() < 0.1 < 2.9 < policy.centre.max() <= 3
+
+
+def test_an_unknown_initial_policy_is_refused_with_the_nearest():
+    with pytest.raises(ValueError, match="unknown policy 'hyperplane': did you mean 'hyperplanes'"):
+        initial("hyperplane", 2, units=1)
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: policies.hyperplanes(0, 2), "inputs = 0"),
+        (lambda: policies.hyperplanes(2), "outputs = None"),
+        (lambda: policies.softmax(2, 0), "outputs = 0"),
+        (lambda: policies.motoneurons(2, 3), "inputs = 2: must be 1"),
+        (lambda: policies.motoneurons(1, 3, low=1.0, high=1.0), "low, high = (1.0, 1.0)"),
+        (lambda: policies.gaussians(2, 3, width=0.0), "width = 0.0"),
+        (lambda: policies.gaussians(2, 3, low=1.0, high=0.0), "low, high = (1.0, 0.0)"),
+    ],
+)
+def test_impossible_initial_settings_are_refused_by_name(make, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        make()
+    assert names in str(error.value)
