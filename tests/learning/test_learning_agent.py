@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 
 from motorgrad.learning import (
@@ -21,7 +22,7 @@ from motorgrad.learning import (
     Window,
     sgd,
 )
-from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
+from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax, hyperplanes
 
 STEPS, UNITS, INPUTS = 200, 2, 3
 RATE = 0.05
@@ -272,3 +273,18 @@ def test_fixed_settings_of_a_policy_are_not_learnt():
 def test_impossible_settings_are_refused_by_name(make, names):
     with pytest.raises(ValueError, match=names):
         make()
+
+
+def test_a_diverged_step_moves_nothing_even_with_momentum():
+    agent = Agent(hyperplanes(2, 1), Olgarb(0.9), optax.chain(optax.trace(0.9), sgd(0.1)))
+    state = agent.init(jax.random.key(0))
+    y, u = jnp.array([0.3, -0.4]), jnp.array([0.1])
+    state, _ = agent.act(state, y, u)
+    state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
+    state, _ = agent.act(state, y, u)
+    lost = jnp.array(True)
+    after = agent.improve(agent.reinforce(state, jnp.float32(5.0), y, diverged=lost), lost, lost)
+    for before, now in zip(
+        jax.tree.leaves((state.policy, state.ascent)), jax.tree.leaves((after.policy, after.ascent)), strict=True
+    ):
+        np.testing.assert_array_equal(before, now)

@@ -132,16 +132,18 @@ class Agent:
         )
         return _where(ended, fresh, state)
 
-    def improve(self, state: AgentState, ended: Flag = False) -> AgentState:
+    def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time.
 
-        `ended` says whether an episode has just ended, for estimators that improve once an episode.
+        `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
+        `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
         """
         estimator = self.estimator
         if estimator.improve == "never":
             return state
         if estimator.online:
-            return self._step(state, state.gradient)._replace(gradient=None)
+            moved = self._step(state, state.gradient)._replace(gradient=None)
+            return moved if diverged is False else _where(diverged, state._replace(gradient=None), moved)
         running = _running(state)
         full = ended if estimator.improve == "episode" else running.count >= estimator.improve
         if full is False:

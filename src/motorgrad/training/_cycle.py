@@ -106,7 +106,7 @@ class Cycle:
                 ended = flag if ended is False else ended | flag
         if self.mode == "learn":
             agent = self.agent.reinforce(agent, reward, observation, terminated, truncated, diverged)
-            agent = self.agent.improve(agent, ended)
+            agent = self.agent.improve(agent, ended, diverged)
         tally = self._count(cycle.tally, memory, state, reward, ended, diverged)
         return CycleState(agent, memory, observation, cycle.action, elapsed, tally), ended
 
