@@ -1,7 +1,7 @@
 """Settings: building frozen dataclasses from plain tables, refusing what they do not know."""
 
 import dataclasses
-import math
+import sys
 import types
 import typing
 from collections.abc import Mapping
@@ -15,7 +15,8 @@ T = TypeVar("T")
 def build(cls: type[T], values: Mapping[str, Any], where: str = "") -> T:
     """An instance of the dataclass `cls` from a table of `values`; a field that is a dataclass takes a table itself.
 
-    **Raises:** `ValueError` that names the unknown key and the nearest known one, or the value of a wrong type.
+    **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type, or the key
+    that is missing.
     """
     hints = typing.get_type_hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
@@ -27,6 +28,9 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "") -> T:
             given[key] = _convert(hints[key], value, f"{where}.{key}" if where else key)
         except TypeError as error:
             raise ValueError(str(error)) from None
+    for name, field in fields.items():
+        if name not in given and field.default is field.default_factory is dataclasses.MISSING:
+            raise ValueError(f"{f'{where}.{name}' if where else name}: must be given")
     return cls(**given)
 
 
@@ -56,6 +60,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if hint is Any:
         return value
     if origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in options:
+            return None
         for option in options:
             try:
                 return _convert(option, value, where)
@@ -76,7 +82,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise TypeError(f"{where} = {value!r}: must be a table")
-        return dict(value)
+        return {name: _convert(options[1], item, f"{where}.{name}") for name, item in value.items()}
     if dataclasses.is_dataclass(hint):
         if isinstance(value, Mapping):
             return build(typing.cast(type, hint), value, where)
@@ -84,7 +90,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             return value
         raise TypeError(f"{where} = {value!r}: must be a table of the settings of {_name(hint)}")
     if hint is float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not -sys.float_info.max <= value <= sys.float_info.max:
             raise TypeError(f"{where} = {value!r}: must be a finite number")
         return float(value)
     if (hint is int and isinstance(value, bool)) or not isinstance(value, hint):

@@ -14,7 +14,7 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit status: 0 done, 1 failed, 2 refused what was asked, 130 stopped by Ctrl-C."""
+    """Run a command; the exit status: 0 done, 2 refused what was asked, 130 stopped by Ctrl-C."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help())

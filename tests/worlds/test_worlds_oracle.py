@@ -132,7 +132,7 @@ def test_bits_of_a_factored_policy_are_the_mdps_actions_in_order():
 def test_several_recurrent_classes_are_refused():
     mdp = FiniteMDP([np.eye(2), np.eye(2)], [0, 1], np.eye(2))
     for function in (oracle.average_reward, oracle.gradient, oracle.stationary_distribution):
-        with pytest.raises(ValueError, match="policy = 'several recurrent classes'"):
+        with pytest.raises(ValueError, match="policy = '2 recurrent classes'"):
             function(mdp, Softmax(np.zeros((2, 2))))
 
 

@@ -1,6 +1,9 @@
 """`motorgrad demo`: a body learns to hop."""
 
 import dataclasses
+import os
+import shutil
+import sys
 from pathlib import Path
 
 from motorgrad._commands._shared import parse, summary, write_json
@@ -23,20 +26,29 @@ class Demo:
 
 def run(arguments: list[str]) -> int:
     options = parse(Demo, arguments, "demo")
-    shown = demo.demonstrate(options.out, options.seconds, options.seeds)
+    try:
+        shown = demo.demonstrate(options.out, options.seconds, options.seeds)
+    except KeyboardInterrupt:
+        print(f"stopped; everything is saved in {options.out}, and the same command goes on", file=sys.stderr)
+        return 130
     if str(options.json) != "-":
-        print()
-        print("\n".join(demo.in_words(shown)))
-        print(f"\nIt took {shown.seconds:.0f} s. Look at:")
-        for what, path in shown.files.items():
-            print(f"  {what:<28} {path}")
-        print("\n".join(shown.notes))
-        print("Try next:")
-        print(f"  motorgrad evaluate {options.out} --mode mode        the most probable actions only")
-        print("  motorgrad train hopper --task.penalty 0.3 --seeds 4 --out runs/lazy")
-        print(f"  motorgrad plot {options.out} runs/lazy --quantity apex")
-        print("  motorgrad list                              what else there is")
+        _say(shown, options.out)
     files = {name: str(path) for name, path in shown.files.items()}
     heights = {"before": summary(shown.before.readings["apex"]), "after": summary(shown.after.readings["apex"])}
     write_json(options.json, {"files": files, "apex": heights, "seconds": shown.seconds, "run": str(options.out)})
-    return 0 if shown.run.complete else 130
+    return 0
+
+
+def _say(shown: demo.Demonstration, out: Path) -> None:
+    program = "motorgrad" if shutil.which("motorgrad") else os.path.relpath(sys.argv[0])
+    print("\n" + "\n".join(demo.in_words(shown)))
+    print(f"\nIt took {shown.seconds:.0f} s. Look at:")
+    for what, path in shown.files.items():
+        print(f"  {what:<28} {path}")
+    for note in shown.notes:
+        print(note)
+    print("\nTry next:")
+    print(f"  {program} evaluate {out} --mode mode        the most probable actions only")
+    print(f"  {program} train hopper --task.penalty 0.3 --seeds 4 --out runs/lazy")
+    print(f"  {program} plot {out} runs/lazy --quantity apex")
+    print(f"  {program} list                              what else there is")

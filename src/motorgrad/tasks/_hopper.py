@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -65,16 +66,18 @@ class Hopper(BodyTask):
 
     def __post_init__(self) -> None:
         choice("paid", self.paid, ("landing", "apex"))
-        check(self.hop_height > 0, "hop_height", self.hop_height, "a positive height in m")
+        for name in ("reward_scale", "velocity_scale"):
+            check(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
+        check(0 < self.hop_height < math.inf, "hop_height", self.hop_height, "a positive height in m")
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
-        check(self.penalty >= 0, "penalty", self.penalty, "at least 0")
+        check(0 <= self.penalty < math.inf, "penalty", self.penalty, "a finite number of at least 0")
         ratio = self.action_period / self.body.timestep
-        whole = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6
+        whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) < 1e-6
         check(
             whole, "action_period", self.action_period, f"a positive multiple of the time step, {self.body.timestep} s"
         )
         check(
-            self.time_limit is None or self.time_limit >= self.action_period,
+            self.time_limit is None or self.action_period <= self.time_limit < math.inf,
             "time_limit",
             self.time_limit,
             f"None or at least one action period, {self.action_period} s",

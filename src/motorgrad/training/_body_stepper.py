@@ -17,8 +17,8 @@ from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper
 
-# A decision takes less time than waking another thread for it, as asynchronous dispatch does. (No effect where JAX is
-# already at work.)
+# A decision takes less time than waking another thread for it, as asynchronous dispatch does. The setting is the whole
+# process's, and has no effect where JAX is already at work.
 jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 Numbers = dict[str, Float[Array, " size"]]
@@ -62,9 +62,11 @@ class BodyStepper(Stepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self._unpack(self._cycles)
-        return jax.tree.map(np.array, {"cycle": cycle, "action": self._out, "physics": self.batch.snapshot()})
+        parts = {"cycle": cycle, "action": self._out, "physics": self.batch.snapshot()}
+        return jax.tree.map(np.array, {"decision": self.decision, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
+        self.decision = int(state["decision"])
         self.batch.restore(state["physics"])
         self._cycles = self._pack(state["cycle"])
         self._out = jnp.array(state["action"])

@@ -45,10 +45,11 @@ class RunDirectory:
     def __enter__(self) -> Self:
         if self.path.exists() and not self.path.is_dir():
             raise RunDirectoryError(f"{self.path} is a file, not a run directory")
-        if self.path.is_dir() and not self.started and any(p.name != ".lock" for p in self.path.iterdir()):
-            kept = [p for p in self.path.iterdir() if not p.name.startswith(".")]
-            if kept:
-                raise RunDirectoryError(f"{self.path} holds other files ({kept[0].name}) and no config.toml: not a run")
+        if self.path.is_dir() and not self.started:
+            # Empty folders and hidden files are what a run leaves that was killed before it had written anything.
+            files = (p for p in self.path.rglob("*") if p.is_file() and not p.name.startswith("."))
+            if (found := next(files, None)) is not None:
+                raise RunDirectoryError(f"{self.path} holds other files ({found.name}) and no config.toml: not a run")
         self.path.mkdir(parents=True, exist_ok=True)
         try:
             self._lock.acquire()
@@ -57,8 +58,6 @@ class RunDirectory:
             who = f" (process {holder.read_text()})" if holder.exists() else ""
             raise RunDirectoryError(f"{self.path} is in use by another process{who}") from None
         (self.path / ".holder").write_text(str(os.getpid()))
-        for name in ("metrics", "checkpoint", "figures"):
-            (self.path / name).mkdir(exist_ok=True)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -77,7 +76,10 @@ class RunDirectory:
         return tomllib.loads((self.path / "config.toml").read_text())
 
     def write_config(self, config: dict[str, Any]) -> None:
+        """Make the folder a run's; nothing else may be put there before."""
         write_atomically(self.path / "config.toml", tomli_w.dumps(config).encode())
+        for name in ("metrics", "checkpoint", "figures"):
+            (self.path / name).mkdir(exist_ok=True)
 
     def note_session(self, seeds: list[int]) -> None:
         """Add the present process to the run's provenance."""
@@ -107,11 +109,12 @@ class RunDirectory:
 
     def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
         """The newest whole checkpoint. A damaged one is said (`RunWarning`) and the one before it used."""
-        for path in reversed(self._checkpoints()):
+        for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
                 return load(path)
             except (CorruptCheckpoint, OSError, KeyError, ValueError) as error:
-                warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
+                instead = "using the checkpoint before it" if before else "there is none before it"
+                warnings.warn(f"{error}; {instead}", RunWarning, stacklevel=2)
         return None
 
     def roll_back(self, decision: int) -> None:

@@ -96,7 +96,5 @@ def load(path: Path | str) -> Run:
 
     policies, initial = filled(arrays, "cycle.agent.policy."), filled(directory.initial(), "")
     metrics = directory.metrics()
-    if metrics is None:
-        raise RunDirectoryError(f"{path} has no records yet")
-    metrics = metrics.filter(pc.field("decision") <= about["decision"])
+    metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
     return Run(config, about["decision"], metrics, policies, initial, Path(path))

@@ -42,7 +42,7 @@ class Stepper(abc.ABC):
     @property
     @abc.abstractmethod
     def state(self) -> PyTree[np.ndarray]:
-        """A copy of everything that the future depends on; seeds lead every array."""
+        """A copy of everything that the future depends on: `decision`, the number made, and arrays whose seeds lead."""
 
     @abc.abstractmethod
     def restore(self, state: PyTree[np.ndarray]) -> None:

@@ -3,11 +3,12 @@
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
+import numpy as np
 import pyarrow as pa
 
 from motorgrad._errors import check
@@ -15,7 +16,7 @@ from motorgrad._settings import table
 from motorgrad.learning import Agent
 from motorgrad.tasks import BodyTask, Task, make
 from motorgrad.training._body_stepper import BodyStepper
-from motorgrad.training._checkpoint import into
+from motorgrad.training._checkpoint import fingerprint, into
 from motorgrad.training._cycle import Mode
 from motorgrad.training._directory import RunDirectory, RunDirectoryError
 from motorgrad.training._progress import Report
@@ -53,11 +54,12 @@ def train(
 
     - `task`: a task, or the name of one.
     - `agent`: what learns; by default the learner that goes with the task.
-    - `steps`: decisions per seed.
+    - `steps`: decisions per seed; where the directory holds a run of more, that run is given back.
     - `seeds`: how many (0, 1, 2 …), or which.
     - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was,
       bit for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
-    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps.
+    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run under way
+      has.
     - `checkpoint_every`: seconds of wall time between checkpoints.
     - `threads`: that step the physics of bodies; 0 for one per processor.
     - `progress`: whether to show how far it is.
@@ -69,16 +71,23 @@ def train(
     """
     task = make(task) if isinstance(task, str) else task
     agent = settings_for(task).agent(task) if agent is None else agent
-    chosen = list(range(seeds)) if isinstance(seeds, int) else [int(seed) for seed in seeds]
-    check(isinstance(steps, int) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
+    check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "how many, or a list of them")
+    chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)
+    check(_whole(steps) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
     check(len(chosen) > 0, "seeds", seeds, "at least one seed")
+    valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
+    check(valid, "seeds", seeds, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", seeds, "all different")
-    check(all(0 <= seed < 2**31 for seed in chosen), "seeds", seeds, "integers from 0 to 2147483647")
-    check(window is None or window >= 1, "window", window, "at least 1 decision")
+    check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
     check(checkpoint_every >= 0, "checkpoint_every", checkpoint_every, "at least 0 seconds")
-    check(threads >= 0, "threads", threads, "0 for all processors, or their number")
+    check(_whole(threads) and threads >= 0, "threads", threads, "0 for all processors, or their number")
+    chosen = [int(seed) for seed in chosen]
     with nullcontext() if out is None else RunDirectory(out) as directory:
-        return _Training(task, agent, steps, chosen, directory, window, checkpoint_every, threads).run(progress)
+        return _Training(task, agent, int(steps), chosen, directory, window, checkpoint_every, threads).run(progress)
+
+
+def _whole(value: Any) -> TypeGuard[int]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 class _Training:
@@ -98,10 +107,12 @@ class _Training:
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
         self.stepper = stepper_of(task, agent, seeds, threads=threads)
         self.config: dict[str, Any] = {
-            "run": {"steps": steps, "seeds": seeds, "window": window or max(1, steps // 200)},
+            "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
             "task": {"name": task.name, **table(task)},
             "agent": describe_agent(agent, self.stepper.policy),
         }
+        learner = self.stepper.state["cycle"].agent
+        self.config["agent"]["initial"] = fingerprint((learner.policy, learner.ascent))
         self.records = Records(self.stepper.seeds, task.period)
         self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
@@ -116,6 +127,7 @@ class _Training:
                 self.config["run"]["window"] = before["run"]["window"]
             self.config["run"]["steps"] = max(self.config["run"]["steps"], before["run"]["steps"])
             _same(before, self.config, directory.path)
+        directory.write_config(self.config)
         if (found := directory.latest()) is None:
             directory.roll_back(0)
             directory.save_initial(self.initial)
@@ -123,8 +135,7 @@ class _Training:
             arrays, about = found
             directory.roll_back(about["decision"])
             self.stepper.restore(into(self.stepper.state, arrays))
-            self.stepper.decision, self.recorded, self.wall = about["decision"], about["recorded"], about["wall"]
-        directory.write_config(self.config)
+            self.recorded, self.wall = about["recorded"], about["wall"]
         directory.note_session(self.config["run"]["seeds"])
 
     def run(self, progress: bool) -> Run:

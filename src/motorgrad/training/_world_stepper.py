@@ -39,9 +39,10 @@ class WorldStepper(Stepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle, world = self._carry
-        return seeds_first({"cycle": cycle, "world": world})
+        return {"decision": np.array(self.decision), **seeds_first({"cycle": cycle, "world": world})}
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
+        self.decision = int(state["decision"])
         self._carry = (seeds_last(state["cycle"]), seeds_last(state["world"]))
 
     def harvest(self) -> Record:

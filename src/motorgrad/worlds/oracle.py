@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
+from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
 from motorgrad.policies import Policy, split
@@ -108,11 +109,12 @@ def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
 
 
 def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
-    states = len(matrix)
-    system = np.vstack([matrix.T - np.eye(states), np.ones(states)])
-    pi, _, rank, _ = np.linalg.lstsq(system, np.eye(states + 1)[-1], rcond=1e-13)
-    check(rank == states, "policy", "several recurrent classes", "one whose chain has a unique stationary distribution")
-    return pi
+    r"""Solves $\pi'(I - P + ee') = e'$, which has one solution if and only if one recurrent class has no way out."""
+    count, of = connected_components(matrix > 0, connection="strong")
+    leaving = {of[i] for i, j in zip(*np.nonzero(matrix), strict=True) if of[i] != of[j]}
+    closed = count - len(leaving)
+    check(closed == 1, "policy", f"{closed} recurrent classes", "one whose chain has a unique stationary distribution")
+    return np.linalg.solve((np.eye(len(matrix)) - matrix + 1).T, np.ones(len(matrix)))
 
 
 def _double(policy: P) -> P:

@@ -1,0 +1,54 @@
+# motorgrad: `make demo` and `make test` set up what they need on first use.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.motorgrad-installed
+WORKERS ?= 2
+
+# One test process per worker: libraries that would start a thread per core in each are told not to.
+QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS)
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-all lint format bench clean
+
+help:  ## say what there is
+	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+
+install: $(STAMP)  ## set up .venv with the tested versions (the other targets do it by themselves)
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "motorgrad needs Python 3.11 or later; say make PYTHON=python3.12, for example"; exit 1; }
+	@echo "Setting up $(VENV): some minutes the first time, on a slow line."
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(STAMP)  ## a body learns to hop: learning curve, behaviour and film, in about two minutes
+	@if test -f runs/demo/config.toml; then \
+		echo "runs/demo holds a run: it goes on, or is shown again if it is complete. For a new one: rm -r runs/demo"; fi
+	@$(BIN)/motorgrad demo
+
+test: $(STAMP)  ## the quick tests, and of the slow ones those that every change must pass
+	$(PYTEST) -m "not slow or ci"
+
+test-all: $(STAMP)  ## all tests
+	$(PYTEST)
+
+lint: $(STAMP)  ## style, format and types
+	$(BIN)/ruff check src tests
+	$(BIN)/ruff format --check src tests
+	$(BIN)/pyright
+
+format: $(STAMP)  ## put the format right
+	$(BIN)/ruff check --fix src tests
+	$(BIN)/ruff format src tests
+
+bench: $(STAMP)  ## the speed table of docs/performance.md
+	$(BIN)/motorgrad bench
+
+clean:  ## remove caches and built files; runs and .venv stay
+	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,86 @@
+"""What the documentation says is true: its Python runs and prints what it says, and its links lead somewhere."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from motorgrad.tasks import TASKS
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+MOST = 500  # decisions per seed that a page may train for here; docs/index.md says so
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def python_of(page: Path) -> list[str]:
+    """The page's Python, with training cut short."""
+
+    def cut(found: re.Match[str]) -> str:
+        return f"steps={min(int(found[1]), MOST)}"
+
+    text = page.read_text(encoding="utf-8")
+    return [re.sub(r"\bsteps=([\d_]+)", cut, code) for kind, code in FENCE.findall(text) if kind == "python"]
+
+
+def anchors_of(page: Path) -> set[str]:
+    """The places of a page that links may name, as GitHub makes them of headings."""
+    prose = FENCE.sub("", page.read_text(encoding="utf-8"))
+    headings = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.fixture(autouse=True)
+def _left_as_found(tmp_path, monkeypatch):
+    (tmp_path / "tests").symlink_to(ROOT / "tests")  # a page may use a model from there
+    monkeypatch.chdir(tmp_path)
+    callback, tasks = mujoco.get_mjcb_act_gain(), dict(TASKS)
+    yield
+    mujoco.set_mjcb_act_gain(callback)
+    TASKS.clear()
+    TASKS.update(tasks)
+
+
+def check_bodies(names):
+    np.testing.assert_allclose(names["state"].sensors["foot_height"], 0.50, atol=0.005)
+    assert names["strapped"].groups == ("flexor", "extensor", "strap")
+    assert names["model"].opt.gravity[2] == -1.62
+    assert names["xml"].startswith("<mujoco")
+
+
+CHECKS = {"docs/bodies.md": check_bodies}
+"""What else holds on a page, given the names that its blocks define."""
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)], ids=name_of)
+def test_the_code_runs_and_prints_what_the_page_says(page, capsys):
+    names: dict = {"__name__": "page"}
+    for number, code in enumerate(python_of(page), 1):
+        exec(compile(code, f"{name_of(page)}, block {number}", "exec"), names)
+        printed = iter(capsys.readouterr().out.splitlines())
+        for promised in re.findall(r"# → (.*)$", code, re.MULTILINE):
+            assert promised in printed, f"block {number} prints this, in order"
+    CHECKS.get(name_of(page), lambda names: None)(names)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_links_lead_somewhere(page):
+    for link in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors_of(target), link
+
+
+def test_every_page_is_on_the_map():
+    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert pages <= set(LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8")))

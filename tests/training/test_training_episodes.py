@@ -1,0 +1,158 @@
+"""Episodes: cut by a time limit or ended by the task, they begin anew, and the learner with them."""
+
+import dataclasses
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from training_examples import assert_same, learner
+
+import motorgrad as mg
+from motorgrad.tasks import Chain, Hopper
+
+SEEDS = [0, 1, 2, 3]
+
+
+@dataclasses.dataclass(frozen=True)
+class EndedChain(Chain):
+    """A chain whose last state ends the episode."""
+
+    name: ClassVar[str] = "ended-chain"
+    episodic: ClassVar[bool] = True
+
+    def reward(self, memory, state, action):
+        memory, reward, _ = super().reward(memory, state, action)
+        return memory, reward, state == self.length - 1
+
+
+@dataclasses.dataclass(frozen=True)
+class OneHop(Hopper):
+    """A hopper whose episode ends with its first landing; what it observes tells how old its memory is."""
+
+    name: ClassVar[str] = "one-hop"
+    episodic: ClassVar[bool] = True
+
+    def reward(self, memory, state, action):
+        memory, reward, _ = super().reward(memory, state, action)
+        return memory, reward, memory.landed > 0
+
+
+def row(tree, which=0):
+    return jax.tree.map(lambda leaf: leaf[which], tree)
+
+
+def test_a_chain_is_cut_and_begins_anew():
+    stepper = learner(Chain(length=9, time_limit=7), SEEDS)
+    for end in (7, 14):
+        stepper.advance(6)
+        within = stepper.state
+        assert (within["cycle"].elapsed == 6).all()
+        assert all(np.abs(leaf).max() > 0 for leaf in jax.tree.leaves(within["cycle"].agent.trace))
+        stepper.advance(1)
+        state = stepper.state
+        assert stepper.decision == end
+        np.testing.assert_array_equal(state["world"], 0)
+        np.testing.assert_array_equal(state["cycle"].elapsed, 0)
+        np.testing.assert_array_equal(state["cycle"].observation, np.eye(9)[[0] * len(SEEDS)])
+        for leaf in jax.tree.leaves(state["cycle"].agent.trace):
+            np.testing.assert_array_equal(leaf, 0)
+    np.testing.assert_array_equal(stepper.harvest()["episodes"], 2)
+
+
+def test_the_last_reward_of_an_episode_is_learnt_from():
+    # The chain's only reward is its end's, where the episode is over: without it nothing would be learnt.
+    task = EndedChain(length=3)
+    stepper = learner(task, SEEDS)
+    first = stepper.policies()
+    stepper.advance(40)
+    record = stepper.harvest()
+    assert record["episodes"].min() >= 1
+    np.testing.assert_array_equal(record["reward"], record["episodes"])
+    assert (np.abs(stepper.policies().weights - first.weights).max(axis=(1, 2)) > 0).all()
+
+
+@pytest.mark.parametrize("limit", [None, 5])
+def test_a_task_that_ends_its_episode_begins_anew(limit):
+    task = EndedChain(length=3, time_limit=limit)
+    stepper = learner(task, SEEDS)
+    longest = 0
+    states, elapsed = np.zeros(len(SEEDS), int), np.zeros(len(SEEDS), int)
+    for _ in range(60):
+        stepper.advance(1)
+        after, episodes = stepper.state, stepper.harvest()["episodes"]
+        elapsed += 1
+        # two moves to the right, or the limit; the chain is at its start only after a move to the left or an end
+        cut = np.full(len(SEEDS), False) if limit is None else elapsed == limit
+        ended = episodes == 1
+        assert ((states == 1) | cut)[ended].all()
+        assert ended[cut].all()
+        assert (after["world"][ended] == 0).all()
+        assert (after["world"] < 2).all()
+        for leaf in jax.tree.leaves(after["cycle"].agent.trace):
+            assert (leaf[ended] == 0).all()
+            assert (np.abs(leaf[~ended]).max(axis=(1, 2), initial=0) > 0).all()
+        longest = max(longest, elapsed.max())
+        elapsed[ended] = 0
+        states = after["world"]
+        if limit is not None:
+            np.testing.assert_array_equal(after["cycle"].elapsed, elapsed)
+    assert longest == limit if limit else longest > 5
+
+
+def test_a_hopper_is_cut_and_begins_anew():
+    stepper = learner(Hopper(time_limit=0.3), SEEDS)
+    fresh = stepper.state
+    stepper.advance(29)
+    assert (stepper.state["cycle"].elapsed == 29).all()
+    assert (np.abs(stepper.state["physics"]["packed"] - fresh["physics"]["packed"]).max(axis=1) > 0).all()
+    stepper.advance(1)
+    state = stepper.state
+    np.testing.assert_array_equal(state["physics"]["packed"], fresh["physics"]["packed"])
+    np.testing.assert_array_equal(state["physics"]["state"], fresh["physics"]["state"])
+    assert_same(state["cycle"].memory, fresh["cycle"].memory)
+    np.testing.assert_array_equal(state["cycle"].observation, fresh["cycle"].observation)
+    np.testing.assert_array_equal(state["cycle"].elapsed, 0)
+    record = stepper.harvest()
+    np.testing.assert_array_equal(record["episodes"], 1)
+    np.testing.assert_array_equal(record["diverged"], 0)
+    np.testing.assert_array_equal(state["physics"]["diverged"], 0)
+
+
+def test_the_action_after_a_cut_answers_the_fresh_start():
+    stepper = learner(Hopper(time_limit=0.1), SEEDS)
+    stepper.advance(10)
+    cycle = stepper.state["cycle"]
+    score = jax.vmap(lambda policy, seen, action: policy.score(seen, action))(
+        jax.tree.map(jnp.asarray, cycle.agent.policy), cycle.observation, cycle.action
+    )
+    # the trace holds the score of that one action
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.trace, score)
+    np.testing.assert_array_equal(stepper.activation, cycle.action)
+
+
+def test_a_hopper_whose_task_ends_begins_anew_alone():
+    stepper = learner(OneHop(), SEEDS)
+    fresh = stepper.state["physics"]["packed"]
+    ended = np.zeros(len(SEEDS), int)
+    for _ in range(300):
+        stepper.advance(1)
+        packed, record = stepper.state["physics"]["packed"], stepper.harvest()
+        now = record["episodes"] == 1
+        ended += now
+        np.testing.assert_array_equal(now, record["apex_count"] == 1)
+        np.testing.assert_array_equal((packed == fresh).all(axis=1), now)
+    assert ended.min() >= 1
+    assert len(set(ended)) > 1  # not all at once
+
+
+def test_a_run_with_episodes_goes_on_exactly(tmp_path):
+    task = Hopper(time_limit=0.25)
+    for name, legs in (("parts", (40, 110)), ("whole", (110,))):
+        for steps in legs:
+            run = mg.train(task, steps=steps, seeds=2, out=tmp_path / name, window=10, progress=False)
+    parts = mg.load(tmp_path / "parts")
+    assert_same(parts.policies, run.policies)
+    np.testing.assert_array_equal(run.curve("episodes")[1].sum(axis=1), 110 // 25)
+    assert parts.task.time_limit == 0.25

@@ -1,0 +1,269 @@
+"""`train` and `load`: run directories, going on with a run, and what is refused before any work."""
+
+import json
+import tomllib
+
+import jax
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from training_examples import TASK_NAMES, assert_same, assert_same_run, checkpoints, columns, final_state
+
+import motorgrad as mg
+from motorgrad.tasks import TASKS
+from motorgrad.training import RunDirectoryError, settings_for
+
+FINITE = "three-state"
+
+
+def small(task=FINITE, steps=60, seeds=(4, 1), out=None, agent=None, window=20, **options):
+    task = TASKS[task]() if isinstance(task, str) else task
+    return mg.train(task, agent, steps, list(seeds), out, window=window, progress=False, threads=1, **options)
+
+
+@pytest.mark.parametrize("name", TASK_NAMES)
+def test_a_run_directory_holds_all_there_is_to_know(name, tmp_path):
+    run = small(name, out=tmp_path / "run")
+    path = tmp_path / "run"
+    assert {p.name for p in path.iterdir() if p.name != ".lock"} == {
+        "config.toml",
+        "provenance.json",
+        "metrics",
+        "checkpoint",
+        "figures",
+    }
+    assert {p.name for p in (path / "checkpoint").iterdir()} == {"initial.policies", "000000000060.state"}
+    assert tomllib.loads((path / "config.toml").read_text()) == run.config
+    assert run.config["run"] == {"steps": 60, "seeds": [4, 1], "window": 20}
+    assert run.config["task"]["name"] == name
+    told = json.loads((path / "provenance.json").read_text())
+    assert told["seeds"] == [4, 1]
+    (session,) = told["sessions"]
+    assert {"motorgrad", "jax", "mujoco", "numpy", "python"} <= set(session["versions"])
+    assert session["processor"]
+    assert session["command"]
+
+
+@pytest.mark.parametrize("name", TASK_NAMES)
+def test_the_metrics_have_a_row_for_every_window_and_seed(name, tmp_path):
+    task = TASKS[name]()
+    small(task, out=tmp_path)
+    table = pa.concat_tables(pq.read_table(part) for part in sorted((tmp_path / "metrics").glob("*.parquet")))
+    numbers = {"seed": pa.int32(), "decision": pa.int64(), "simulated_time": pa.float64(), "wall_time": pa.float64()}
+    assert {name: table.schema.field(name).type for name in numbers} == numbers
+    readings = [column for report in task.reports for column in (report, f"{report}_count")]
+    counts = ["episodes", "diverged"] if isinstance(task, mg.tasks.BodyTask) else []
+    assert table.column_names == [*numbers, "reward", *sorted([*counts, *readings, "baseline"]), "parameters"]
+    np.testing.assert_array_equal(table["decision"], np.repeat([20, 40, 60], 2))
+    np.testing.assert_array_equal(table["seed"], np.tile([4, 1], 3))
+    np.testing.assert_allclose(table["simulated_time"], np.repeat([20, 40, 60], 2) * task.period)
+    assert np.isfinite(table["reward"].to_numpy()).all()
+    assert (np.diff(table["wall_time"].to_numpy()) >= 0).all()
+
+
+@pytest.mark.parametrize("name", TASK_NAMES)
+def test_load_gives_the_run_back(name, tmp_path):
+    run = small(name, out=tmp_path)
+    again = mg.load(tmp_path)
+    assert_same_run(again, run)
+    assert again.metrics.equals(run.metrics) or "apex" in run.metrics.column_names  # an apex may be NaN, unequal to itself
+    assert again.task == run.task == TASKS[name]()
+    assert again.seeds == [4, 1]
+    one = again.policy(1)
+    assert_same(one, jax.tree.map(lambda leaf: leaf[1], run.policies))
+    seen = np.ones(run.task.observation_size, np.float32)
+    assert np.isfinite(one.entropy(seen))
+
+
+def test_the_last_parameters_recorded_are_the_policies(tmp_path):
+    run = small(out=tmp_path)
+    np.testing.assert_array_equal(columns(run.metrics)["parameters"][-2:], run.policies.weights.reshape(2, -1))
+
+
+@pytest.mark.parametrize("name", [FINITE, "hopper"])
+def test_a_run_in_memory_is_the_same_run(name, tmp_path):
+    kept, stored = small(name), small(name, out=tmp_path)
+    assert kept.path is None
+    assert kept.complete
+    assert kept.config == stored.config
+    assert_same(columns(kept.metrics), columns(stored.metrics))
+    assert_same(kept.policies, stored.policies)
+    assert_same(kept.initial, stored.initial)
+
+
+def test_the_same_seeds_twice_give_the_same_run(tmp_path):
+    assert_same_run(small("hopper", out=tmp_path / "a"), small("hopper", out=tmp_path / "b"))
+
+
+@pytest.mark.parametrize("every", [0.0, 1e9])
+def test_checkpoints_change_nothing(every, tmp_path):
+    assert_same_run(small(out=tmp_path / "a", checkpoint_every=every), small(out=tmp_path / "b"))
+
+
+def test_a_task_by_name_learns_with_its_own_learner():
+    run = mg.train(FINITE, steps=10, progress=False)
+    assert run.seeds == [0]
+    assert run.config["agent"]["estimator"]["trace"] == {"kind": "Exponential", "decay": 0.8}
+
+
+def test_a_finished_run_is_given_back(tmp_path):
+    first = small("hopper", out=tmp_path)
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*.parquet")}
+    again = small("hopper", out=tmp_path)
+    assert_same_run(again, first)
+    np.testing.assert_array_equal(again.metrics["wall_time"], first.metrics["wall_time"])
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.parquet")} == files
+    fewer = small("hopper", steps=20, out=tmp_path)
+    assert fewer.decision == 60
+    assert fewer.config == first.config
+    assert len(json.loads((tmp_path / "provenance.json").read_text())["sessions"]) == 3
+
+
+@pytest.mark.parametrize("name", [FINITE, "hopper"])
+def test_more_steps_continue_a_run_as_if_it_had_been_made_in_one_go(name, tmp_path):
+    small(name, steps=50, out=tmp_path / "parts")
+    small(name, steps=90, out=tmp_path / "parts", window=None)
+    parts = small(name, steps=200, out=tmp_path / "parts")
+    whole = small(name, steps=200, out=tmp_path / "whole")
+    assert_same(final_state(parts.path), final_state(whole.path))
+    assert_same(parts.policies, whole.policies)
+    found, wanted = columns(parts.metrics), columns(whole.metrics)
+    ends = found["decision"][::2].tolist()
+    assert ends == [20, 40, 50, 60, 80, 90, *range(100, 201, 20)]
+    both = [20, 40, *range(120, 201, 20)]  # the windows that began and ended at the same decisions
+    rows, others = np.isin(found["decision"], both), np.isin(wanted["decision"], both)
+    for column in found:
+        np.testing.assert_array_equal(found[column][rows], wanted[column][others], err_msg=column)
+
+
+LEARNERS = {
+    "a batch": {"estimator": "gpomdp", "improve": 32},
+    "a window": {"trace": "window", "length": 5},
+    "a lag": {"trace": "lagged-gaussian", "lag": 2.0},
+    "a discount": {"discount": 0.99, "trace": "episodic", "improve": "episode"},
+    "a fixed step": {"baseline": "fixed-step"},
+    "adam": {"ascent": "adam"},
+}
+
+
+SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in ("a window", "a lag", "a fixed step")}
+
+
+@pytest.mark.parametrize("kind", [SLOW.get(name, name) for name in LEARNERS])
+def test_every_kind_of_learner_goes_on_exactly(kind, tmp_path):
+    task = mg.make("chain", length=3, time_limit=9)
+    for name, legs in (("parts", (75, 150)), ("whole", (150,))):
+        for steps in legs:
+            small(task, steps, out=tmp_path / name, agent=settings_for(task, **LEARNERS[kind]).agent(task), window=25)
+    assert_same_run(mg.load(tmp_path / "parts"), mg.load(tmp_path / "whole"))
+    assert not np.array_equal(mg.load(tmp_path / "whole").policies.weights, np.zeros((2, 2, 3)))
+
+
+CHANGED = {
+    "run.window was 20 and is now 10": {"window": 10},
+    r"run.seeds was \[4, 1\] and is now \[1, 4\]": {"seeds": (1, 4)},
+    "task.time_limit was None and is now 5": {"task": mg.make(FINITE, time_limit=5)},
+    "task.name was 'three-state' and is now 'chain'": {"task": "chain"},
+    r"agent.estimator.trace.decay was 0.8 and is now 0.5": {"changes": {"decay": 0.5}},
+    r"agent.ascent.rate was 0.01 and is now 0.1": {"changes": {"rate": 0.1}},
+    r"agent.estimator.baseline.kind was 'MeanReward' and is now 'NoBaseline'": {"changes": {"baseline": "none"}},
+}
+
+
+@pytest.mark.parametrize("named", CHANGED)
+def test_another_configuration_is_refused_by_its_first_difference(named, tmp_path):
+    run = small(out=tmp_path)
+    options = dict(CHANGED[named])
+    task = options.pop("task", mg.make(FINITE))
+    task = mg.make(task) if isinstance(task, str) else task
+    agent = settings_for(task, **options.pop("changes", {})).agent(task)
+    with pytest.raises(RunDirectoryError, match=rf"holds a run of another configuration: {named};"):
+        small(task, out=tmp_path, agent=agent, **options)
+    assert_same_run(mg.load(tmp_path), run)
+
+
+def test_a_folder_with_other_files_is_refused_and_left_as_it_was(tmp_path):
+    (tmp_path / "thesis.md").write_text("years of work")
+    with pytest.raises(RunDirectoryError, match=r"holds other files \(thesis.md\) and no config.toml: not a run"):
+        small(out=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.md"]
+
+
+def test_a_file_in_the_place_of_the_directory_is_refused(tmp_path):
+    (tmp_path / "run").write_text("")
+    with pytest.raises(RunDirectoryError, match="run is a file, not a run directory"):
+        small(out=tmp_path / "run")
+
+
+def test_an_empty_folder_becomes_a_run(tmp_path):
+    (tmp_path / "run").mkdir()
+    assert small(out=tmp_path / "run").complete
+
+
+@pytest.mark.parametrize("made", [False, True])
+def test_what_is_not_a_run_is_not_loaded(made, tmp_path):
+    if made:
+        (tmp_path / "run").mkdir()
+    with pytest.raises(RunDirectoryError, match="run is not a run directory: it has no config.toml"):
+        mg.load(tmp_path / "run")
+
+
+IMPOSSIBLE = [
+    *(("steps", value) for value in (0, -1, 1.5, True, "many", 2**32)),
+    *(("seeds", value) for value in (0, -2, [], [1, 1], [-1], [2**31], [0.5], [True], ["1"], True, 1.5, None)),
+    *(("window", value) for value in (0, -1, 2.5)),
+    *(("checkpoint_every", value) for value in (-1, float("nan"))),
+    *(("threads", value) for value in (-1, 0.5)),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), IMPOSSIBLE, ids=[f"{name}={value}" for name, value in IMPOSSIBLE])
+def test_impossible_arguments_are_refused_by_name_before_any_work(name, value, tmp_path):
+    options = {"steps": 20, "seeds": 1, "out": tmp_path / "run", "progress": False} | {name: value}
+    with pytest.raises(ValueError, match=rf"^{name} = "):
+        mg.train(FINITE, **options)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_unknown_task_is_refused_with_the_nearest():
+    with pytest.raises(ValueError, match="unknown task 'hoper': did you mean 'hopper'"):
+        mg.train("hoper")
+
+
+def test_a_run_refuses_seeds_and_quantities_that_it_does_not_have(tmp_path):
+    run = small(out=tmp_path)
+    with pytest.raises(ValueError, match=r"seed = 7: must be one of the run's seeds, \[4, 1\]"):
+        run.policy(7)
+    with pytest.raises(ValueError, match="unknown quantity 'rewards': did you mean 'reward'"):
+        run.curve("rewards")
+
+
+def test_a_curve_has_the_seeds_in_rows():
+    run = small()
+    decision, values = run.curve("reward")
+    np.testing.assert_array_equal(decision, [20, 40, 60])
+    np.testing.assert_array_equal(values[0], run.metrics.filter(pa.compute.field("seed") == 4)["reward"])
+    assert values.shape == (2, 3)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_a_learning_curve_is_drawn(suffix, tmp_path):
+    path = tmp_path / "figures" / f"curve{suffix}"
+    small("hopper").plot("apex", path)
+    assert path.stat().st_size > 1000
+
+
+def test_progress_without_a_terminal_is_a_line_now_and_then(capsys):
+    mg.train(FINITE, steps=2000, seeds=2, progress=True)
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "2,000/2,000 decisions" in said
+    assert "2 seeds" in said
+    mg.train(FINITE, steps=10, progress=False)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_at_most_two_checkpoints_are_kept(tmp_path):
+    for steps in (20, 40, 60):
+        small(steps=steps, out=tmp_path)
+    assert [path.stem for path in checkpoints(tmp_path)] == ["000000000040", "000000000060"]

@@ -1,0 +1,57 @@
+"""What the tests of training share: small runs of every task, and exact comparison of what they leave behind."""
+
+import jax
+import numpy as np
+
+from motorgrad.tasks import TASKS
+from motorgrad.training import settings_for, stepper_of
+from motorgrad.training._checkpoint import load as read_checkpoint
+
+TASK_NAMES = sorted(TASKS)
+
+
+def learner(task, seeds, mode="learn", **changes):
+    """The engine of a task (or of a task's name) with its own learner."""
+    task = TASKS[task]() if isinstance(task, str) else task
+    return stepper_of(task, settings_for(task, **changes).agent(task), seeds, mode, threads=1)
+
+
+def assert_same(found, wanted):
+    """Two trees are equal in structure and in every bit (NaN equals NaN)."""
+    assert jax.tree.structure(found) == jax.tree.structure(wanted)
+    jax.tree.map(np.testing.assert_array_equal, found, wanted)
+
+
+def assert_differ(found, other):
+    """Some number differs: a comparison with it could have failed."""
+    pairs = zip(jax.tree.leaves(found), jax.tree.leaves(other), strict=True)
+    assert not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs if a.dtype.kind == "f")
+
+
+def columns(table):
+    """The columns of a run's metrics that the wall clock has no part in, as arrays."""
+    table = table.combine_chunks()
+    found = {name: table[name].to_numpy() for name in table.column_names if name not in ("wall_time", "parameters")}
+    parameters = table["parameters"].combine_chunks()
+    return found | {"parameters": parameters.flatten().to_numpy().reshape(len(parameters), -1)}
+
+
+def checkpoints(path):
+    """The files of a run's complete states, oldest first."""
+    return sorted((path / "checkpoint").glob("*.state"))
+
+
+def final_state(path):
+    """Every array of a run's newest checkpoint."""
+    return read_checkpoint(checkpoints(path)[-1])[0]
+
+
+def assert_same_run(found, wanted):
+    """Two runs, loaded from their directories, are the same but for wall time: metrics, policies, complete state."""
+    assert found.config == wanted.config
+    assert found.complete
+    assert found.decision == wanted.decision
+    assert_same(columns(found.metrics), columns(wanted.metrics))
+    assert_same(found.policies, wanted.policies)
+    assert_same(found.initial, wanted.initial)
+    assert_same(final_state(found.path), final_state(wanted.path))
