@@ -7,7 +7,7 @@ import tempfile
 import pytest
 
 # Most of the time of small tests goes into compiling the same few functions anew for every learner. Each worker has a
-# folder of its own, gone when it is done, and the processes that tests start compile for themselves (`process_environment`).
+# folder of its own, gone when it is done; processes that tests start compile for themselves (`process_environment`).
 _CACHE = {
     "JAX_COMPILATION_CACHE_DIR": tempfile.mkdtemp(prefix="motorgrad-tests-"),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",

@@ -1,4 +1,4 @@
-"""The hopper's task: what is observed and paid, by hand and along recorded hops; its settings; and that it can be learnt."""
+"""The hopper's task: what is observed and paid, by hand and along recorded hops; its settings; learning it."""
 
 import dataclasses
 import math
@@ -82,7 +82,8 @@ def test_the_penalty_is_for_each_active_muscle(action, muscles):
 
 
 def test_a_muscle_more_costs_more():
-    extra = Muscle("helper", "helper", Attachment("load", (0.0, 0.0, 0.0)), Attachment("foot", (0.0, 0.0, 0.0)), 50.0, 0.4)
+    origin, insertion = (Attachment(name, (0.0, 0.0, 0.0)) for name in ("load", "foot"))
+    extra = Muscle("helper", "helper", origin, insertion, strength=50.0, rest_length=0.4)
     task = Hopper(body=HopperBody(extra_muscles=(extra,)))
     assert task.action_size == 3
     ((cost,), _) = paid(task, [(0.0, GROUND)], jnp.ones(3))
@@ -180,7 +181,7 @@ def test_what_is_no_number_is_refused_by_name(name, value):
 def test_the_bodys_settings_are_a_table_in_the_tasks():
     task = make("hopper", body={"load_mass": 3, "muscle_model": "native"}, penalty=0)
     assert task == Hopper(body=HopperBody(load_mass=3.0, muscle_model="native"), penalty=0.0)
-    with pytest.raises(ValueError, match=r"unknown setting of body 'load_mas': did you mean 'load_mass'"):
+    with pytest.raises(ValueError, match=r"unknown setting of hopper.body 'load_mas': did you mean 'load_mass'"):
         make("hopper", body={"load_mas": 3})
     with pytest.raises(ValueError, match=r"load_mass = -1.0: must be"):
         make("hopper", body={"load_mass": -1})

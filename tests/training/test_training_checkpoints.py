@@ -1,4 +1,4 @@
-"""Damaged run directories: the damage is noticed and said, the checkpoint before it is used, and the run ends the same."""
+"""Damaged run directories: damage is noticed and said, the checkpoint before it used, and the run ends the same."""
 
 import shutil
 import tomllib
@@ -8,8 +8,9 @@ import pytest
 from training_examples import assert_same, assert_same_run, checkpoints
 
 import motorgrad as mg
+from motorgrad._files import write_atomically
 from motorgrad.training import RunDirectoryError, RunWarning
-from motorgrad.training._checkpoint import CorruptCheckpoint, into, load, save, write_atomically
+from motorgrad.training._checkpoint import CorruptCheckpoint, into, load, save
 
 FIRST, LAST = 120, 200
 OPTIONS = {"seeds": 2, "window": 40, "threads": 1, "progress": False}

@@ -15,7 +15,7 @@ BROKEN = {"position": np.nan, "velocity": 1e12}
 
 
 def break_body(stepper, kind):
-    """Put an impossible number into one seed's physics, whose rows hold time, positions and velocities, in this order."""
+    """Put an impossible number into one seed's physics, whose rows begin with time, positions and velocities."""
     physics = stepper.batch.snapshot()
     model = stepper.batch.model
     physics["state"][HURT, 1 if kind == "position" else 1 + model.nq] = BROKEN[kind]

@@ -67,7 +67,8 @@ def test_load_gives_the_run_back(name, tmp_path):
     run = small(name, out=tmp_path)
     again = mg.load(tmp_path)
     assert_same_run(again, run)
-    assert again.metrics.equals(run.metrics) or "apex" in run.metrics.column_names  # an apex may be NaN, unequal to itself
+    assert again.metrics.schema == run.metrics.schema
+    np.testing.assert_array_equal(again.metrics["wall_time"], run.metrics["wall_time"])
     assert again.task == run.task == TASKS[name]()
     assert again.seeds == [4, 1]
     one = again.policy(1)
@@ -205,7 +206,7 @@ def test_an_empty_folder_becomes_a_run(tmp_path):
 def test_what_is_not_a_run_is_not_loaded(made, tmp_path):
     if made:
         (tmp_path / "run").mkdir()
-    with pytest.raises(RunDirectoryError, match="run is not a run directory: it has no config.toml"):
+    with pytest.raises(RunDirectoryError, match=r"run is not a run directory: it has no config\.toml"):
         mg.load(tmp_path / "run")
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import tyro
 
-from motorgrad.training._checkpoint import write_atomically
+from motorgrad._files import write_atomically
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from motorgrad._commands._shared import parse, write_json
 from motorgrad.benchmarks import Row, speed_table
-from motorgrad.training._provenance import provenance
+from motorgrad.training import provenance
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,7 +1,10 @@
 """From an evaluation to a motion that can be filmed."""
 
+import math
+
 import numpy as np
 
+from motorgrad._errors import check
 from motorgrad.bodies import compile_model
 from motorgrad.sim import Motion
 from motorgrad.tasks import BodyTask
@@ -10,6 +13,7 @@ from motorgrad.training import Evaluation, Run
 
 def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds: float = 10.0) -> Motion:
     """The motion of one seed in an evaluation, its first `seconds`."""
+    check(0 < seconds < math.inf, "seconds", seconds, "a positive time")
     task = run.task
     if not isinstance(task, BodyTask) or outcome.position is None or outcome.activation is None:
         raise ValueError(f"task {task.name!r} has no body to film")

@@ -1,12 +1,14 @@
 """The demonstration: a body learns to hop, is watched before and after, and says what it learnt."""
 
 import dataclasses
+import math
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from motorgrad._errors import check
 from motorgrad.experiments._behaviour import behaviour_figure
 from motorgrad.experiments._motion import motion_of
 from motorgrad.sim import film
@@ -31,6 +33,7 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
     (figure 5.3 of the thesis) and a film of both, into the run directory `out`. A run found there goes on."""
     started = time.monotonic()
     task = Hopper()
+    check(task.period <= seconds < math.inf, "seconds", seconds, f"at least one decision, {task.period} s")
     steps = round(seconds / task.period)
     run = train(task, settings_for(task).agent(task), steps, seeds, out)
     if not run.complete:

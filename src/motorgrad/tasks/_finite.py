@@ -11,8 +11,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.tasks._task import Task
-from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
-from motorgrad.worlds._chain import VARIANTS
+from motorgrad.worlds import CHAIN_VARIANTS, FiniteMDP, call_admission, chain, three_state
 
 # Tasks are equal by their numbers; so are the worlds that they make, each of which is made once.
 _three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
@@ -88,7 +87,7 @@ class Chain(FiniteTask):
     def __post_init__(self) -> None:
         super().__post_init__()
         check(self.length >= 2, "length", self.length, "at least 2")
-        choice("variant", self.variant, VARIANTS)
+        choice("variant", self.variant, CHAIN_VARIANTS)
 
     @property
     def dynamics(self) -> FiniteMDP:

@@ -3,7 +3,6 @@
 import hashlib
 import io
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +10,13 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from motorgrad._files import write_atomically
+
 FORMAT = 1
 
 
 class CorruptCheckpoint(ValueError):
     """A checkpoint file that is truncated, altered or of another format."""
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Put `content` at `path` so that a reader, or a crash, sees the old file or the new one and nothing between."""
-    aside = path.with_name(f".{path.name}.partial")
-    with aside.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(aside, path)
-    if os.name == "posix":  # the rename itself must reach the disk; Windows cannot sync a folder
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 def name_of(path: tuple[Any, ...]) -> str:

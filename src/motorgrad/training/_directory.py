@@ -23,7 +23,8 @@ import pyarrow.parquet as pq
 import tomli_w
 from jaxtyping import PyTree
 
-from motorgrad.training._checkpoint import CorruptCheckpoint, load, save, write_atomically
+from motorgrad._files import write_atomically
+from motorgrad.training._checkpoint import CorruptCheckpoint, load, save
 from motorgrad.training._provenance import provenance
 
 

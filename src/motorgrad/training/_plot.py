@@ -54,7 +54,8 @@ def learning_curves(runs: Sequence[Plotted], quantity: str = "reward", path: Pat
             label = run.path.name if run.path else run.config["task"]["name"]
             axes.plot(x, values.T, color=colour, alpha=min(0.5, 2 / len(values)), linewidth=0.6)
             seen = np.isfinite(values).any(axis=0)
-            low, median, high = np.nanpercentile(values[:, seen], [25, 50, 75], axis=0)
+            bands = np.nanpercentile(values[:, seen], [25, 50, 75], axis=0) if seen.any() else np.empty((3, 0))
+            low, median, high = bands
             axes.fill_between(x[seen], low, high, color=colour, alpha=0.25, linewidth=0)
             axes.plot(x[seen], median, color=colour, linewidth=2, label=f"{label}: median of {len(values)} seeds")
             axes.set_xlabel("simulated time (s)" if timed else "decisions")

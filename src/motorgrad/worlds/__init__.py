@@ -2,12 +2,13 @@
 
 from motorgrad.worlds import oracle
 from motorgrad.worlds._admission import AdmissionThresholds, call_admission
-from motorgrad.worlds._chain import chain
+from motorgrad.worlds._chain import CHAIN_VARIANTS, chain
 from motorgrad.worlds._finite import FiniteMDP, action_index
 from motorgrad.worlds._three_state import three_state
 from motorgrad.worlds._world import World
 
 __all__ = [
+    "CHAIN_VARIANTS",
     "AdmissionThresholds",
     "FiniteMDP",
     "World",

@@ -5,7 +5,7 @@ import numpy as np
 from motorgrad._errors import check, choice
 from motorgrad.worlds._finite import FiniteMDP
 
-VARIANTS = ("walk", "reset")
+CHAIN_VARIANTS = ("walk", "reset")
 
 
 def chain(length: int = 6, variant: str = "walk") -> FiniteMDP:
@@ -24,7 +24,7 @@ def chain(length: int = 6, variant: str = "walk") -> FiniteMDP:
     **Raises:** `ValueError` for a length below 2 or an unknown variant.
     """
     check(isinstance(length, int) and length >= 2, "length", length, "an integer of at least 2")
-    choice("variant", variant, VARIANTS)
+    choice("variant", variant, CHAIN_VARIANTS)
     end = length - 1
     transitions = np.zeros((2, length, length))
     for state in range(end):
