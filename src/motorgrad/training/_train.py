@@ -188,9 +188,12 @@ def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
         elif old != new and where != "run.steps":
             yield f"{where} was {old!r} and is now {new!r}"
 
-    for difference in differ(before, now, ""):
+    # A number says more than the fingerprint of the initial learner, which changes with it.
+    differences = sorted(differ(before, now, ""), key=lambda difference: difference.startswith("agent.initial"))
+    if differences:
         raise RunDirectoryError(
-            f"{path} holds a run of another configuration: {difference}; choose another directory, or the same settings"
+            f"{path} holds a run of another configuration: {differences[0]}; "
+            "choose another directory, or the same settings"
         )
 
 
