@@ -1,18 +1,51 @@
-"""Importing the package, and its help, load nothing heavy."""
+"""What is loaded when: the package and its help are light; heavy libraries come with their first use."""
 
 import subprocess
 import sys
 
 import pytest
 
-HEAVY = ("jax", "mujoco", "numba", "matplotlib", "pyarrow", "equinox", "numpy", "tyro")
+HEAVY = ("jax", "mujoco", "matplotlib", "pyarrow", "numba", "equinox", "optax", "tyro", "rich", "numpy")
+TELL = f"; import sys; print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+
+
+def loaded(code, environment):
+    """The heavy libraries that some code has loaded by its end."""
+    done = subprocess.run([sys.executable, "-c", code + TELL], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stderr.strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize(
     "code",
-    ["import motorgrad", "import motorgrad.cli; motorgrad.cli.main(['--help'])", "import motorgrad; dir(motorgrad)"],
+    [
+        "import motorgrad",
+        "import motorgrad as mg; dir(mg); mg.__version__",
+        "from motorgrad.cli import main; main(['--help'])",
+        "from motorgrad.cli import main; main([])",
+        "from motorgrad.cli import main; main(['--version'])",
+        "from motorgrad.cli import main; assert main(['trian']) == 2; sys = __import__('sys'); sys.stderr.flush()",
+    ],
 )
-def test_it_loads_nothing_heavy(code):
-    check = f"{code}\nimport sys\nsys.exit(', '.join(name for name in {HEAVY} if name in sys.modules) or 0)"
-    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True)
-    assert done.returncode == 0, f"loaded: {done.stderr}"
+def test_nothing_heavy_is_loaded(code, process_environment):
+    assert loaded(code, process_environment) == "[]"
+
+
+def test_a_name_loads_what_it_needs_when_first_used(process_environment):
+    # or the test above could not fail
+    assert "'mujoco'" in loaded("import motorgrad as mg; mg.make('hopper')", process_environment)
+
+
+def test_every_public_name_can_be_had():
+    import motorgrad
+
+    for name in motorgrad.__all__:
+        assert getattr(motorgrad, name) is not None
+    assert set(motorgrad.__all__) <= set(dir(motorgrad))
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    import motorgrad
+
+    with pytest.raises(AttributeError, match="module 'motorgrad' has no attribute 'trian'"):
+        motorgrad.trian  # noqa: B018

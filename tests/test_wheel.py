@@ -1,9 +1,12 @@
-"""A wheel built from the checkout, alone in a clean environment, trains."""
+"""A wheel built from the checkout installs where nothing of the checkout is, and trains there."""
 
+import json
+import os
 import shutil
+import site
 import subprocess
 import sys
-import sysconfig
+import venv
 import zipfile
 from pathlib import Path
 
@@ -11,49 +14,83 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
+pytestmark = [pytest.mark.slow, pytest.mark.ci]
+
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    for name in ("src", "README.md", "LICENSE", "pyproject.toml"):
-        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-        copy(ROOT / name, folder / name)
-    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", "dist"]
-    subprocess.run(command, cwd=folder, check=True, capture_output=True)
-    return next((folder / "dist").glob("*.whl"))
+    """The wheel, built from a copy of what the checkout holds (without what git ignores)."""
+    copy = tmp_path_factory.mktemp("checkout")
+    for name in ("src", "pyproject.toml", "README.md", "LICENSE"):
+        whole, target = ROOT / name, copy / name
+        if whole.is_dir():
+            shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(whole, target)
+    shutil.copytree(ROOT / "tests", copy / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(copy / "dist")]
+    done = subprocess.run(build, cwd=copy, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (built,) = (copy / "dist").glob("*.whl")
+    return built
 
 
-@pytest.mark.slow
-@pytest.mark.ci
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """An environment that holds the wheel alone; its dependencies, gigabytes of them, are looked up where they are."""
+    path = tmp_path_factory.mktemp("environment")
+    venv.create(path, with_pip=False, symlinks=os.name != "nt")
+    python = path / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    where = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = Path(subprocess.run([python, "-c", where], capture_output=True, text=True, check=True).stdout.strip())
+    assert path in packages.parents
+    # The folders that a .pth file names are searched, but their own .pth files, the checkout's among them, not read.
+    (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps", "--no-index", str(wheel)]
+    subprocess.run(install, check=True, capture_output=True)
+    return python
+
+
+@pytest.fixture
+def run(installed, process_environment, tmp_path):
+    """Run something in the new environment, in an empty folder."""
+    clean = {name: value for name, value in process_environment.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+
+    def run(*arguments):
+        done = subprocess.run(list(map(str, arguments)), capture_output=True, text=True, cwd=tmp_path, env=clean)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
 def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"motorgrad"}
     assert "motorgrad/py.typed" in names
+    assert not [name for name in names if "test" in name or name.endswith((".pyc", ".toml"))]
+    shipped = {name for name in names if name.startswith("motorgrad/")}
+    source = ROOT / "src"
+    held = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
+    assert shipped == {name for name in held if "__pycache__" not in name}
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert all(name.startswith(("motorgrad/", "motorgrad-")) for name in names)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
-def test_it_trains_in_a_clean_environment(wheel, tmp_path):
-    """The libraries are lent from the present environment by path; motorgrad itself comes from the wheel alone."""
-    home = tmp_path / "venv"
-    subprocess.run([sys.executable, "-m", "venv", home], check=True)
-    binaries = home / ("Scripts" if sys.platform == "win32" else "bin")
-    python = binaries / "python"
-    install = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", wheel]
-    subprocess.run(install, check=True, capture_output=True)
-    own = subprocess.run(
-        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.strip()
-    # Added at the end of the path, and without the finder of the editable installation, which .pth files would start.
-    Path(own, "lent.pth").write_text(f"import sys; sys.path.append({sysconfig.get_path('purelib')!r})\n")
-    code = "import motorgrad; print(motorgrad.__file__)"
-    done = subprocess.run([python, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path)
-    assert Path(done.stdout.strip()).is_relative_to(home)
-    for task, steps in (("three-state", "2000"), ("hopper", "200")):
-        command = [binaries / "motorgrad", "train", task, "--steps", steps, "--seeds", "2"]
-        subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
-        assert (tmp_path / "runs" / task / "config.toml").is_file()
+def test_what_is_imported_is_what_was_installed(run, installed):
+    file = Path(run(installed, "-c", "import motorgrad; print(motorgrad.__file__)").strip())
+    assert installed.parents[1] in file.parents
+    assert ROOT not in file.parents
+
+
+def test_it_trains_a_world(run, installed, tmp_path):
+    command = installed.with_name("motorgrad")
+    run(command, "train", "three-state", "--steps", 2000, "--out", "run", "--json", "result.json")
+    assert json.loads((tmp_path / "result.json").read_text())["decisions"] == 2000
+    assert (tmp_path / "run" / "config.toml").exists()
+
+
+def test_it_trains_a_body_and_films_it(run, installed, tmp_path):
+    command = installed.with_name("motorgrad")
+    run(command, "train", "hopper", "--steps", 100, "--seeds", 2, "--out", "run")
+    run(command, "evaluate", "run", "--steps", 20, "--seconds", 0.2)
+    assert (tmp_path / "run" / "figures" / "evaluation.mp4").stat().st_size > 1000

@@ -65,7 +65,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         for option in options:
             try:
                 return _convert(option, value, where)
-            except TypeError:
+            except (TypeError, ValueError):
                 continue
         raise TypeError(f"{where} = {value!r}: must be {_name(hint)}")
     if origin is typing.Literal:

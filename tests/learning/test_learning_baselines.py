@@ -106,12 +106,3 @@ def test_the_mean_of_a_tree_is_the_mean_of_every_leaf():
     assert int(running.count) == 50
     np.testing.assert_allclose(mean["a"], samples["a"].mean(0), atol=1e-14)
     np.testing.assert_allclose(mean["b"][0], samples["b"][0].mean(0), atol=1e-14)
-
-
-def test_a_given_step_replaces_one_over_n():
-    with jax.enable_x64(True):
-        running = running_mean(jnp.zeros(()))
-        for x in (1.0, 2.0, 4.0):
-            running = add_sample(running, jnp.asarray(x), step=0.1)
-        mean = float(running.mean)
-    assert mean == pytest.approx(0.1 * 4 + 0.09 * 2 + 0.081 * 1, abs=1e-15)

@@ -90,11 +90,18 @@ def test_divergences_are_counted(broken):
     record = hurt.harvest()
     hurt.restore(after)
     np.testing.assert_array_equal(record["diverged"], [0, 1, 0])
-    np.testing.assert_array_equal(record["episodes"], [0, 1, 0])
+    assert "episodes" not in record  # the task has none
     np.testing.assert_array_equal(after["physics"]["diverged"], [0, 1, 0])
 
 
-@pytest.mark.parametrize("changes", [{"ascent": "adam"}, {"estimator": "gpomdp", "improve": 50}, {"trace": "window"}])
+LEARNERS = [
+    {"ascent": "adam"},
+    pytest.param({"estimator": "gpomdp", "improve": 50}, marks=pytest.mark.slow),
+    pytest.param({"trace": "window"}, marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize("changes", LEARNERS)
 def test_no_kind_of_learner_takes_anything_from_a_broken_decision(changes):
     stepper = learner("hopper", SEEDS, **changes)
     stepper.advance(30)

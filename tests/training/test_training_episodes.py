@@ -39,10 +39,6 @@ class OneHop(Hopper):
         return memory, reward, memory.landed > 0
 
 
-def row(tree, which=0):
-    return jax.tree.map(lambda leaf: leaf[which], tree)
-
-
 def test_a_chain_is_cut_and_begins_anew():
     stepper = learner(Chain(length=9, time_limit=7), SEEDS)
     for end in (7, 14):
@@ -99,6 +95,31 @@ def test_a_task_that_ends_its_episode_begins_anew(limit):
         if limit is not None:
             np.testing.assert_array_equal(after["cycle"].elapsed, elapsed)
     assert longest == limit if limit else longest > 5
+
+
+def test_a_task_that_ends_its_episodes_must_say_so():
+    @dataclasses.dataclass(frozen=True)
+    class Silent(EndedChain):
+        episodic: ClassVar[bool] = False
+
+    stepper = learner(Silent(length=3), SEEDS)
+    with pytest.raises(TypeError, match="reports `terminated`, so its class must say `episodic = True`"):
+        stepper.advance(1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"trace": "episodic"}, r"trace = Episodic\(\)"),
+        ({"improve": "episode"}, "improve = 'episode'"),
+        ({"discount": 0.9}, "discount = 0.9"),
+    ],
+)
+def test_a_learner_that_waits_for_the_end_is_refused_where_there_is_none(changes, named):
+    with pytest.raises(ValueError, match=f"{named}: needs episodes, but the task 'chain' has none"):
+        learner(Chain(), SEEDS, **changes)
+    for task in (Chain(time_limit=5), EndedChain()):
+        assert learner(task, SEEDS, **changes).decision == 0
 
 
 def test_a_hopper_is_cut_and_begins_anew():

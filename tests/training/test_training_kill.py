@@ -16,8 +16,8 @@ from motorgrad.training import RunDirectoryError
 
 RUNS = {
     # the windows fit neither the blocks of random numbers nor the slices of work between two checkpoints
-    "three-state": {"task": "three-state", "steps": 1_500_000, "seeds": [0, 1, 2], "window": 9_999, "threads": 1},
-    "hopper": {"task": "hopper", "steps": 4_000, "seeds": [0, 1, 2], "window": 99, "threads": 1},
+    "three-state": {"task": "three-state", "steps": 1_000_000, "seeds": [0, 1, 2], "window": 9_999, "threads": 1},
+    "hopper": {"task": "hopper", "steps": 3_000, "seeds": [0, 1, 2], "window": 99, "threads": 1},
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
@@ -94,7 +94,7 @@ def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills,
     assert_same_run(mg.load(tmp_path), undisturbed(name))
 
 
-@pytest.mark.parametrize("appears", [".lock", "config.toml", "checkpoint/initial.policies"])
+@pytest.mark.parametrize("appears", [".lock", "checkpoint/initial.policies"])
 def test_a_run_killed_before_its_first_checkpoint_begins_again(appears, begin, tmp_path):
     short = {"steps": 200}
     child = begin("hopper", tmp_path / "killed", every=1e9, **short)
@@ -155,7 +155,7 @@ def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed,
 
 def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     child = begin("three-state", tmp_path, every=0.0)
-    wait_until(lambda: reached(tmp_path), child)
+    wait_until(lambda: reached(tmp_path) > 1, child)
     child.send_signal(signal.SIGSTOP)  # it holds the directory however long this takes
     with pytest.raises(RunDirectoryError, match=rf"in use by another process \(process {child.pid}\)"):
         mg.train(**RUNS["three-state"], out=tmp_path, progress=False)
@@ -164,7 +164,7 @@ def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     assert mg.load(tmp_path).decision == reached(tmp_path) > 0
     child.kill()
     child.wait()
-    # a dead process holds nothing
+    # a dead process holds nothing; what it has made is more than is asked for now
     resumed = mg.train(**{**RUNS["three-state"], "steps": 1}, out=tmp_path, progress=False)
     assert resumed.complete
-    assert final_state(tmp_path)["decision"] == RUNS["three-state"]["steps"]
+    assert resumed.decision == reached(tmp_path) == final_state(tmp_path)["decision"] > 1

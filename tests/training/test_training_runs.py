@@ -1,10 +1,12 @@
 """`train` and `load`: run directories, going on with a run, and what is refused before any work."""
 
 import json
+import shutil
 import tomllib
 
 import jax
 import numpy as np
+import optax
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -22,10 +24,23 @@ def small(task=FINITE, steps=60, seeds=(4, 1), out=None, agent=None, window=20, 
     return mg.train(task, agent, steps, list(seeds), out, window=window, progress=False, threads=1, **options)
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A small run of each task, made once, when first asked for. Copy its directory before changing anything there."""
+    runs = {}
+
+    def of(name):
+        if name not in runs:
+            runs[name] = small(name, out=tmp_path_factory.mktemp(name))
+        return runs[name]
+
+    return of
+
+
 @pytest.mark.parametrize("name", TASK_NAMES)
-def test_a_run_directory_holds_all_there_is_to_know(name, tmp_path):
-    run = small(name, out=tmp_path / "run")
-    path = tmp_path / "run"
+def test_a_run_directory_holds_all_there_is_to_know(name, made):
+    run = made(name)
+    path = run.path
     assert {p.name for p in path.iterdir() if p.name != ".lock"} == {
         "config.toml",
         "provenance.json",
@@ -46,14 +61,13 @@ def test_a_run_directory_holds_all_there_is_to_know(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", TASK_NAMES)
-def test_the_metrics_have_a_row_for_every_window_and_seed(name, tmp_path):
+def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     task = TASKS[name]()
-    small(task, out=tmp_path)
-    table = pa.concat_tables(pq.read_table(part) for part in sorted((tmp_path / "metrics").glob("*.parquet")))
+    table = pa.concat_tables(pq.read_table(part) for part in sorted((made(name).path / "metrics").glob("*.parquet")))
     numbers = {"seed": pa.int32(), "decision": pa.int64(), "simulated_time": pa.float64(), "wall_time": pa.float64()}
     assert {name: table.schema.field(name).type for name in numbers} == numbers
     readings = [column for report in task.reports for column in (report, f"{report}_count")]
-    counts = ["episodes", "diverged"] if isinstance(task, mg.tasks.BodyTask) else []
+    counts = ["diverged"] if isinstance(task, mg.tasks.BodyTask) else []
     assert table.column_names == [*numbers, "reward", *sorted([*counts, *readings, "baseline"]), "parameters"]
     np.testing.assert_array_equal(table["decision"], np.repeat([20, 40, 60], 2))
     np.testing.assert_array_equal(table["seed"], np.tile([4, 1], 3))
@@ -63,9 +77,9 @@ def test_the_metrics_have_a_row_for_every_window_and_seed(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", TASK_NAMES)
-def test_load_gives_the_run_back(name, tmp_path):
-    run = small(name, out=tmp_path)
-    again = mg.load(tmp_path)
+def test_load_gives_the_run_back(name, made):
+    run = made(name)
+    again = mg.load(run.path)
     assert_same_run(again, run)
     assert again.metrics.schema == run.metrics.schema
     np.testing.assert_array_equal(again.metrics["wall_time"], run.metrics["wall_time"])
@@ -77,14 +91,14 @@ def test_load_gives_the_run_back(name, tmp_path):
     assert np.isfinite(one.entropy(seen))
 
 
-def test_the_last_parameters_recorded_are_the_policies(tmp_path):
-    run = small(out=tmp_path)
+def test_the_last_parameters_recorded_are_the_policies(made):
+    run = made(FINITE)
     np.testing.assert_array_equal(columns(run.metrics)["parameters"][-2:], run.policies.weights.reshape(2, -1))
 
 
 @pytest.mark.parametrize("name", [FINITE, "hopper"])
-def test_a_run_in_memory_is_the_same_run(name, tmp_path):
-    kept, stored = small(name), small(name, out=tmp_path)
+def test_a_run_in_memory_is_the_same_run(name, made):
+    kept, stored = small(name), made(name)
     assert kept.path is None
     assert kept.complete
     assert kept.config == stored.config
@@ -93,13 +107,13 @@ def test_a_run_in_memory_is_the_same_run(name, tmp_path):
     assert_same(kept.initial, stored.initial)
 
 
-def test_the_same_seeds_twice_give_the_same_run(tmp_path):
-    assert_same_run(small("hopper", out=tmp_path / "a"), small("hopper", out=tmp_path / "b"))
+def test_the_same_seeds_twice_give_the_same_run(made, tmp_path):
+    assert_same_run(small("hopper", out=tmp_path), made("hopper"))
 
 
 @pytest.mark.parametrize("every", [0.0, 1e9])
-def test_checkpoints_change_nothing(every, tmp_path):
-    assert_same_run(small(out=tmp_path / "a", checkpoint_every=every), small(out=tmp_path / "b"))
+def test_checkpoints_change_nothing(every, made, tmp_path):
+    assert_same_run(small(out=tmp_path, checkpoint_every=every), made(FINITE))
 
 
 def test_a_task_by_name_learns_with_its_own_learner():
@@ -108,8 +122,9 @@ def test_a_task_by_name_learns_with_its_own_learner():
     assert run.config["agent"]["estimator"]["trace"] == {"kind": "Exponential", "decay": 0.8}
 
 
-def test_a_finished_run_is_given_back(tmp_path):
-    first = small("hopper", out=tmp_path)
+def test_a_finished_run_is_given_back(made, tmp_path):
+    first = made("hopper")
+    shutil.copytree(first.path, tmp_path, dirs_exist_ok=True)
     files = {path: path.read_bytes() for path in tmp_path.rglob("*.parquet")}
     again = small("hopper", out=tmp_path)
     assert_same_run(again, first)
@@ -169,12 +184,14 @@ CHANGED = {
     r"agent.estimator.trace.decay was 0.8 and is now 0.5": {"changes": {"decay": 0.5}},
     r"agent.ascent.rate was 0.01 and is now 0.1": {"changes": {"rate": 0.1}},
     r"agent.estimator.baseline.kind was 'MeanReward' and is now 'NoBaseline'": {"changes": {"baseline": "none"}},
+    r"agent.ascent.kind was 'sgd' and is now 'adam'": {"changes": {"ascent": "adam"}},
 }
 
 
 @pytest.mark.parametrize("named", CHANGED)
-def test_another_configuration_is_refused_by_its_first_difference(named, tmp_path):
-    run = small(out=tmp_path)
+def test_another_configuration_is_refused_by_its_first_difference(named, made, tmp_path):
+    run = made(FINITE)
+    shutil.copytree(run.path, tmp_path, dirs_exist_ok=True)
     options = dict(CHANGED[named])
     task = options.pop("task", mg.make(FINITE))
     task = mg.make(task) if isinstance(task, str) else task
@@ -182,6 +199,22 @@ def test_another_configuration_is_refused_by_its_first_difference(named, tmp_pat
     with pytest.raises(RunDirectoryError, match=rf"holds a run of another configuration: {named};"):
         small(task, out=tmp_path, agent=agent, **options)
     assert_same_run(mg.load(tmp_path), run)
+
+
+def chained(rate):
+    return optax.chain(optax.scale_by_adam(), mg.learning.sgd(rate))
+
+
+def test_another_beginning_is_refused(tmp_path):
+    # nothing in words tells these learners apart: optax keeps its numbers to itself, a policy has too many
+    task, rule = mg.make(FINITE), chained(0.01)
+    start = mg.policies.softmax(task)
+    other = jax.tree.map(lambda leaf: leaf + 0.5, start)
+    small(out=tmp_path, agent=mg.Agent(start, ascent=rule))
+    for agent in (mg.Agent(other, ascent=rule), mg.Agent(start, ascent=chained(0.02))):
+        with pytest.raises(RunDirectoryError, match=r"agent\.initial was '\w+' and is now '\w+'"):
+            small(out=tmp_path, agent=agent)
+    assert small(out=tmp_path, agent=mg.Agent(start, ascent=rule)).complete
 
 
 def test_a_folder_with_other_files_is_refused_and_left_as_it_was(tmp_path):
@@ -232,16 +265,16 @@ def test_an_unknown_task_is_refused_with_the_nearest():
         mg.train("hoper")
 
 
-def test_a_run_refuses_seeds_and_quantities_that_it_does_not_have(tmp_path):
-    run = small(out=tmp_path)
+def test_a_run_refuses_seeds_and_quantities_that_it_does_not_have(made):
+    run = made(FINITE)
     with pytest.raises(ValueError, match=r"seed = 7: must be one of the run's seeds, \[4, 1\]"):
         run.policy(7)
     with pytest.raises(ValueError, match="unknown quantity 'rewards': did you mean 'reward'"):
         run.curve("rewards")
 
 
-def test_a_curve_has_the_seeds_in_rows():
-    run = small()
+def test_a_curve_has_the_seeds_in_rows(made):
+    run = made(FINITE)
     decision, values = run.curve("reward")
     np.testing.assert_array_equal(decision, [20, 40, 60])
     np.testing.assert_array_equal(values[0], run.metrics.filter(pa.compute.field("seed") == 4)["reward"])
@@ -249,9 +282,9 @@ def test_a_curve_has_the_seeds_in_rows():
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_a_learning_curve_is_drawn(suffix, tmp_path):
+def test_a_learning_curve_is_drawn(suffix, made, tmp_path):
     path = tmp_path / "figures" / f"curve{suffix}"
-    small("hopper").plot("apex", path)
+    made("hopper").plot("apex", path)
     assert path.stat().st_size > 1000
 
 

@@ -1,19 +1,43 @@
 """What the tests of training share: small runs of every task, and exact comparison of what they leave behind."""
 
+import functools
+
 import jax
 import numpy as np
+import pytest
 
-from motorgrad.tasks import TASKS
+from motorgrad.tasks import TASKS, BodyTask
 from motorgrad.training import settings_for, stepper_of
 from motorgrad.training._checkpoint import load as read_checkpoint
 
 TASK_NAMES = sorted(TASKS)
 
 
+def one_of_each_kind():
+    """Every task as a parameter; slow but for the first on each engine with each kind of actions."""
+    kinds = {}
+    for name in TASK_NAMES:
+        kinds.setdefault((issubclass(TASKS[name], BodyTask), TASKS[name].actions), name)
+    return [name if name in kinds.values() else pytest.param(name, marks=pytest.mark.slow) for name in TASK_NAMES]
+
+
 def learner(task, seeds, mode="learn", **changes):
     """The engine of a task (or of a task's name) with its own learner."""
     task = TASKS[task]() if isinstance(task, str) else task
     return stepper_of(task, settings_for(task, **changes).agent(task), seeds, mode, threads=1)
+
+
+@functools.cache
+def _learner(name, seeds, mode):
+    stepper = learner(name, seeds, mode)
+    return stepper, stepper.state
+
+
+def reborn(name, seeds, mode="learn"):
+    """The one engine of this kind, put back to its beginning: for tests that do not doubt `restore`."""
+    stepper, start = _learner(name, tuple(seeds), mode)
+    stepper.restore(start)
+    return stepper
 
 
 def assert_same(found, wanted):

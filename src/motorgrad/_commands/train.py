@@ -4,6 +4,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from motorgrad._commands._shared import in_words, parse, summary, write_json
 from motorgrad._errors import unknown
 from motorgrad.tasks import TASKS
@@ -74,8 +76,6 @@ def run(arguments: list[str]) -> int:
 
 def _result(run: Run) -> dict[str, Any]:
     """The last tenth of the run, per seed."""
-    import numpy as np
-
     skipped = {"seed", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
     found: dict[str, Any] = {
         "task": run.task.name,
@@ -92,20 +92,18 @@ def _result(run: Run) -> dict[str, Any]:
             counted = name.endswith("_count") or name in ("episodes", "diverged")
             with np.errstate(invalid="ignore"):
                 mean = np.nansum(last, axis=1) / np.isfinite(last).sum(axis=1)
-            found[name] = summary(values.sum(axis=1) if counted else mean)
+            found[f"{name}_total" if counted else name] = summary(values.sum(axis=1) if counted else mean)
     return found
 
 
 def _say(run: Run, found: dict[str, Any], out: Path) -> None:
     done = "done" if run.complete else "stopped"
-    print(f"{done} after {run.decision:,} decisions per seed; means over the last tenth of the records:")
+    print(f"{done} after {run.decision:,} decisions per seed; means over the last tenth of the records, and totals:")
     for name, value in found.items():
-        if (
-            isinstance(value, dict)
-            and not name.endswith("_count")
-            and not (name == "diverged" and not any(value["per_seed"]))
-        ):
-            print(f"  {in_words(name, value)}")
+        # A count of occurrences is for machines; divergences are said if there were any.
+        quiet = name.endswith("_count_total") or (name == "diverged_total" and not any(value["per_seed"]))
+        if isinstance(value, dict) and not quiet:
+            print(f"  {in_words(name.replace('_', ' '), value)}")
     print(f"saved in {out}")
     if not run.complete:
         print("the same command goes on where it stopped")

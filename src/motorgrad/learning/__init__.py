@@ -4,7 +4,7 @@ from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._ascent import SgdState, adam, sgd
 from motorgrad.learning._baselines import Baseline, FixedStep, MeanReward, NoBaseline
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
-from motorgrad.learning._running import RunningMean, add_sample, running_mean
+from motorgrad.learning._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 
 __all__ = [
@@ -29,4 +29,5 @@ __all__ = [
     "add_sample",
     "running_mean",
     "sgd",
+    "two_sum",
 ]

@@ -18,7 +18,7 @@ import optax
 from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad.learning._ascent import sgd
+from motorgrad.learning._ascent import adam, sgd
 from motorgrad.learning._estimator import Estimator, Olgarb
 from motorgrad.learning._running import RunningMean, add_sample, running_mean
 from motorgrad.policies import Policy, split, trainable
@@ -57,7 +57,7 @@ class Agent:
 
     policy: Policy | Callable[[jax.Array], Policy]
     estimator: Estimator = dataclasses.field(default_factory=Olgarb)
-    ascent: optax.GradientTransformation | sgd = dataclasses.field(default_factory=lambda: sgd(1e-3))
+    ascent: optax.GradientTransformation | sgd | adam = dataclasses.field(default_factory=lambda: sgd(1e-3))
 
     def __post_init__(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
@@ -127,7 +127,7 @@ class Agent:
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Where `ended`, begin a new episode: the trace is empty and the discount starts again from 1."""
         fresh = state._replace(
-            trace=jax.tree.map(jnp.zeros_like, state.trace),
+            trace=self.estimator.trace.init(trainable(state.policy)),
             weight=None if state.weight is None else jnp.ones_like(state.weight),
         )
         return _where(ended, fresh, state)

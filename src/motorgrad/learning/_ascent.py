@@ -73,10 +73,31 @@ class sgd:
         return iter((self.init, self.update))
 
 
-def adam(rate: float | Mapping[str, Any], b1: float = 0.9, b2: float = 0.999) -> optax.GradientTransformation:
-    """Adam (Kingma & Ba, 2015) with one step size or one for every group, as in `sgd`."""
-    scale: Any = sgd(rate)
-    return optax.chain(optax.scale_by_adam(b1=b1, b2=b2), scale)
+@dataclasses.dataclass(frozen=True)
+class adam:
+    """Adam (Kingma & Ba, 2015) with one step size or one for every group, as in `sgd`, and its two decays."""
+
+    rate: float | Mapping[str, Any]
+    b1: float = 0.9
+    b2: float = 0.999
+
+    def __post_init__(self) -> None:
+        for name in ("b1", "b2"):
+            check(0 <= getattr(self, name) < 1, name, getattr(self, name), "in [0, 1)")
+        self._chain()
+
+    def _chain(self) -> optax.GradientTransformation:
+        scale: Any = sgd(self.rate)
+        return optax.chain(optax.scale_by_adam(b1=self.b1, b2=self.b2), scale)
+
+    def init(self, params: PyTree[Array]) -> Any:
+        return self._chain().init(params)
+
+    def update(self, updates: PyTree[Array], state: Any, params: Any = None) -> tuple[PyTree[Array], Any]:
+        return self._chain().update(updates, state, params)
+
+    def __iter__(self) -> Iterator[Any]:  # as in `sgd`
+        return iter((self.init, self.update))
 
 
 def _fitting(name: str, rate: Any, parameter: Array) -> Array:

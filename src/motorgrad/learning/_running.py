@@ -1,6 +1,6 @@
 """Running means that stay exact over billions of samples."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,17 +25,21 @@ def running_mean(like: PyTree[Array]) -> RunningMean:
     return RunningMean(zeros, zeros, jnp.zeros((), jnp.uint32))
 
 
-def add_sample(running: RunningMean, sample: PyTree[Array], step: Any = None) -> RunningMean:
-    """Move the mean by `step` times its distance from `sample`, by default 1/n for the n-th sample."""
+def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
+    """`total + more`, exact together with what rounding takes from it: the new `carry` (Knuth's two-sum)."""
+    more = carry + more
+    after = total + more
+    part = after - total
+    return after, (total - (after - part)) + (more - part)
+
+
+def add_sample(running: RunningMean, sample: PyTree[Array]) -> RunningMean:
+    """Take in the n-th sample: the mean moves by 1/n of its distance from it."""
     count = running.count + 1
 
     def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
         distance = (x - mean) - carry
-        moved = carry + (distance / count.astype(mean.dtype) if step is None else step * distance)
-        total = mean + moved
-        # Knuth's two-sum: what the addition rounded away
-        part = total - mean
-        return total, (mean - (total - part)) + (moved - part)
+        return two_sum(mean, carry, distance / count.astype(mean.dtype))
 
     means, structure = jax.tree.flatten(running.mean)
     leaves = zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)

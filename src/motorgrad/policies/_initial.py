@@ -4,6 +4,7 @@ Each takes a task (anything with `observation_size` and `action_size`) or the si
 random the result is a function of a key, so that every seed starts differently.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +22,8 @@ Initial = Policy | Callable[[jax.Array], Policy]
 
 
 def _sizes(task: Any, outputs: int | None) -> tuple[int, int]:
+    sized = isinstance(task, int) or all(hasattr(task, name) for name in ("observation_size", "action_size"))
+    check(sized and not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
     inputs = task if isinstance(task, int) else task.observation_size
     outputs = (None if isinstance(task, int) else task.action_size) if outputs is None else outputs
     check(inputs > 0, "inputs", inputs, "a positive number of inputs")
@@ -37,9 +40,9 @@ def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
     return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
 
 
-def softmax(task: Any, actions: int | None = None) -> Softmax:
+def softmax(task: Any, units: int | None = None) -> Softmax:
     """A softmax policy with zero weights: every action is as likely."""
-    inputs, outputs = _sizes(task, actions)
+    inputs, outputs = _sizes(task, units)
     return Softmax(jnp.zeros((outputs, inputs)))
 
 
@@ -62,7 +65,8 @@ def gaussians(
 ) -> Callable[[jax.Array], LocalGaussians]:
     """Local Gaussian units of one `width` whose centres are drawn from U[`low`, `high`] in every input."""
     inputs, outputs = _sizes(task, units)
-    check(width > 0, "width", width, "positive")
+    check(0 < width < math.inf, "width", width, "positive")
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
     check(low < high, "low, high", (low, high), "an interval, low < high")
 
     def initial(key: jax.Array) -> LocalGaussians:

@@ -27,7 +27,8 @@ class FiniteTask(Task):
     time_limit: int | None = None
 
     def __post_init__(self) -> None:
-        check(self.time_limit is None or self.time_limit >= 1, "time_limit", self.time_limit, "None or at least 1")
+        whole = self.time_limit is None or (isinstance(self.time_limit, int) and self.time_limit >= 1)
+        check(whole, "time_limit", self.time_limit, "None or at least 1")
 
     @property
     @abc.abstractmethod
@@ -39,7 +40,11 @@ class FiniteTask(Task):
 
     @property
     def action_size(self) -> int:
-        return self.dynamics.actions if self.actions == "discrete" else (self.dynamics.actions - 1).bit_length()
+        count = self.dynamics.actions
+        if self.actions == "discrete":
+            return count
+        check(count & (count - 1) == 0, "number of actions", count, "a power of two where units spell the action")
+        return (count - 1).bit_length()
 
     @property
     def episode_limit(self) -> int | None:

@@ -15,7 +15,7 @@ from motorgrad.tasks import BodyTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
-from motorgrad.training._stepper import Record, Stepper
+from motorgrad.training._stepper import Record, Stepper, fits
 
 # A decision takes less time than waking another thread for it, as asynchronous dispatch does. The setting is the whole
 # process's, and has no effect where JAX is already at work.
@@ -36,6 +36,8 @@ class BodyStepper(Stepper):
         self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
         self._compile()
         self._block, self._drawn = -1, np.empty(0)
+        self.ended: np.ndarray | None = None
+        """Where an episode ended at the last decision, the packed rows as they were before the reset."""
         cycles = self._start(self.seeds, self.batch.packed)
         self._cycles, self._out = self._first(cycles, self._input())
 
@@ -53,8 +55,10 @@ class BodyStepper(Stepper):
             self._cycles, self._out = self._next(self._cycles, seen)
             # Waits for the compiled call, which reads `seen` in place.
             out = np.asarray(self._out)
+            self.ended = None
             if np.count_nonzero(out[:, -1]):
                 ended = out[:, -1] > 0
+                self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))
                 self._cycles, self._out = self._again(self._cycles, self._input(), ended, self._out)
                 out = np.asarray(self._out)
@@ -66,10 +70,11 @@ class BodyStepper(Stepper):
         return jax.tree.map(np.array, {"decision": self.decision, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
-        self.decision = int(state["decision"])
+        fits(state, self.state)
         self.batch.restore(state["physics"])
         self._cycles = self._pack(state["cycle"])
         self._out = jnp.array(state["action"])
+        self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
         self._cycles, look = self._harvest(self._cycles)
@@ -81,7 +86,10 @@ class BodyStepper(Stepper):
     def use(self, policies: Policy) -> None:
         cycles = self._unpack(self._cycles)
         cycles = cycles._replace(agent=cycles.agent._replace(policy=jax.tree.map(jnp.array, policies)))
-        self._cycles, self._out = self._first(self._pack(cycles), self._input())
+        if self.cycle.mode == "learn":  # the action under way has its score in the trace; the next is the new policy's
+            self._cycles = self._pack(cycles)
+        else:
+            self._cycles, self._out = self._first(self._pack(cycles), self._input())
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the bodies' packed rows, then random numbers."""

@@ -16,7 +16,7 @@ FORMAT = 1
 
 
 class CorruptCheckpoint(ValueError):
-    """A checkpoint file that is truncated, altered or of another format."""
+    """A checkpoint file that is truncated or altered."""
 
 
 def name_of(path: tuple[Any, ...]) -> str:
@@ -50,7 +50,7 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     head, _, content = body.partition(b"\n")
     about = json.loads(head)
     if about["format"] != FORMAT:
-        raise CorruptCheckpoint(f"{path}: format {about['format']}: this version reads format {FORMAT}")
+        raise ValueError(f"{path}: format {about['format']}: this version of motorgrad reads format {FORMAT}")
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
         return {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}, about
 

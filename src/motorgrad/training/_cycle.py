@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad.learning import Agent, AgentState
+from motorgrad.learning import Agent, AgentState, two_sum
 from motorgrad.tasks import Task
 
 Mode = Literal["learn", "sample", "mode"]
@@ -22,10 +22,12 @@ Mode = Literal["learn", "sample", "mode"]
 class Tally(NamedTuple):
     """Sums since the last record, for one seed, in two vectors (few arrays make a fast call).
 
-    `sums`: the reward's and each reading's; `counts`: of each reading's occurrences, of episodes ended, of divergences.
+    `sums`: the reward's and each reading's, and what rounding took from them, `carry`; `counts`: of each reading's
+    occurrences, of episodes ended, of divergences.
     """
 
     sums: Float[Array, " 1+readings"]
+    carry: Float[Array, " 1+readings"]
     counts: Int[Array, " readings+2"]
 
 
@@ -61,7 +63,8 @@ class Cycle:
         policy = agent.policy
         action = policy.mode(observation)
         readings = len(self.task.reports)
-        tally = Tally(jnp.zeros(1 + readings), jnp.zeros(readings + 2, jnp.int32))
+        zero = jnp.zeros(1 + readings)
+        tally = Tally(zero, zero, jnp.zeros(readings + 2, jnp.int32))
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
@@ -69,7 +72,7 @@ class Cycle:
         """A tally by name: the reward's sum, each reading's mean (NaN if it never occurred) and count, and episodes and
         divergences where the task can have them."""
         found = {"reward": tally.sums[0]}
-        if self.episodic:
+        if self.task.episodic or self.task.episode_limit is not None:
             found["episodes"] = tally.counts[-2]
         if self.diverges:
             found["diverged"] = tally.counts[-1]
@@ -92,6 +95,8 @@ class Cycle:
     ) -> tuple[CycleState, Bool[Array, ""] | bool]:
         """Take in what the action led to, and learn from it; also says whether the episode is over."""
         memory, reward, terminated = self.task.reward(cycle.memory, state, cycle.action)
+        if terminated is not False and not self.task.episodic:
+            raise TypeError(f"task {self.task.name!r} reports `terminated`, so its class must say `episodic = True`")
         memory, observation = self.task.observe(memory, state, observe)
         truncated: Any = False
         elapsed = cycle.elapsed
@@ -137,4 +142,4 @@ class Cycle:
         sums = [jnp.where(kept, reward, 0.0)]
         sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, readings, strict=True)]
         counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, ended, diverged)])
-        return Tally(tally.sums + jnp.stack(sums), tally.counts + counts)
+        return Tally(*two_sum(tally.sums, tally.carry, jnp.stack(sums)), tally.counts + counts)

@@ -109,13 +109,20 @@ class RunDirectory:
         return load(self.path / "checkpoint" / "initial.policies")[0]
 
     def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
-        """The newest whole checkpoint. A damaged one is said (`RunWarning`) and the one before it used."""
+        """The newest whole checkpoint, `None` before the first.
+
+        A damaged one is said (`RunWarning`) and the one before it used. **Raises** `RunDirectoryError` if all are
+        damaged: nothing is thrown away unasked.
+        """
         for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
                 return load(path)
-            except (CorruptCheckpoint, OSError, KeyError, ValueError) as error:
-                instead = "using the checkpoint before it" if before else "there is none before it"
-                warnings.warn(f"{error}; {instead}", RunWarning, stacklevel=2)
+            except CorruptCheckpoint as error:
+                if not before:
+                    raise RunDirectoryError(
+                        f"{error}; there is none before it. Delete the folder {path.parent} to train from the beginning"
+                    ) from None
+                warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
         return None
 
     def roll_back(self, decision: int) -> None:

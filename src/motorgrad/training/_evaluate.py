@@ -1,6 +1,7 @@
 """Evaluation: a frozen policy from a fresh start."""
 
 import dataclasses
+from pathlib import Path
 from typing import Literal
 
 import jax
@@ -11,7 +12,7 @@ from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
 from motorgrad.training._body_stepper import BodyStepper
 from motorgrad.training._records import Records
-from motorgrad.training._run import Run
+from motorgrad.training._run import Run, load
 from motorgrad.training._train import stepper_of
 
 FRESH = 1_000_000_000
@@ -39,7 +40,7 @@ class Evaluation:
 
 
 def evaluate(
-    run: Run,
+    run: Run | Path | str,
     steps: int = 2000,
     *,
     mode: Literal["sample", "mode"] = "sample",
@@ -50,12 +51,14 @@ def evaluate(
 
     **Arguments:**
 
+    - `run`: a run, or the directory of one.
     - `steps`: decisions per seed.
     - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
     - `untrained`: judge the policies as they were before learning.
     - `threads`: as in `train`.
     """
-    check(isinstance(steps, int) and steps >= 1, "steps", steps, "a positive integer")
+    run = run if isinstance(run, Run) else load(run)
+    check(isinstance(steps, int | np.integer) and steps >= 1, "steps", steps, "a positive integer")
     choice("mode", mode, ("sample", "mode"))
     policies = run.initial if untrained else run.policies
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
@@ -66,7 +69,7 @@ def evaluate(
         for _ in range(steps):
             action = np.array(stepper.activation)
             stepper.advance(1)
-            moved.append((stepper.batch.packed.copy(), action))
+            moved.append((stepper.batch.packed.copy() if stepper.ended is None else stepper.ended, action))
     else:
         stepper.advance(steps)
     record = stepper.harvest()

@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from motorgrad._errors import check, unknown
-from motorgrad.policies import Policy, rebuild
-from motorgrad.tasks import Task, make
+from motorgrad.policies import Policy, rebuild, trainable
+from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._checkpoint import name_of
 from motorgrad.training._directory import RunDirectory, RunDirectoryError
 from motorgrad.training._plot import learning_curves
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """The outcome of training.
 
@@ -28,6 +28,8 @@ class Run:
     - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
     - `metrics`: a table of records (`docs/training.md` has its columns).
     - `policies`: the policies of all seeds, stacked along a leading axis; `initial`, the same before learning.
+    - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
+      `Gpomdp`, the estimate itself. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
     """
 
@@ -36,8 +38,13 @@ class Run:
     metrics: pa.Table
     policies: Policy
     initial: Policy
+    gradient: Policy | None = None
     path: Path | None = None
     _task: Task | None = None
+
+    def __repr__(self) -> str:
+        done = f"{self.decision:,} of {self.config['run']['steps']:,} decisions"
+        return f"Run({self.config['task']['name']}, {len(self.seeds)} seeds, {done}, {self.path or 'in memory'})"
 
     @property
     def seeds(self) -> list[int]:
@@ -55,7 +62,10 @@ class Run:
         if self._task is not None:
             return self._task
         settings = dict(self.config["task"])
-        return make(settings.pop("name"), **settings)
+        name = settings.pop("name")
+        if name not in TASKS:
+            raise RunDirectoryError(f"task {name!r} is not in the registry: give it as load(path, task)")
+        return make(name, **settings)
 
     def policy(self, seed: int | None = None) -> Policy:
         """The learnt policy of one seed, by default the first."""
@@ -74,12 +84,19 @@ class Run:
         return decision, values
 
     def plot(self, quantity: str = "reward", path: Path | str | None = None) -> "Figure":
-        """The learning curve: every seed, their median and their interquartile band; saved to `path` if given."""
+        """The learning curve: every seed, their median and their interquartile band.
+
+        Saved to `path`, by default to `figures/` of the run directory if there is one.
+        """
+        if path is None and self.path is not None:
+            path = self.path / "figures" / f"{quantity}.png"
         return learning_curves([self], quantity, path)
 
 
-def load(path: Path | str) -> Run:
+def load(path: Path | str, task: Task | None = None) -> Run:
     """The run in a directory: configuration, metrics, policies. Reading takes no lock, so a run may be under way.
+
+    **Arguments:** `path`; `task`, for a run of a task that is not in the registry.
 
     **Raises:** `RunDirectoryError` where there is no run, or none of its checkpoints is whole.
     """
@@ -91,10 +108,12 @@ def load(path: Path | str) -> Run:
     arrays, about = found
     shapes = rebuild(config["agent"]["policy"])
 
-    def filled(arrays: dict[str, np.ndarray], prefix: str) -> Policy:
-        return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
+    def filled(arrays: dict[str, np.ndarray], prefix: str, part: Policy = shapes) -> Policy:
+        return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], part)
 
     policies, initial = filled(arrays, "cycle.agent.policy."), filled(directory.initial(), "")
     metrics = directory.metrics()
     metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
-    return Run(config, about["decision"], metrics, policies, initial, Path(path))
+    mean = "cycle.agent.gradient.mean."
+    estimate = filled(arrays, mean, trainable(shapes)) if any(name.startswith(mean) for name in arrays) else None
+    return Run(config, about["decision"], metrics, policies, initial, estimate, Path(path), task)

@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Literal
 
+import numpy as np
+
 from motorgrad import policies
 from motorgrad._errors import choice
 from motorgrad._settings import build, table
@@ -43,7 +45,7 @@ class AgentSettings:
     - `estimator`: `"olgarb"`, `"olpomdp"` or `"gpomdp"`: sets `baseline` and `improve` unless they are given.
     - `trace`: the eligibility filter; `decay` belongs to `"exponential"`, `length` to `"window"`, `lag` and `width` (in
       decisions) to `"lagged-gaussian"`.
-    - `baseline`: `"mean"`, `"fixed-step"` (with `baseline_rate`) or `"none"`.
+    - `baseline`: `"default"` for the estimator's own, `"mean"`, `"fixed-step"` (with `baseline_rate`) or `"none"`.
     - `discount`: none for the average reward, or γ for the discounted return of an episode.
     - `improve`: samples per step, `"episode"` or `"never"`; `batch`: whether a step uses their mean or sum.
     - `ascent`: `"sgd"` or `"adam"`, with the step size `rate`, or `rates` by group of parameters.
@@ -57,7 +59,7 @@ class AgentSettings:
     length: int = 10
     lag: float = 5.0
     width: float = 2.0
-    baseline: Literal["mean", "fixed-step", "none"] | None = None
+    baseline: Literal["default", "mean", "fixed-step", "none"] = "default"
     baseline_rate: float = 0.01
     discount: float | None = None
     improve: int | Literal["episode", "never"] | None = None
@@ -70,8 +72,7 @@ class AgentSettings:
         choice("policy", self.policy, policies.INITIAL)
         choice("estimator", self.estimator, ESTIMATORS)
         choice("trace", self.trace, ("exponential", "episodic", "window", "lagged-gaussian"))
-        if self.baseline is not None:
-            choice("baseline", self.baseline, ("mean", "fixed-step", "none"))
+        choice("baseline", self.baseline, ("default", "mean", "fixed-step", "none"))
         choice("ascent", self.ascent, ("sgd", "adam"))
         # making them refuses impossible numbers at once
         self.estimate()
@@ -92,7 +93,7 @@ class AgentSettings:
             "none": NoBaseline,
         }
         trace: Trace = traces[self.trace]()
-        baseline: Baseline = baselines[self.baseline or named["baseline"]]()
+        baseline: Baseline = baselines[named["baseline"] if self.baseline == "default" else self.baseline]()
         improve = named["improve"] if self.improve is None else self.improve
         return Estimator(trace, baseline, self.discount, improve, self.batch)
 
@@ -114,8 +115,9 @@ def settings_for(task: Task, **changes: Any) -> AgentSettings:
 def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
     """An agent as a table: enough to tell two apart, and to rebuild the policy's structure."""
     rule = agent.ascent
-    if isinstance(rule, sgd):
-        ascent: dict[str, Any] = {"kind": "sgd", "rate": _numbers(rule.rate)}
+    if isinstance(rule, sgd | adam):
+        fields = {field.name: _numbers(getattr(rule, field.name)) for field in dataclasses.fields(rule)}
+        ascent: dict[str, Any] = {"kind": type(rule).__name__, **fields}
     else:
         ascent = {"kind": "optax", "state": str(_shape_of(rule, policy))}
     estimator = table(agent.estimator)
@@ -129,7 +131,7 @@ def _numbers(rate: Any) -> Any:
 
 
 def _listed(value: Any) -> Any:
-    return value if isinstance(value, int | float) else [float(item) for item in value]
+    return np.asarray(value).tolist()
 
 
 def _shape_of(rule: Any, policy: policies.Policy) -> Any:

@@ -10,7 +10,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
-from motorgrad.learning import Agent
+from motorgrad._errors import check
+from motorgrad.learning import Agent, Episodic, Estimator
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
@@ -34,6 +35,8 @@ class Stepper(abc.ABC):
         self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
         """The shapes of one seed's policy."""
         validate(task, self.policy)
+        if mode == "learn":
+            validate_episodes(task, agent.estimator)
 
     @abc.abstractmethod
     def advance(self, decisions: int) -> None:
@@ -87,6 +90,27 @@ def validate(task: Task, policy: Policy) -> None:
         raise ValueError(
             f"policy {type(policy).__name__}: {kind} actions, but the task {task.name!r} takes {task.actions}"
         )
+
+
+def validate_episodes(task: Task, estimator: Estimator) -> None:
+    """Refuse an estimator that waits for the ends of episodes on a task that has none."""
+    needs = {
+        "trace = Episodic()": isinstance(estimator.trace, Episodic),
+        "improve = 'episode'": estimator.improve == "episode",
+        f"discount = {estimator.discount}": estimator.discount is not None,
+    }
+    for setting, needed in needs.items():
+        if needed and not task.episodic and task.episode_limit is None:
+            raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
+
+
+def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:
+    """Refuse a state of another structure, or of other shapes, than `template`'s."""
+    places = [jax.tree_util.tree_leaves_with_path(tree) for tree in (state, template)]
+    names = [[jax.tree_util.keystr(place) for place, _ in leaves] for leaves in places]
+    check(names[0] == names[1], "state", sorted(set(names[0]) ^ set(names[1])), "of the same learner and task")
+    for name, (_, leaf), (_, own) in zip(names[0], *places, strict=True):
+        check(np.shape(leaf) == np.shape(own), f"state{name}.shape", np.shape(leaf), f"{np.shape(own)}")
 
 
 def seeds_first(tree: Any) -> Any:

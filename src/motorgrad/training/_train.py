@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from motorgrad._errors import check
 from motorgrad._settings import table
-from motorgrad.learning import Agent
+from motorgrad.learning import Agent, RunningMean
 from motorgrad.tasks import BodyTask, Task, make
 from motorgrad.training._body_stepper import BodyStepper
 from motorgrad.training._checkpoint import fingerprint, into
@@ -54,7 +54,7 @@ def train(
 
     - `task`: a task, or the name of one.
     - `agent`: what learns; by default the learner that goes with the task.
-    - `steps`: decisions per seed; where the directory holds a run of more, that run is given back.
+    - `steps`: decisions per seed; where the directory holds a run that has made more, that run is given back.
     - `seeds`: how many (0, 1, 2 …), or which.
     - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was,
       bit for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
@@ -70,13 +70,15 @@ def train(
     before any work starts.
     """
     task = make(task) if isinstance(task, str) else task
+    check(isinstance(task, Task), "task", task, "a task, or the name of one")
+    check(agent is None or isinstance(agent, Agent), "agent", agent, "an Agent, or None for the task's own")
     agent = settings_for(task).agent(task) if agent is None else agent
     check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "how many, or a list of them")
     chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)
     check(_whole(steps) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
-    check(len(chosen) > 0, "seeds", seeds, "at least one seed")
+    check(len(chosen) > 0, "seeds", chosen, "at least one seed")
     valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
-    check(valid, "seeds", seeds, "integers from 0 to 2147483647")
+    check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", seeds, "all different")
     check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
     check(checkpoint_every >= 0, "checkpoint_every", checkpoint_every, "at least 0 seconds")
@@ -125,7 +127,6 @@ class _Training:
             before = directory.read_config()
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
-            self.config["run"]["steps"] = max(self.config["run"]["steps"], before["run"]["steps"])
             _same(before, self.config, directory.path)
         directory.write_config(self.config)
         if (found := directory.latest()) is None:
@@ -136,6 +137,9 @@ class _Training:
             directory.roll_back(about["decision"])
             self.stepper.restore(into(self.stepper.state, arrays))
             self.recorded, self.wall = about["recorded"], about["wall"]
+            if about["decision"] > self.config["run"]["steps"]:
+                self.config["run"]["steps"] = about["decision"]
+                directory.write_config(self.config)
         directory.note_session(self.config["run"]["seeds"])
 
     def run(self, progress: bool) -> Run:
@@ -147,9 +151,9 @@ class _Training:
         ):
             while stepper.decision < steps and not stopped():
                 due = min((stepper.decision // window + 1) * window, steps)
-                made, start = min(count, due - stepper.decision), time.monotonic()
+                made, start = min(count, due - stepper.decision), time.perf_counter()
                 stepper.advance(made)
-                took = time.monotonic() - start
+                took = max(time.perf_counter() - start, 1e-6)
                 self.wall += took
                 # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
                 count = max(1, min(2 * count, round(made * SLICE / took)))
@@ -158,24 +162,32 @@ class _Training:
                 if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
                     self._commit()
                     saved = time.monotonic()
-            table = self._commit()
+            self._commit()
+        metrics = self.directory.metrics() if self.directory else self.records.take()
         path = self.directory and self.directory.path
-        return Run(self.config, stepper.decision, table, stepper.policies(), self.initial, path, self.task)
+        learner = stepper.state["cycle"].agent
+        estimate = learner.gradient.mean if isinstance(learner.gradient, RunningMean) else None
+        return Run(
+            self.config,
+            stepper.decision,
+            pa.table({}) if metrics is None else metrics,
+            learner.policy,
+            self.initial,
+            estimate,
+            path,
+            self.task,
+        )
 
     def _record(self) -> float:
         mean = self.records.add(self.stepper.harvest(), self.stepper.decision, self.recorded, self.wall)
         self.recorded = self.stepper.decision
         return mean
 
-    def _commit(self) -> pa.Table:
-        """Save everything, where there is a directory; all records so far."""
-        rows = self.records.take()
-        if self.directory is None:
-            return rows if rows is not None else pa.table({})
-        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
-        self.directory.save(self.stepper.state, about, rows)
-        found = self.directory.metrics()
-        return found if found is not None else pa.table({})
+    def _commit(self) -> None:
+        """Save everything, where there is a directory."""
+        if self.directory is not None:
+            about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
+            self.directory.save(self.stepper.state, about, self.records.take())
 
 
 def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
@@ -183,7 +195,7 @@ def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
 
     def differ(old: Any, new: Any, where: str) -> Iterator[str]:
         if isinstance(old, dict) and isinstance(new, dict):
-            for key in [*old, *(k for k in new if k not in old)]:
+            for key in [*new, *(k for k in old if k not in new)]:
                 yield from differ(old.get(key), new.get(key), f"{where}.{key}" if where else key)
         elif old != new and where != "run.steps":
             yield f"{where} was {old!r} and is now {new!r}"

@@ -1,7 +1,6 @@
 """The engine for worlds: one compiled loop over decisions, mapped over seeds."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import jax
@@ -14,7 +13,7 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._random import BLOCK, draw_block, key_of
-from motorgrad.training._stepper import Record, Stepper, seeds_first, seeds_last
+from motorgrad.training._stepper import Record, Stepper, fits, seeds_first, seeds_last
 from motorgrad.worlds import World
 
 Carry = tuple[CycleState, Any]
@@ -28,6 +27,7 @@ class WorldStepper(Stepper):
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
         self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds)
+        self._run = jax.jit(self._decisions, donate_argnums=0)
         self._harvest = jax.jit(jax.vmap(self._look, in_axes=-1, out_axes=-1), donate_argnums=0)
 
     def advance(self, decisions: int) -> None:
@@ -42,8 +42,9 @@ class WorldStepper(Stepper):
         return {"decision": np.array(self.decision), **seeds_first({"cycle": cycle, "world": world})}
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
-        self.decision = int(state["decision"])
+        fits(state, self.state)
         self._carry = (seeds_last(state["cycle"]), seeds_last(state["world"]))
+        self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
         cycle, look = self._harvest(self._carry[0])
@@ -76,8 +77,7 @@ class WorldStepper(Stepper):
             cycle = self.cycle.restart(cycle, state, ended, numbers["memory"], numbers["look"])
         return cycle, state
 
-    @partial(jax.jit, static_argnums=0, donate_argnums=1)
-    def _run(self, carry: Carry, start: Array, stop: Array) -> Carry:
+    def _decisions(self, carry: Carry, start: Array, stop: Array) -> Carry:
         """Decisions `start` … `stop` − 1, a block of random numbers at a time."""
         world, task = self.world, self.task
         sizes = {"policy": self.policy.uniforms, "world": world.uniforms, "observe": task.uniforms}

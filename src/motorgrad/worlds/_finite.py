@@ -45,6 +45,8 @@ class FiniteMDP(World):
         seen = self.observations.shape
         check(len(seen) == 2 and seen[0] == states, "observations", seen, f"of shape ({states}, inputs)")
         check(0 <= start < states, "start", start, f"a state in 0 … {states - 1}")
+        for name in ("rewards", "observations"):
+            check(np.isfinite(getattr(self, name)).all(), name, getattr(self, name).tolist(), "finite numbers")
         low, off = self.transitions.min(), np.abs(self.transitions.sum(-1) - 1).max()
         check(low >= 0 and off < 1e-12, "transitions", f"least {low}, row sums off by {off}", "probabilities")
         self._successors, self._cumulative = _compact(self.transitions)
