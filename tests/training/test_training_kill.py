@@ -15,9 +15,9 @@ from motorgrad.cli import main
 from motorgrad.training import RunDirectoryError
 
 RUNS = {
-    # the windows fit neither the blocks of random numbers nor the slices of work between two checkpoints
-    "three-state": {"task": "three-state", "steps": 1_000_000, "seeds": [0, 1, 2], "window": 9_999, "threads": 1},
-    "hopper": {"task": "hopper", "steps": 3_000, "seeds": [0, 1, 2], "window": 99, "threads": 1},
+    # the windows fit no block of random numbers, and are longer than the slices of work between two checkpoints
+    "three-state": {"task": "three-state", "steps": 1_000_000, "seeds": [0, 1, 2], "window": 199_999, "threads": 1},
+    "hopper": {"task": "hopper", "steps": 3_000, "seeds": [0, 1, 2], "window": 1_499, "threads": 1},
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds

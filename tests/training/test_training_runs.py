@@ -163,7 +163,7 @@ LEARNERS = {
 }
 
 
-SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in ("a window", "a lag", "a fixed step")}
+SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in ("a window", "a lag", "a fixed step", "a discount")}
 
 
 @pytest.mark.parametrize("kind", [SLOW.get(name, name) for name in LEARNERS])

@@ -30,7 +30,7 @@ class Packing:
             if kind.itemsize == WORD.itemsize:
                 vector, kind = jax.lax.bitcast_convert_type(vector, WORD), WORD
             parts.setdefault(kind.name, []).append(vector)
-        return {kind: jnp.concatenate(vectors) for kind, vectors in parts.items()}
+        return {kind: _overlay(v) if kind == WORD.name else jnp.concatenate(v) for kind, v in parts.items()}
 
     def unpack(self, packed: Packed) -> PyTree[Array]:
         """The inverse of `pack`."""
@@ -42,3 +42,13 @@ class Packing:
             start[place] += size
             leaves.append((jax.lax.bitcast_convert_type(vector, kind) if word else vector).reshape(shape))
         return jax.tree.unflatten(self._structure, leaves)
+
+
+def _overlay(vectors: list[Array]) -> Array:
+    """Vectors of words one after the other. XLA fuses this into what makes them; it does not a long concatenation."""
+    size, start = sum(vector.size for vector in vectors), 0
+    total = jnp.zeros(size, WORD)
+    for vector in vectors:
+        total = total | jnp.pad(vector, (start, size - start - vector.size))
+        start += vector.size
+    return total

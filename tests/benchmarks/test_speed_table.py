@@ -1,0 +1,72 @@
+"""The speed table: that what is measured is what it says, and that the hand-written loop is the same learner."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from motorgrad.benchmarks import Row
+from motorgrad.benchmarks._hopper import hopper_rows
+from motorgrad.benchmarks._measure import in_turn
+from motorgrad.benchmarks._three_state_loop import three_state_loop
+from motorgrad.cli import main
+from motorgrad.policies import Softmax
+from motorgrad.tasks import ThreeState
+from motorgrad.worlds import oracle
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_ratios_are_of_pairs_measured_in_turn():
+    calls = []
+
+    def work(name, seconds):
+        calls.append(name)
+        time.sleep(seconds)
+
+    row = in_turn("n", "u/s", 10, lambda: work("ours", 0.03), lambda: work("other", 0.01), 5, pairs=3, wanted="≥ 0.1")
+    assert calls == ["ours", "other"] * 3
+    # ten in 0.03 s against five in 0.01 s, sleeping a little too long
+    assert row.ours == pytest.approx(10 / 0.03, rel=0.5)
+    assert row.other == pytest.approx(5 / 0.01, rel=0.5)
+    assert row.spread[0] <= row.ratio <= row.spread[1]
+    assert (row.name, row.unit, row.wanted) == ("n", "u/s", "≥ 0.1")
+
+
+def test_the_hopper_row_compares_learning_with_replayed_physics():
+    row = hopper_rows(2, 20, pairs=2)
+    assert row.unit == "physics steps/s"
+    assert 0 < row.spread[0] <= row.ratio <= row.spread[1]
+    assert row.ours == pytest.approx(row.ratio * row.other, rel=0.5)
+
+
+def test_the_hand_written_loop_learns_the_best_policy():
+    world = ThreeState().dynamics
+    inputs = (world.observations.astype(np.float32), world._cumulative.astype(np.float32), world._successors)
+    weights, mean = three_state_loop(2_000_000, 1, *inputs, world.rewards.astype(np.float32), 0.8, 0.01)
+    assert oracle.average_reward(world, Softmax(weights.astype(float))) > 0.79
+    assert 0.6 < mean < 0.8
+
+
+@pytest.mark.slow
+def test_bench_measures_every_row(tmp_path, capsys):
+    assert main(["bench", "--quick", "--json", "bench.json"]) == 0
+    said = capsys.readouterr().out
+    found = json.loads((tmp_path / "bench.json").read_text())
+    assert found["machine"]["processor"]
+    rows = [Row(**row) for row in found["rows"]]
+    for wanted in (
+        "hopper, learning ÷ bare physics, 16 seeds",
+        "three-state",
+        "import motorgrad",
+        "peak memory",
+        "apex",
+    ):
+        assert any(wanted in row.name for row in rows)
+    for row in rows:
+        assert row.name in said
+        assert row.ours is None or row.ours > 0

@@ -1,0 +1,289 @@
+"""The commands: what they do, what they leave behind, what they refuse. Some in processes of their own, as a user's."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.cli import COMMANDS, main
+from motorgrad.policies import INITIAL
+from motorgrad.tasks import TASKS
+from motorgrad.training import ESTIMATORS
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where runs go by default, and where MuJoCo notes divergences
+    monkeypatch.setenv("COLUMNS", "200")  # so that no message is broken in two
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A small finished run of every task, as the command line makes it."""
+    path = tmp_path_factory.mktemp("runs")
+    for name in TASKS:
+        options = ["--steps", "120", "--seeds", "2", "--first-seed", "3", "--window", "20"]
+        assert main(["train", name, *options, "--out", str(path / name), "--json", str(path / f"{name}.json")]) == 0
+    return path
+
+
+def status(*arguments):
+    """The exit status of a command, however it leaves."""
+    try:
+        return main([str(argument) for argument in arguments])
+    except SystemExit as left:
+        return left.code
+
+
+def process(environment, *arguments):
+    command = [sys.executable, "-m", "motorgrad", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+
+
+def frames_of(path):
+    """Every frame of a film, decoded, its pixels in a row."""
+    size, sink = 48 * 32, ["-vf", "scale=48:32", "-f", "rawvideo", "-pix_fmt", "gray", "-"]
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), *sink]
+    return np.frombuffer(subprocess.run(command, capture_output=True, check=True).stdout, np.uint8).reshape(-1, size)
+
+
+def read(path):
+    return json.loads(Path(path).read_text())
+
+
+# ---- help
+
+
+@pytest.mark.parametrize("asked", [[], ["--help"], ["-h"], ["help"]])
+def test_help_names_every_command(asked, capsys):
+    assert main(asked) == 0
+    said = capsys.readouterr().out
+    for name, what in COMMANDS.items():
+        assert f"{name} " in said
+        assert what in said
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name, capsys):
+    assert status(name, "--help") == 0
+    said = capsys.readouterr().out
+    assert f"usage: motorgrad {name}" in said
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_train_explains_the_settings_of_every_task(name, capsys):
+    assert status("train", name, "--help") == 0
+    said = capsys.readouterr().out
+    assert "--steps" in said
+    assert "--agent.decay" in said
+    assert "--task." in said
+
+
+def test_the_version_is_the_packages(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"motorgrad {mg.__version__}\n"
+
+
+# ---- list
+
+
+def test_list_names_all_that_is_registered(tmp_path, capsys):
+    assert main(["list", "--json", str(tmp_path / "list.json")]) == 0
+    said = capsys.readouterr().out
+    found = read(tmp_path / "list.json")
+    for kind, registry in (("tasks", TASKS), ("policies", INITIAL), ("estimators", ESTIMATORS)):
+        assert set(found[kind]) == set(registry)
+        for name, what in found[kind].items():
+            assert what
+            assert f"  {name} " in said
+
+
+# ---- train
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_train_learns_every_task(name, runs):
+    out = runs / name
+    found, run = read(runs / f"{name}.json"), mg.load(out)
+    assert (found["task"], found["decisions"], found["complete"], found["path"]) == (name, 120, True, str(out))
+    assert run.task == TASKS[name]()
+    assert run.seeds == [3, 4]
+    # the last tenth of six windows is the last one
+    np.testing.assert_allclose(found["reward"]["per_seed"], run.curve("reward")[1][:, -1], rtol=1e-6)
+    assert found["reward"]["median"] == pytest.approx(np.median(found["reward"]["per_seed"]))
+
+
+def test_train_takes_the_tasks_and_the_learners_settings(capsys):
+    changed = ["--task.length", 4, "--task.variant", "reset", "--agent.decay", 0.3, "--agent.estimator", "olpomdp"]
+    assert status("train", "chain", "--steps", 10, "--out", "x", *changed) == 0
+    said = capsys.readouterr().out
+    assert "done after 10 decisions per seed" in said
+    assert "next: motorgrad plot x" in said
+    run = mg.load("x")
+    assert run.task == mg.make("chain", length=4, variant="reset")
+    assert run.config["agent"]["estimator"]["trace"]["decay"] == 0.3
+    assert run.config["agent"]["estimator"]["baseline"] == {"kind": "NoBaseline"}
+
+
+def test_a_run_goes_to_runs_by_default_and_goes_on_there(tmp_path):
+    for steps, made in ((20, 20), (40, 40), (30, 40)):
+        assert status("train", "three-state", "--steps", steps, "--window", 10) == 0
+        assert mg.load(tmp_path / "runs" / "three-state").decision == made
+
+
+def test_results_for_machines_alone_on_the_standard_output(capsys):
+    assert status("train", "three-state", "--steps", 20, "--json", "-") == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["decisions"] == 20
+    assert "three-state" in said.err  # progress
+
+
+# ---- evaluate
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"), [*((name, "sample") for name in TASKS), ("hopper", "mode"), ("chain", "mode")]
+)
+def test_evaluate_judges_every_seed(name, mode, runs, capsys):
+    assert status("evaluate", runs / name, "--steps", 60, "--mode", mode, "--no-film", "--json", "e.json") == 0
+    found = read("e.json")
+    assert (found["task"], found["steps"], found["mode"]) == (name, 60, mode)
+    assert len(found["reward"]["per_seed"]) == 2
+    assert "reward: median" in capsys.readouterr().out
+    outcome = mg.evaluate(mg.load(runs / name), 60, mode=mode)
+    assert found["reward"]["per_seed"] == outcome.reward.tolist()
+
+
+def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
+    options = ["--steps", 60, "--seconds", 0.5, "--seed", 4, "--video", "deep/in/hop.mp4", "--json", "e.json"]
+    assert status("evaluate", runs / "hopper", *options) == 0
+    frames = frames_of("deep/in/hop.mp4")
+    assert len(frames) >= 10
+    assert (frames[1:] != frames[0]).any()
+    assert frames[0].std() > 5  # there is something to be seen
+    assert "filmed seed 4: deep/in/hop.mp4" in capsys.readouterr().out
+    found = read("e.json")
+    assert found["renderer"] in ("gl", "drawn")
+
+
+def test_evaluate_films_into_the_run_by_default(runs):
+    assert status("evaluate", runs / "hopper", "--steps", 20, "--seconds", 0.2, "--json", "-") == 0
+    assert len(frames_of(runs / "hopper" / "figures" / "evaluation.mp4"))
+
+
+# ---- plot
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_plot_draws_a_curve_into_the_run(name, runs, capsys):
+    assert status("plot", runs / name) == 0
+    assert (runs / name / "figures" / "reward.png").read_bytes().startswith(b"\x89PNG")
+    assert "drawn to" in capsys.readouterr().out
+
+
+def test_plot_draws_several_runs_and_any_quantity(runs):
+    options = ["--quantity", "baseline", "--out", "both.svg", "--json", "p.json"]
+    assert status("plot", runs / "chain", runs / "three-state", *options) == 0
+    drawn = Path("both.svg").read_text()
+    assert "<svg" in drawn
+    assert read("p.json")["figure"] == "both.svg"
+
+
+def test_plot_draws_a_reading_that_never_occurred(runs):
+    run = mg.train("hopper", steps=4, out="short", window=2, progress=False)
+    assert np.isnan(run.curve("apex")[1]).all()
+    assert status("plot", "short", "--quantity", "apex") == 0
+
+
+# ---- refusals
+
+REFUSED = [
+    (["tran"], "unknown command 'tran': did you mean 'train'?"),
+    (["train", "hoper"], "unknown task 'hoper': did you mean 'hopper'?"),
+    (["train"], "tasks: call-admission, chain"),
+    (["train", "chain", "--stps", 5], "--steps"),
+    (["train", "chain", "--task.lenght", 5], "--task.length"),
+    (["train", "chain", "--steps", "many"], "--steps"),
+    (["train", "chain", "--steps", 0], "steps = 0"),
+    (["train", "chain", "--seeds", 0], "seeds"),
+    (["train", "chain", "--seeds", -1], "seeds"),
+    (["train", "chain", "--first-seed", -1], "seed"),
+    (["train", "chain", "--window", 0], "window = 0"),
+    (["train", "chain", "--checkpoint-every", -1], "checkpoint_every = -1.0"),
+    (["train", "chain", "--threads", -1], "threads = -1"),
+    (["train", "chain", "--task.length", 1], "length = 1"),
+    (["train", "chain", "--task.variant", "rest"], "unknown variant 'rest': did you mean 'reset'"),
+    (["train", "chain", "--agent.policy", "softmx"], "unknown policy 'softmx': did you mean 'softmax'"),
+    (["train", "chain", "--agent.policy", "hyperplanes"], "policy Hyperplanes"),
+    (["train", "chain", "--agent.policy", "motoneurons"], "inputs = 6"),
+    (["train", "chain", "--agent.estimator", "olgarp"], "olgarb"),
+    (["train", "chain", "--agent.decay", 1], "decay = 1.0"),
+    (["train", "chain", "--agent.rate", "nan"], "rate"),
+    (["train", "chain", "--agent.rates", "weight", 0.1], "weight"),
+    (["train", "hopper", "--task.penalty", -1], "penalty = -1.0"),
+    (["train", "hopper", "--task.action-period", 0.0105], "action_period = 0.0105"),
+    (["train", "hopper", "--task.body.load-mass", 0], "load_mass = 0.0"),
+    (["evaluate"], "run"),
+    (["evaluate", "nowhere"], "nowhere is not a run directory"),
+    (["evaluate", "{runs}/chain", "--steps", 0], "steps = 0"),
+    (["evaluate", "{runs}/chain", "--mode", "best"], "sample"),
+    (["evaluate", "{runs}/chain", "--seed", 0], "seed = 0: must be one of the run's seeds, [3, 4]"),
+    (["evaluate", "{runs}/hopper", "--steps", 2, "--seconds", 0], "seconds = 0.0"),
+    (["evaluate", "{runs}/hopper", "--steps", 2, "--seconds", "inf"], "seconds = inf"),
+    (["plot"], "name at least one run directory"),
+    (["plot", "nowhere"], "nowhere is not a run directory"),
+    (["plot", "{runs}/chain", "--quantity", "rewards"], "unknown quantity 'rewards': did you mean 'reward'?"),
+    (["plot", "{runs}/chain", "--quantity", "apex"], "unknown quantity 'apex'"),
+    (["plot", "{runs}/chain", "--out", "curve.bmpp"], "bmpp"),
+    (["demo", "--seconds", 0], "seconds = 0.0"),
+    (["demo", "--seconds", "nan"], "seconds = nan"),
+    (["demo", "--seeds", 0], "seeds = "),
+    (["bench", "--quik"], "--quick"),
+    (["list", "--jsn", "x"], "--json"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), REFUSED, ids=[" ".join(map(str, a)) for a, _ in REFUSED])
+def test_what_cannot_be_done_is_refused_by_name(arguments, named, runs, tmp_path, capsys):
+    assert status(*(str(argument).format(runs=runs) for argument in arguments)) == 2
+    said = capsys.readouterr()
+    assert named in said.err + said.out
+    assert not list(tmp_path.rglob("config.toml"))  # refused before any work
+
+
+def test_a_file_in_the_place_of_a_run_is_refused(tmp_path, capsys):
+    (tmp_path / "taken").write_text("")
+    for out in ("taken", "taken/run"):
+        assert status("train", "chain", "--steps", 5, "--out", out) == 2
+        assert "taken" in capsys.readouterr().err
+
+
+# ---- processes
+
+
+def test_a_users_session_in_processes(process_environment, tmp_path):
+    trained = process(process_environment, "train", "three-state", "--steps", 50, "--out", "x", "--json", "-")
+    assert trained.returncode == 0, trained.stderr
+    assert json.loads(trained.stdout)["complete"]
+    again = process(process_environment, "train", "three-state", "--steps", 50, "--out", "x", "--agent.decay", 0.5)
+    assert again.returncode == 2
+    assert "agent.estimator.trace.decay was 0.8 and is now 0.5" in again.stderr
+    assert "Traceback" not in again.stderr
+    told = read(tmp_path / "x" / "provenance.json")["sessions"]
+    assert told[0]["command"][1:4] == ["train", "three-state", "--steps"]
+
+
+def test_the_installed_command_is_the_module(process_environment):
+    command = os.path.join(os.path.dirname(sys.executable), "motorgrad")
+    told = [
+        subprocess.run([*program, "--help"], capture_output=True, text=True, env=process_environment, check=True).stdout
+        for program in ([command], [sys.executable, "-m", "motorgrad"])
+    ]
+    assert told[0] == told[1]
+    assert "usage: motorgrad" in told[0]
