@@ -163,10 +163,12 @@ LEARNERS = {
 }
 
 
-SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in ("a window", "a lag", "a fixed step", "a discount")}
+QUICK = ("a batch", "adam")
 
 
-@pytest.mark.parametrize("kind", [SLOW.get(name, name) for name in LEARNERS])
+@pytest.mark.parametrize(
+    "kind", [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in LEARNERS]
+)
 def test_every_kind_of_learner_goes_on_exactly(kind, tmp_path):
     task = mg.make("chain", length=3, time_limit=9)
     for name, legs in (("parts", (75, 150)), ("whole", (150,))):
