@@ -51,6 +51,7 @@ class BodyBatch:
       simulation diverged in the step just made. Refreshed in place by every call: JAX may read NumPy memory without
       copying it, so copy before the next `step` if something still reads it. Positions, velocities and the sensors of
       them are current; contact forces are those of the last substep.
+    - `lost`: whether any simulation diverged in the step just made.
     - `diverged` (seeds,) int64: how often each simulation diverged. It is then put back to the start pose; the other
       simulations are not affected in any bit.
 
@@ -74,6 +75,7 @@ class BodyBatch:
         self._layout = _Layout(self.model, body.sensor_components)
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
+        self.lost = False
         self.reset()
 
     def _bind(self) -> None:
@@ -81,7 +83,6 @@ class BodyBatch:
         batch, layout = self._batch, self._layout
         muscles, index = self.body.muscles, {group: i for i, group in enumerate(self.groups)}
         self._group_of = np.array([index[muscle.group] for muscle in muscles], np.intp)
-        self._activation = np.zeros((self.seeds, len(muscles)))
         actuators = [self.model.actuator(muscle.name).id for muscle in muscles]
         # muscles are added one after the other, so that one slice holds their controls; motors may stand around it
         first, last = actuators[0], actuators[-1] + 1
@@ -102,11 +103,10 @@ class BodyBatch:
 
         **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback has vanished.
         """
-        activation = np.asarray(activation, np.float64)
+        activation = np.asarray(activation)
         if activation.shape != (self.seeds, len(self.groups)):
             check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
-        activation.take(self._group_of, 1, self._activation, "clip")
-        self._control[...] = self._activation
+        self._control[...] = activation.take(self._group_of, 1)
         # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
         if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
             check_muscle_callback(self.model)
@@ -118,7 +118,8 @@ class BodyBatch:
         for target, source in self._copies:
             target[...] = source
         self._flag.fill(0.0)
-        if failed is not None or np.count_nonzero(self._bad):
+        self.lost = failed is not None or bool(np.count_nonzero(self._bad))
+        if self.lost:
             self._recover(failed)
 
     def _recover(self, failed: np.ndarray | None) -> None:

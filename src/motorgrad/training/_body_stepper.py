@@ -35,6 +35,7 @@ class BodyStepper(Stepper):
         self.batch = BodyBatch(task.dynamics, len(self.seeds), substeps=task.substeps, threads=threads)
         self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
         self._compile()
+        self._episodes = task.episodic or task.episode_limit is not None
         self._block, self._drawn = -1, np.empty(0)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
@@ -56,7 +57,7 @@ class BodyStepper(Stepper):
             # Waits for the compiled call, which reads `seen` in place.
             out = np.asarray(self._out)
             self.ended = None
-            if np.count_nonzero(out[:, -1]):
+            if (self._episodes or self.batch.lost) and np.count_nonzero(out[:, -1]):
                 ended = out[:, -1] > 0
                 self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))
@@ -96,9 +97,8 @@ class BodyStepper(Stepper):
         block = self.decision // BLOCK
         if block != self._block:
             self._block, self._drawn = block, np.asarray(self._draw(np.uint32(block)))
-        width = self.batch.packed.shape[1]
-        self._seen[:, :width] = self.batch.packed
-        self._seen[:, width:] = self._drawn[self.decision % BLOCK]
+        self._bodies[...] = self.batch.packed
+        self._chance[...] = self._drawn[self.decision % BLOCK]
         return self._seen
 
     def _compile(self) -> None:
@@ -128,6 +128,7 @@ class BodyStepper(Stepper):
             return pack(state), look
 
         self._seen = np.empty((len(self.seeds), ends[-1]), np.float32)
+        self._bodies, self._chance = self._seen[:, :width], self._seen[:, width:]
         self._draw = jax.jit(draw)
         self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
         self._start = jax.jit(jax.vmap(lambda seed, packed: pack(self._begin(seed, packed))))
