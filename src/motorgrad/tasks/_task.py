@@ -60,6 +60,11 @@ class Task(abc.ABC):
         """After how many decisions an episode is cut (truncated, not terminated); `None` for never."""
         return None
 
+    @property
+    def has_episodes(self) -> bool:
+        """Whether an episode ever ends, by the task or by its limit."""
+        return self.episodic or self.episode_limit is not None
+
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
         """The memory at the start of an episode."""
         del uniforms

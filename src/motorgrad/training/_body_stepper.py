@@ -35,7 +35,6 @@ class BodyStepper(Stepper):
         self.batch = BodyBatch(task.dynamics, len(self.seeds), substeps=task.substeps, threads=threads)
         self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
         self._compile()
-        self._episodes = task.episodic or task.episode_limit is not None
         self._block, self._drawn = -1, np.empty(0)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
@@ -48,7 +47,7 @@ class BodyStepper(Stepper):
         return np.asarray(self._out)[:, :-1]
 
     def advance(self, decisions: int) -> None:
-        out = np.asarray(self._out)
+        out, has_episodes = np.asarray(self._out), self.task.has_episodes
         for _ in range(decisions):
             self.batch.step(out[:, :-1])
             self.decision += 1
@@ -57,7 +56,7 @@ class BodyStepper(Stepper):
             # Waits for the compiled call, which reads `seen` in place.
             out = np.asarray(self._out)
             self.ended = None
-            if (self._episodes or self.batch.lost) and np.count_nonzero(out[:, -1]):
+            if (has_episodes or self.batch.lost) and np.count_nonzero(out[:, -1]):
                 ended = out[:, -1] > 0
                 self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))

@@ -53,9 +53,9 @@ class Cycle:
     """Whether the dynamics can break and say so."""
 
     @property
-    def episodic(self) -> bool:
-        """Whether episodes end at all."""
-        return self.task.episodic or self.task.episode_limit is not None or self.diverges
+    def restarts(self) -> bool:
+        """Whether the dynamics are ever put back: at an episode's end, or where they broke."""
+        return self.task.has_episodes or self.diverges
 
     def begin(self, agent: AgentState, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> CycleState:
         """Before the first decision, the dynamics being in `state`; no action has been taken yet."""
@@ -72,7 +72,7 @@ class Cycle:
         """A tally by name: the reward's sum, each reading's mean (NaN if it never occurred) and count, and episodes and
         divergences where the task can have them."""
         found = {"reward": tally.sums[0]}
-        if self.task.episodic or self.task.episode_limit is not None:
+        if self.task.has_episodes:
             found["episodes"] = tally.counts[-2]
         if self.diverges:
             found["diverged"] = tally.counts[-1]

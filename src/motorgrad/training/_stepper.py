@@ -100,7 +100,7 @@ def validate_episodes(task: Task, estimator: Estimator) -> None:
         f"discount = {estimator.discount}": estimator.discount is not None,
     }
     for setting, needed in needs.items():
-        if needed and not task.episodic and task.episode_limit is None:
+        if needed and not task.has_episodes:
             raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
 
 

@@ -81,7 +81,7 @@ class WorldStepper(Stepper):
         """Decisions `start` … `stop` − 1, a block of random numbers at a time."""
         world, task = self.world, self.task
         sizes = {"policy": self.policy.uniforms, "world": world.uniforms, "observe": task.uniforms}
-        if self.cycle.episodic:
+        if self.cycle.restarts:
             sizes |= {"reset": world.reset_uniforms, "memory": task.init_uniforms, "look": task.uniforms}
         decide = jax.vmap(self._decide, in_axes=-1, out_axes=-1)
 
