@@ -3,7 +3,10 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.motorgrad-installed
+# What is installed beside the library: dev for tests, docs for the site, peers and tensorboard (CONTRIBUTING.md).
+EXTRAS ?= dev
+comma := ,
+STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
 
 # One test process per worker: libraries that would start a thread per core in each are told not to.
@@ -11,7 +14,7 @@ QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint format bench clean
+.PHONY: help install demo test test-all lint format bench torture docs figures notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -23,7 +26,7 @@ $(STAMP): pyproject.toml constraints.txt
 		{ echo "motorgrad needs Python 3.11 or later; say make PYTHON=python3.12, for example"; exit 1; }
 	@echo "Setting up $(VENV): some minutes the first time, on a slow line."
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	@touch $@
 
 demo: $(STAMP)  ## a body learns to hop: learning curve, behaviour and film, in about two minutes
@@ -38,16 +41,33 @@ test-all: $(STAMP)  ## all tests
 	$(PYTEST)
 
 lint: $(STAMP)  ## style, format and types
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests tools
+	$(BIN)/ruff format --check src tests tools
 	$(BIN)/pyright
 
 format: $(STAMP)  ## put the format right
-	$(BIN)/ruff check --fix src tests
-	$(BIN)/ruff format src tests
+	$(BIN)/ruff check --fix src tests tools
+	$(BIN)/ruff format src tests tools
 
 bench: $(STAMP)  ## the speed table of docs/performance.md
 	$(BIN)/motorgrad bench
+
+torture: $(STAMP)  ## kill training a hundred times, and see that nothing is lost (some minutes)
+	$(BIN)/python tools/torture.py
+
+docs: $(STAMP)  ## the documentation site, in build/site
+	@$(BIN)/python -c 'import mkdocs_jupyter' 2>/dev/null || \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "open build/site/index.html"
+
+figures: $(STAMP)  ## draw the figures of the documentation again
+	$(BIN)/python -m tools.figures
+
+notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
+	@$(BIN)/python -c 'import nbclient, ipykernel' 2>/dev/null || \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/jupyter-execute --inplace docs/notebooks/*.ipynb
 
 clean:  ## remove caches and built files; runs and .venv stay
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
