@@ -4,6 +4,8 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+LONGEST = 100  # characters of a value in a message
+
 
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:
     """Raise `ValueError` unless `condition` holds.
@@ -12,15 +14,24 @@ def check(condition: Any, name: str, value: Any, allowed: str) -> None:
     that complete "must be …".
     """
     if not condition:
-        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
+
+
+def shown(value: Any) -> str:
+    """A value for an error message: on one line, and not longer than one."""
+    try:
+        text = " ".join(repr(value).splitlines())
+    except (ValueError, RecursionError):  # an integer of thousands of digits; lists nested as deeply
+        return f"{type(value).__name__} too large to show"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def unknown(kind: str, name: Any, known: Iterable[str]) -> ValueError:
     """The error for a name that is not among `known`: it lists them and puts the nearest one first."""
     names = sorted(known)
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else []
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return ValueError(f"unknown {kind} {name!r}: {hint}known are {', '.join(names) or 'none'}")
+    return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {', '.join(names) or 'none'}")
 
 
 def choice(name: str, value: Any, allowed: Iterable[str]) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motorgrad.learning import FixedStep, MeanReward, NoBaseline, RunningMean, add_sample, running_mean
+from motorgrad.learning import Constant, FixedStep, MeanReward, NoBaseline, RunningMean, add_sample, running_mean
 
 
 def recency(rate):
@@ -21,6 +21,7 @@ def recency(rate):
 # name: (the baseline, its value after an array of rewards)
 BASELINES = {
     "none": (NoBaseline(), lambda rewards: 0.0),
+    "constant": (Constant(-0.3), lambda rewards: -0.3),
     "mean": (MeanReward(), lambda rewards: np.mean(rewards) if len(rewards) else 0.0),
     "fixed step": (FixedStep(0.05), recency(0.05)),
     "fixed step of one": (FixedStep(1.0), lambda rewards: rewards[-1] if len(rewards) else 0.0),
@@ -47,6 +48,12 @@ def test_baseline_is_its_formula_after_any_rewards(name, rewards):
 def test_a_fixed_step_outside_its_range_is_refused(rate):
     with pytest.raises(ValueError, match=r"rate = .*: must be in \(0, 1\]"):
         FixedStep(rate)
+
+
+@pytest.mark.parametrize("level", [float("nan"), float("inf")])
+def test_a_constant_that_is_no_number_is_refused(level):
+    with pytest.raises(ValueError, match=r"level = .*: must be finite"):
+        Constant(level)
 
 
 def naive(mean, first, samples):

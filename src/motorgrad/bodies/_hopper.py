@@ -24,20 +24,29 @@ class Hopper(HopperNumbers):
     to the foot. Each knee has a flexor in front (inside the rhombus) and an extensor behind; the two flexors are one
     group and the two extensors the other, so an action is two numbers. x points to the right, z up, the plane is y = 0.
 
-    **Arguments** (m, kg, N, s, rad unless said otherwise):
+    **Arguments:**
 
-    - `load_mass`, `link_length`, `link_mass` (each of four), `foot_mass`.
-    - `foot_size`: half-lengths (x, y, z) of the foot's box.
-    - `knee_range`: least and greatest interior angle of a knee, **degrees**, with 0 < least < 90 < greatest < 180; the
+    - `load_mass` (kg): of the load on the slide.
+    - `link_length` (m): of each of the four links.
+    - `link_mass` (kg): of each of the four links.
+    - `foot_mass` (kg): of the foot.
+    - `foot_size` (m): half-lengths (x, y, z) of the foot's box.
+    - `knee_range` (degrees): least and greatest interior angle of a knee, with 0 < least < 90 < greatest < 180; the
       stop is stiff but not rigid.
-    - `armature` (kg m²), `joint_damping` (N m s/rad): of every hinge; the slide is free.
-    - `capsule_radius`: ρ of the sphere around each knee; `attachment_distance`: from the knee to a muscle's ends, on
-      the bone.
-    - `flexor_strength`, `flexor_rest_length`, `extensor_strength`, `extensor_rest_length`; `muscle_damping` (k_SE,
-      N s/m), `muscle_shape` (k_CE).
+    - `armature` (kg m²): of every hinge.
+    - `joint_damping` (N m s/rad): of every hinge; the slide is free.
+    - `capsule_radius` (m): ρ of the sphere around each knee.
+    - `attachment_distance` (m): from the knee to a muscle's ends, on the bone.
+    - `flexor_strength` (N): greatest contractile force of a flexor.
+    - `flexor_rest_length` (m): length at which it is greatest.
+    - `extensor_strength` (N): greatest contractile force of an extensor.
+    - `extensor_rest_length` (m): length at which it is greatest.
+    - `muscle_damping` (N s/m): k_SE of every muscle.
+    - `muscle_shape`: k_CE of every muscle; the larger, the flatter the force–length curve.
     - `lateral`: "symmetric" holds the foot under the load; "spring" lets the body lean, against a spring.
-    - `lateral_stiffness` (N m/rad), `lateral_damping` (N m s/rad): of that spring.
-    - `timestep`: of the physics, s.
+    - `lateral_stiffness` (N m/rad): of that spring.
+    - `lateral_damping` (N m s/rad): of that spring.
+    - `timestep` (s): of the physics.
     - `muscle_model`: "thesis" (exact law, needs the callback) or "native" (MuJoCo's own muscle, an approximation).
     - `extra_muscles`: further muscles; a new group name makes a new component of the action.
 

@@ -1,12 +1,14 @@
 """The hopper's numbers, and what they may be."""
 
 import dataclasses
+from typing import Literal, get_args
 
 from motorgrad._errors import check, choice
 from motorgrad.bodies._body import MUSCLE_MODELS
 from motorgrad.bodies._muscle import Muscle, not_negative, positive
 
-LATERAL = ("symmetric", "spring")
+Lateral = Literal["symmetric", "spring"]
+LATERAL = get_args(Lateral)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +31,11 @@ class HopperNumbers:
     extensor_rest_length: float = 0.25
     muscle_damping: float = 8.0
     muscle_shape: float = 0.5
-    lateral: str = "symmetric"
+    lateral: Lateral = "symmetric"
     lateral_stiffness: float = 100.0
     lateral_damping: float = 1.0
     timestep: float = 0.001
-    muscle_model: str = "thesis"
+    muscle_model: Literal["thesis", "native"] = "thesis"
     extra_muscles: tuple[Muscle, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,16 +1,17 @@
 """Traces, baselines, estimators and ascent rules, and the learner that they make up."""
 
+from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._ascent import SgdState, adam, sgd
-from motorgrad.learning._baselines import Baseline, FixedStep, MeanReward, NoBaseline
+from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
-from motorgrad.learning._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 
 __all__ = [
     "Agent",
     "AgentState",
     "Baseline",
+    "Constant",
     "Episodic",
     "Estimator",
     "Exponential",

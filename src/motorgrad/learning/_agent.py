@@ -18,9 +18,9 @@ import optax
 from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._ascent import adam, sgd
 from motorgrad.learning._estimator import Estimator, Olgarb
-from motorgrad.learning._running import RunningMean, add_sample, running_mean
 from motorgrad.policies import Policy, split, trainable
 
 

@@ -1,18 +1,20 @@
 r"""Reinforcement baselines: what a reward is compared with, $\delta = r - b$.
 
-A baseline does not bias the gradient; a good one makes it far less noisy (Weaver & Tao, 2001). A baseline is
+A good baseline makes the estimate of the gradient far less noisy (Weaver & Tao, 2001). A constant does not bias it; one
+that follows the rewards does in short runs, and no longer in long ones. A baseline is
 `init(dtype)`, `value(state)` and `update(state, reward)`; the reward is compared with the value *before* its update.
 """
 
 import abc
 import dataclasses
+import math
 from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.learning._running import RunningMean, add_sample, running_mean
+from motorgrad._running import RunningMean, add_sample, running_mean
 
 
 class Baseline(abc.ABC):
@@ -42,6 +44,28 @@ class NoBaseline(Baseline):
         return state
 
     def update(self, state: Any, reward: Float[Array, ""]) -> Any:
+        return state
+
+
+@dataclasses.dataclass(frozen=True)
+class Constant(Baseline):
+    r"""$b \equiv c$: for a task whose average reward is known. It leaves what the estimate averages to as it is.
+
+    **Arguments:** `level` $c$, in units of reward; finite.
+    """
+
+    level: float
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.level), "level", self.level, "finite")
+
+    def init(self, dtype: Any) -> Float[Array, ""]:
+        return jnp.asarray(self.level, dtype)
+
+    def value(self, state: Float[Array, ""]) -> Float[Array, ""]:
+        return state
+
+    def update(self, state: Float[Array, ""], reward: Float[Array, ""]) -> Float[Array, ""]:
         return state
 
 

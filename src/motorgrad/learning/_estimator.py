@@ -34,7 +34,7 @@ class Estimator:
             part = getattr(self, name)
             right = isinstance(part, kind) and dataclasses.is_dataclass(part)
             check(right, name, part, f"a {kind.__name__} that is a dataclass of its settings")
-        valid = self.improve in ("episode", "never") or (isinstance(self.improve, int) and self.improve >= 1)
+        valid = self.improve in ("episode", "never") or (isinstance(self.improve, int) and 1 <= self.improve < 2**31)
         check(valid, "improve", self.improve, "a positive number of samples, 'episode' or 'never'")
         check(self.discount is None or 0 < self.discount <= 1, "discount", self.discount, "None or in (0, 1]")
         check(self.batch in ("mean", "sum"), "batch", self.batch, "'mean' or 'sum'")

@@ -16,6 +16,8 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 
+LONGEST = 100_000  # decisions of a finite filter, which keeps as many copies of the parameters
+
 
 class Trace(abc.ABC):
     """An eligibility filter."""
@@ -106,7 +108,7 @@ class Window(_Kernel):
     length: int = 10
 
     def __post_init__(self) -> None:
-        check(self.length >= 1, "length", self.length, "at least 1 decision")
+        check(1 <= self.length <= LONGEST, "length", self.length, f"from 1 to {LONGEST} decisions")
 
     def weights(self) -> Float[Any, " length"]:
         return jnp.ones(self.length)
@@ -126,8 +128,8 @@ class LaggedGaussian(_Kernel):
     width: float = 2.0
 
     def __post_init__(self) -> None:
-        check(self.lag >= 0, "lag", self.lag, "at least 0 decisions")
-        check(self.width > 0, "width", self.width, "a positive number of decisions")
+        check(0 <= self.lag <= LONGEST, "lag", self.lag, f"from 0 to {LONGEST} decisions")
+        check(0 < self.width <= LONGEST, "width", self.width, f"a positive number of decisions, at most {LONGEST}")
 
     def weights(self) -> Float[Any, " length"]:
         age = jnp.arange(math.ceil(self.lag + 4 * self.width) + 1)

@@ -19,6 +19,7 @@ from motorgrad.policies._policy import Policy
 from motorgrad.policies._softmax import Softmax
 
 Initial = Policy | Callable[[jax.Array], Policy]
+"""A policy, or a function that makes one from a seed's key."""
 
 
 def _sizes(task: Any, outputs: int | None) -> tuple[int, int]:

@@ -2,7 +2,10 @@
 
 from motorgrad.tasks._body_task import BodyTask
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
+from motorgrad.tasks._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
+from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks._hopper import Flight, Hopper
+from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._registry import TASKS, make
 from motorgrad.tasks._task import Reading, Task
 
@@ -11,11 +14,18 @@ __all__ = [
     "BodyTask",
     "CallAdmission",
     "Chain",
+    "EnvironmentBatch",
+    "EnvironmentMemory",
+    "EnvironmentState",
     "FiniteTask",
     "Flight",
+    "Gymnasium",
     "Hopper",
+    "HostBatch",
+    "HostTask",
     "Reading",
     "Task",
     "ThreeState",
+    "from_gymnasium",
     "make",
 ]

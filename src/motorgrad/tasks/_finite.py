@@ -13,6 +13,7 @@ from motorgrad._errors import check, choice
 from motorgrad.tasks._task import Task
 from motorgrad.worlds import CHAIN_VARIANTS, FiniteMDP, call_admission, chain, three_state
 
+MOST = 2000  # a finite MDP is a dense table of all transitions
 # Tasks are equal by their numbers; so are the worlds that they make, each of which is made once.
 _three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
 
@@ -21,14 +22,16 @@ _three_state, _chain, _call_admission = (functools.cache(make) for make in (thre
 class FiniteTask(Task):
     """A finite MDP as a task.
 
-    **Arguments:** `time_limit`, decisions after which an episode is cut and begins anew; `None` for a continuing task.
+    **Arguments:**
+
+    - `time_limit`: decisions after which an episode is cut and begins anew; `None` for a continuing task.
     """
 
     time_limit: int | None = None
 
     def __post_init__(self) -> None:
-        whole = self.time_limit is None or (isinstance(self.time_limit, int) and self.time_limit >= 1)
-        check(whole, "time_limit", self.time_limit, "None or at least 1")
+        whole = self.time_limit is None or (isinstance(self.time_limit, int) and 1 <= self.time_limit < 2**31)
+        check(whole, "time_limit", self.time_limit, "None, or from 1 to 2147483647 decisions")
 
     @property
     @abc.abstractmethod
@@ -79,7 +82,10 @@ class ThreeState(FiniteTask):
 class Chain(FiniteTask):
     """The chain of figure 4.9: reward only at its far end (see `motorgrad.worlds.chain` for the variants).
 
-    **Arguments:** `length`, number of states; `variant`, `"walk"` or `"reset"`; `time_limit`.
+    **Arguments:**
+
+    - `length`: number of states, from 2 to 2,000.
+    - `variant`: what a wrong move does: `"walk"`, one state back; `"reset"`, back to the start.
     """
 
     name: ClassVar[str] = "chain"
@@ -87,11 +93,11 @@ class Chain(FiniteTask):
     learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "rate": 0.05}
 
     length: int = 6
-    variant: str = "walk"
+    variant: Literal["walk", "reset"] = "walk"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self.length >= 2, "length", self.length, "at least 2")
+        check(2 <= self.length <= MOST, "length", self.length, f"from 2 to {MOST} states")
         choice("variant", self.variant, CHAIN_VARIANTS)
 
     @property
@@ -103,7 +109,9 @@ class Chain(FiniteTask):
 class CallAdmission(FiniteTask):
     """Call admission control (Marbach & Tsitsiklis, 1998): accept the call that asks, or keep room for a better one.
 
-    **Arguments:** `capacity`, calls that the link carries; `time_limit`.
+    **Arguments:**
+
+    - `capacity`: calls that the link carries, from 1 to 2,000.
     """
 
     name: ClassVar[str] = "call-admission"
@@ -114,7 +122,7 @@ class CallAdmission(FiniteTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self.capacity >= 1, "capacity", self.capacity, "at least 1 call")
+        check(1 <= self.capacity <= MOST, "capacity", self.capacity, f"from 1 to {MOST} calls")
 
     @property
     def dynamics(self) -> FiniteMDP:

@@ -16,6 +16,8 @@ from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._body_task import BodyTask
 from motorgrad.tasks._task import Reading
 
+MOST = 10_000  # physics steps between two decisions
+
 
 class Flight(NamedTuple):
     """What the hopper's task remembers: the flight's greatest foot height so far, its first apex (0 before it), and the
@@ -51,7 +53,7 @@ class Hopper(BodyTask):
     name: ClassVar[str] = "hopper"
     reports: ClassVar[tuple[str, ...]] = ("apex",)
     # The thesis's decay of 0.98 forgets two thirds of a push within half a second, about the flight that `"landing"`
-    # waits for; 0.995 remembers it, and learns almost three times as fast (docs/hopper.md has both measured).
+    # waits for; 0.995 remembers it, and learns almost three times as fast (docs/tasks/hopper.md has both measured).
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
@@ -72,15 +74,14 @@ class Hopper(BodyTask):
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
         check(0 <= self.penalty < math.inf, "penalty", self.penalty, "a finite number of at least 0")
         ratio = self.action_period / self.body.timestep
-        whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) < 1e-6
+        whole = 0.5 < ratio < MOST + 0.5 and abs(ratio - round(ratio)) < 1e-6
+        allowed = f"a positive multiple of the time step, {self.body.timestep} s, at most {MOST} of them"
+        check(whole, "action_period", self.action_period, allowed)
         check(
-            whole, "action_period", self.action_period, f"a positive multiple of the time step, {self.body.timestep} s"
-        )
-        check(
-            self.time_limit is None or self.action_period <= self.time_limit < math.inf,
+            self.time_limit is None or 1 <= self.time_limit / self.action_period < 2**31,
             "time_limit",
             self.time_limit,
-            f"None or at least one action period, {self.action_period} s",
+            f"None or at least one action period, {self.action_period} s, and fewer than 2147483648 of them",
         )
 
     @property

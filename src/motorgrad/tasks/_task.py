@@ -33,11 +33,11 @@ class Task(abc.ABC):
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
-    """Whether `reward` can report the end of an episode."""
+    """Whether `reward` or `truncated` can report the end of an episode."""
 
     @property
     @abc.abstractmethod
-    def dynamics(self) -> World | Body:
+    def dynamics(self) -> World | Body | Any:
         """What moves."""
 
     @property
@@ -70,6 +70,18 @@ class Task(abc.ABC):
         del uniforms
         return ()
 
+    def renew(self, memory: Any, uniforms: Float[Array, " init_uniforms"]) -> Any:
+        """The memory at the start of a further episode, `memory` being what the last one left: by default a new one.
+
+        Here a task keeps what outlives an episode, such as running statistics of its senses.
+        """
+        del memory
+        return self.init(uniforms)
+
+    def freeze(self, memory: Any) -> Any:
+        """The memory with which an evaluation goes on, in which the task itself must learn nothing more."""
+        return memory
+
     @abc.abstractmethod
     def observe(
         self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
@@ -79,6 +91,11 @@ class Task(abc.ABC):
     @abc.abstractmethod
     def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]:
         """What the step that led to `state` by `action` pays: the memory afterwards, the reward, and `terminated`."""
+
+    def truncated(self, memory: Any, state: Any) -> Bool[Array, ""] | bool:
+        """Whether the dynamics themselves cut the episode at `state`, by a time limit of their own; after `reward`."""
+        del memory, state
+        return False
 
     def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
         """The quantities named in `reports`, after `reward`: each with whether it occurred at this decision."""

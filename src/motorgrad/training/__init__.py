@@ -1,13 +1,19 @@
 """The loop over seeds and decisions, run directories, checkpoints and resume."""
 
+from motorgrad.training._arguments import check_training
 from motorgrad.training._body_stepper import BodyStepper
 from motorgrad.training._directory import RunDirectoryError, RunWarning
 from motorgrad.training._evaluate import Evaluation, evaluate
+from motorgrad.training._host_stepper import HostStepper
 from motorgrad.training._plot import learning_curves
+from motorgrad.training._plot_curves import Curve
+from motorgrad.training._plot_labels import folders_of
 from motorgrad.training._provenance import provenance
+from motorgrad.training._resume import check_settings, resume
 from motorgrad.training._run import Run, load
 from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for
 from motorgrad.training._stepper import Stepper
+from motorgrad.training._tensorboard import check_tensorboard, write_tensorboard
 from motorgrad.training._train import stepper_of, train
 from motorgrad.training._world_stepper import WorldStepper
 
@@ -15,17 +21,25 @@ __all__ = [
     "ESTIMATORS",
     "AgentSettings",
     "BodyStepper",
+    "Curve",
     "Evaluation",
+    "HostStepper",
     "Run",
     "RunDirectoryError",
     "RunWarning",
     "Stepper",
     "WorldStepper",
+    "check_settings",
+    "check_tensorboard",
+    "check_training",
     "evaluate",
+    "folders_of",
     "learning_curves",
     "load",
     "provenance",
+    "resume",
     "settings_for",
     "stepper_of",
     "train",
+    "write_tensorboard",
 ]

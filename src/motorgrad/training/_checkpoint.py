@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,11 @@ class CorruptCheckpoint(ValueError):
 def name_of(path: tuple[Any, ...]) -> str:
     """A leaf's place in the state, as text."""
     return jax.tree_util.keystr(path, simple=True, separator=".")
+
+
+def by_name(state: PyTree[np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a state by their names, as `load` gives them."""
+    return {name_of(path): leaf for path, leaf in jax.tree_util.tree_leaves_with_path(state)}
 
 
 def fingerprint(tree: PyTree[np.ndarray]) -> str:
@@ -55,14 +61,23 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         return {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}, about
 
 
-def into(template: PyTree[np.ndarray], arrays: dict[str, np.ndarray]) -> PyTree[np.ndarray]:
+def into(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.ndarray]:
     """The arrays in the template's structure. **Raises** `ValueError` where name or shape differ from it."""
 
     def find(path: tuple[Any, ...], leaf: np.ndarray) -> np.ndarray:
         name = name_of(path)
-        if name not in arrays or arrays[name].shape != leaf.shape or arrays[name].dtype != leaf.dtype:
+        # strings of bytes, such as environments, have the length that they need
+        alike = name in arrays and (
+            arrays[name].dtype == leaf.dtype or arrays[name].dtype.kind == leaf.dtype.kind == "S"
+        )
+        if not alike or arrays[name].shape != leaf.shape:
             found = f"{arrays[name].dtype}{arrays[name].shape}" if name in arrays else "nothing"
             raise ValueError(f"checkpoint: {name}: found {found}, but this run needs {leaf.dtype}{leaf.shape}")
         return arrays[name]
 
     return jax.tree_util.tree_map_with_path(find, template)
+
+
+def _alike(one: np.dtype, other: np.dtype) -> bool:
+    """Whether two types are the same; strings of bytes, such as saved environments, are as long as they need to be."""
+    return one == other or one.kind == other.kind == "S"

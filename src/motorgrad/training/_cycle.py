@@ -68,6 +68,14 @@ class Cycle:
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
+    def adopt(
+        self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]
+    ) -> CycleState:
+        """Before the first decision: go on, frozen, from the `memory` that the task had at the end of a run."""
+        memory = self.task.freeze(self.task.renew(memory, init))
+        memory, observation = self.task.observe(memory, state, observe)
+        return cycle._replace(memory=memory, observation=observation)
+
     def read(self, tally: Tally) -> dict[str, Array]:
         """A tally by name: the reward's sum, each reading's mean (NaN if it never occurred) and count, and episodes and
         divergences where the task can have them."""
@@ -95,15 +103,18 @@ class Cycle:
     ) -> tuple[CycleState, Bool[Array, ""] | bool]:
         """Take in what the action led to, and learn from it; also says whether the episode is over."""
         memory, reward, terminated = self.task.reward(cycle.memory, state, cycle.action)
-        if terminated is not False and not self.task.episodic:
-            raise TypeError(f"task {self.task.name!r} reports `terminated`, so its class must say `episodic = True`")
+        truncated: Any = self.task.truncated(memory, state)
+        for flag, name in ((terminated, "terminated"), (truncated, "truncated")):
+            if flag is not False and not self.task.episodic:
+                raise TypeError(f"task {self.task.name!r} reports `{name}`, so its class must say `episodic = True`")
         memory, observation = self.task.observe(memory, state, observe)
-        truncated: Any = False
         elapsed = cycle.elapsed
         if elapsed is not None:
             elapsed = elapsed + 1
-            truncated = elapsed >= (self.task.episode_limit or 0)
-            truncated = truncated if terminated is False else truncated & ~terminated
+            over = elapsed >= (self.task.episode_limit or 0)
+            truncated = over if truncated is False else truncated | over
+        if terminated is not False and truncated is not False:
+            truncated = truncated & ~terminated
         agent = cycle.agent
         ended: Any = False
         for flag in (terminated, truncated, diverged):
@@ -124,7 +135,7 @@ class Cycle:
         observe: Float[Array, " _"],
     ) -> CycleState:
         """Begin a new episode `where` one has ended, the dynamics having been put back to `state`."""
-        memory, observation = self.task.observe(self.task.init(init), state, observe)
+        memory, observation = self.task.observe(self.task.renew(cycle.memory, init), state, observe)
         fresh = cycle._replace(
             memory=memory,
             observation=observation,

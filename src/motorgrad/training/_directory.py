@@ -9,10 +9,11 @@
 The newest whole checkpoint is the commit point: metrics beyond it are discarded on resume and made again.
 """
 
+import dataclasses
 import json
 import os
-import tomllib
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,9 +24,11 @@ import pyarrow.parquet as pq
 import tomli_w
 from jaxtyping import PyTree
 
-from motorgrad._files import write_atomically
+from motorgrad._errors import check
+from motorgrad._files import read_toml, write_atomically
+from motorgrad._settings import build
 from motorgrad.training._checkpoint import CorruptCheckpoint, load, save
-from motorgrad.training._provenance import provenance
+from motorgrad.training._provenance import changed, provenance
 
 
 class RunDirectoryError(RuntimeError):
@@ -34,6 +37,15 @@ class RunDirectoryError(RuntimeError):
 
 class RunWarning(UserWarning):
     """Something about a run directory that the user should know, such as a damaged checkpoint."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Run:
+    """The table `run` of a configuration."""
+
+    steps: int
+    seeds: tuple[int, ...]
+    window: int
 
 
 class RunDirectory:
@@ -74,7 +86,15 @@ class RunDirectory:
         """The configuration. **Raises** `RunDirectoryError` where there is none."""
         if not self.started:
             raise RunDirectoryError(f"{self.path} is not a run directory: it has no config.toml")
-        return tomllib.loads((self.path / "config.toml").read_text())
+        config = read_toml(self.path / "config.toml")
+        try:
+            check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
+            build(_Run, config["run"], "run")
+            for name, key in (("task", "name"), ("agent", "policy")):
+                check(isinstance(config[name], dict) and key in config[name], name, config[name], f"a table with {key}")
+        except ValueError as error:
+            raise RunDirectoryError(f"{self.path} is not a run directory: its config.toml: {error}") from None
+        return config
 
     def write_config(self, config: dict[str, Any]) -> None:
         """Make the folder a run's; nothing else may be put there before."""
@@ -82,16 +102,19 @@ class RunDirectory:
         for name in ("metrics", "checkpoint", "figures"):
             (self.path / name).mkdir(exist_ok=True)
 
-    def note_session(self, seeds: list[int]) -> None:
-        """Add the present process to the run's provenance."""
+    def note_session(self, seeds: list[int], going_on: bool = False) -> None:
+        """Add the present process to the run's provenance; where it goes on, say what is not as it was before."""
         file = self.path / "provenance.json"
         sessions = json.loads(file.read_text())["sessions"] if file.exists() else []
         sessions.append(provenance())
+        changes = list(changed(*sessions[-2:])) if going_on and len(sessions) > 1 else []
+        if changes:
+            warnings.warn(f"{self.path} goes on, but not bit for bit: {'; '.join(changes)}", RunWarning, stacklevel=2)
         write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())
 
-    def save(self, state: PyTree[np.ndarray], about: dict[str, Any], records: pa.Table | None) -> None:
+    def save(self, state: PyTree[np.ndarray], about: dict[str, Any], tables: Iterable[pa.Table | None]) -> None:
         """Commit: the records since the last checkpoint, then the state, then let go of the oldest state."""
-        if records is not None:
+        for records in filter(None, tables):
             first, last = (records["decision"][i].as_py() for i in (0, -1))
             sink = pa.BufferOutputStream()
             pq.write_table(records, sink)
@@ -100,13 +123,19 @@ class RunDirectory:
         for old in self._checkpoints()[:-2]:
             old.unlink()
 
-    def save_initial(self, policies: PyTree[np.ndarray]) -> None:
-        """Keep the policies as they were before learning."""
-        save(self.path / "checkpoint" / "initial.policies", policies, {"decision": 0})
+    def save_initial(self, policies: PyTree[np.ndarray], learner: dict[str, Any]) -> None:
+        """Keep the policies as they were before learning, and a description of what learns."""
+        save(self._initial, policies, {"decision": 0, "learner": learner})
 
     def initial(self) -> dict[str, np.ndarray]:
         """The policies before learning, by the names of their fields."""
-        return load(self.path / "checkpoint" / "initial.policies")[0]
+        return load(self._initial)[0]
+
+    def learner(self) -> dict[str, Any] | None:
+        """What learns, as `describe_agent` has it; `None` for a run that was stopped before it had begun."""
+        about = load(self._initial)[1] if self._initial.exists() else {}
+        agent = self.read_config()["agent"]
+        return about.get("learner") or (None if isinstance(agent.get("policy"), str) else agent)
 
     def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
         """The newest whole checkpoint, `None` before the first.
@@ -125,10 +154,10 @@ class RunDirectory:
                 warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
         return None
 
-    def roll_back(self, decision: int) -> None:
-        """Discard metrics and checkpoints beyond `decision`: they will be made again."""
+    def roll_back(self, decision: int, recorded: int = 0) -> None:
+        """Discard checkpoints beyond `decision` and metrics beyond `recorded`: they will be made again."""
         for part in self._parts():
-            if int(part.stem.split("-")[1]) > decision:
+            if int(part.stem.split("-")[1]) > recorded:
                 part.unlink()
         for path in self._checkpoints():
             if int(path.stem) > decision:
@@ -138,6 +167,10 @@ class RunDirectory:
         """All records, in order."""
         parts = self._parts()
         return pa.concat_tables([pq.read_table(part) for part in parts]) if parts else None
+
+    @property
+    def _initial(self) -> Path:
+        return self.path / "checkpoint" / "initial.policies"
 
     def _parts(self) -> list[Path]:
         return sorted((self.path / "metrics").glob("*.parquet"))

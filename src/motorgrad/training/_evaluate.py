@@ -63,7 +63,7 @@ def evaluate(
     policies = run.initial if untrained else run.policies
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
     stepper = stepper_of(run.task, agent, [(seed + FRESH) % 2**31 for seed in run.seeds], mode, threads)
-    stepper.use(policies)
+    stepper.use(policies, run.memory)
     moved: list[tuple[np.ndarray, np.ndarray]] = []
     if isinstance(stepper, BodyStepper):
         for _ in range(steps):

@@ -5,6 +5,7 @@ import importlib.metadata
 import os
 import platform
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,14 @@ def provenance() -> dict[str, Any]:
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+
+
+def changed(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
+    """What differs between two sessions, in words, that bit-for-bit promises depend on."""
+    were, are = ({"processor": each["processor"], **each["versions"]} for each in (before, now))
+    for name in were.keys() & are.keys():
+        if were[name] != are[name]:
+            yield f"{name} was {were[name]} and is now {are[name]}"
 
 
 def _processor() -> str:

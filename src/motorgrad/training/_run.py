@@ -1,6 +1,7 @@
 """A run: what training gives back, and what a run directory holds."""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,13 @@ import pyarrow.compute as pc
 from motorgrad._errors import check, unknown
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import TASKS, Task, make
-from motorgrad.training._checkpoint import name_of
+from motorgrad.training._checkpoint import into, name_of
 from motorgrad.training._directory import RunDirectory, RunDirectoryError
-from motorgrad.training._plot import learning_curves
+from motorgrad.training._plot import Format, learning_curves
+from motorgrad.training._plot_curves import Axis
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from motorgrad.training._plot_figure import LearningCurves
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +43,7 @@ class Run:
     gradient: Policy | None = None
     path: Path | None = None
     _task: Task | None = None
+    _memory: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
         done = f"{self.decision:,} of {self.config['run']['steps']:,} decisions"
@@ -61,11 +64,18 @@ class Run:
         """The task, rebuilt from the configuration where the run was loaded."""
         if self._task is not None:
             return self._task
-        settings = dict(self.config["task"])
-        name = settings.pop("name")
-        if name not in TASKS:
-            raise RunDirectoryError(f"task {name!r} is not in the registry: give it as load(path, task)")
-        return make(name, **settings)
+        return task_of(self.config)
+
+    @property
+    def memory(self) -> Any:
+        """What the task remembered at the end, of all seeds along a leading axis: in particular how it scaled what was
+        observed. `None` where a run has none."""
+        if not self._memory:
+            return None
+        task, seeds = self.task, len(self.seeds)
+        one = jax.eval_shape(task.init, jax.ShapeDtypeStruct((task.init_uniforms,), np.float32))
+        template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((seeds, *leaf.shape), leaf.dtype), one)
+        return into(template, self._memory)
 
     def policy(self, seed: int | None = None) -> Policy:
         """The learnt policy of one seed, by default the first."""
@@ -75,7 +85,15 @@ class Run:
         return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.policies)
 
     def curve(self, quantity: str = "reward") -> tuple[np.ndarray, np.ndarray]:
-        """A column of the metrics as `(decisions (records,), values (seeds, records))`."""
+        """A column of the metrics as `(decisions (records,), values (seeds, records))`.
+
+        **Raises** `ValueError` for an unknown column, and where there are no records yet.
+        """
+        if not self.metrics.num_rows:
+            where, window = self.path or "the run", self.config["run"]["window"]
+            raise ValueError(
+                f"{where} has no records yet: one takes {window:,} decisions, it has made {self.decision:,}"
+            )
         known = [c for c in self.metrics.column_names if c not in ("seed", "decision", "parameters")]
         if quantity not in known:
             raise unknown("quantity", quantity, known)
@@ -83,14 +101,33 @@ class Run:
         values = self.metrics[quantity].to_numpy().astype(float).reshape(-1, len(self.seeds)).T
         return decision, values
 
-    def plot(self, quantity: str = "reward", path: Path | str | None = None) -> "Figure":
-        """The learning curve: every seed, their median and their interquartile band.
+    def plot(
+        self,
+        quantity: str | Sequence[str] = "reward",
+        path: Path | str | None = None,
+        *,
+        x: Axis | None = None,
+        smooth: float | None = None,
+        labels: Sequence[str] | None = None,
+        format: Format | None = None,
+    ) -> "LearningCurves":
+        """The learning curve: every seed, their median and their interquartile band; see `learning_curves`.
 
-        Saved to `path`, by default to `figures/` of the run directory if there is one.
+        Saved to `path`, by default to `figures/` of the run directory if there is one. In a notebook it shows itself.
         """
         if path is None and self.path is not None:
-            path = self.path / "figures" / f"{quantity}.png"
-        return learning_curves([self], quantity, path)
+            path = self.path / "figures"
+            path.mkdir(exist_ok=True)
+        return learning_curves([self], quantity, path, x=x, smooth=smooth, labels=labels, format=format)
+
+
+def task_of(config: dict[str, Any]) -> Task:
+    """The task of a configuration. **Raises** `RunDirectoryError` where it is none of the registry's."""
+    settings = dict(config["task"])
+    name = settings.pop("name")
+    if name not in TASKS:
+        raise RunDirectoryError(f"task {name!r} is not in the registry: give the task itself, as load(path, task)")
+    return make(name, **settings)
 
 
 def load(path: Path | str, task: Task | None = None) -> Run:
@@ -106,7 +143,7 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     if found is None:
         raise RunDirectoryError(f"{path} has no whole checkpoint yet")
     arrays, about = found
-    shapes = rebuild(config["agent"]["policy"])
+    shapes = rebuild((directory.learner() or config["agent"])["policy"])
 
     def filled(arrays: dict[str, np.ndarray], prefix: str, part: Policy = shapes) -> Policy:
         return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], part)
@@ -116,4 +153,10 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
     mean = "cycle.agent.gradient.mean."
     estimate = filled(arrays, mean, trainable(shapes)) if any(name.startswith(mean) for name in arrays) else None
-    return Run(config, about["decision"], metrics, policies, initial, estimate, Path(path), task)
+    return Run(config, about["decision"], metrics, policies, initial, estimate, Path(path), task, memory_in(arrays))
+
+
+def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a state, by name, that are the task's memory, by their names within it."""
+    place = "cycle.memory"
+    return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}

@@ -2,16 +2,17 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
 
 from motorgrad import policies
-from motorgrad._errors import choice
-from motorgrad._settings import build, table
+from motorgrad._errors import check, choice, unknown
+from motorgrad._settings import as_hinted, build, table
 from motorgrad.learning import (
     Agent,
     Baseline,
+    Constant,
     Episodic,
     Estimator,
     Exponential,
@@ -26,6 +27,7 @@ from motorgrad.learning import (
 )
 from motorgrad.tasks import Task
 
+LARGEST = 100_000_000  # weights of a policy
 ESTIMATORS: dict[str, dict[str, Any]] = {
     "olgarb": {"baseline": "mean", "improve": 1},
     "olpomdp": {"baseline": "none", "improve": 1},
@@ -41,17 +43,29 @@ class AgentSettings:
     **Arguments:**
 
     - `policy`: the initial policy's name (`motorgrad.policies.INITIAL`).
+    - `policy_settings`: further settings of that initial policy, by name, such as the `width` of Gaussians.
     - `units`: number of units; by default one for each of the task's actions.
-    - `estimator`: `"olgarb"`, `"olpomdp"` or `"gpomdp"`: sets `baseline` and `improve` unless they are given.
-    - `trace`: the eligibility filter; `decay` belongs to `"exponential"`, `length` to `"window"`, `lag` and `width` (in
-      decisions) to `"lagged-gaussian"`.
-    - `baseline`: `"default"` for the estimator's own, `"mean"`, `"fixed-step"` (with `baseline_rate`) or `"none"`.
+    - `estimator`: what `baseline` and `improve` are unless they are given.
+    - `trace`: the eligibility filter.
+    - `decay`: of the exponential trace, per decision.
+    - `length` (decisions): of the window trace.
+    - `lag` (decisions): of the lagged-gaussian trace.
+    - `width` (decisions): of the lagged-gaussian trace.
+    - `baseline`: what rewards are compared with; `"default"` for the estimator's own.
+    - `baseline_rate`: of the fixed-step baseline.
+    - `baseline_level`: of the constant baseline, in units of reward.
     - `discount`: none for the average reward, or γ for the discounted return of an episode.
-    - `improve`: samples per step, `"episode"` or `"never"`; `batch`: whether a step uses their mean or sum.
-    - `ascent`: `"sgd"` or `"adam"`, with the step size `rate`, or `rates` by group of parameters.
+    - `improve`: samples per step, `"episode"` or `"never"`; by default the estimator's own.
+    - `batch`: whether a step of several samples uses their mean or their sum.
+    - `ascent`: how a gradient sample moves the parameters.
+    - `rate`: the step size of all parameters.
+    - `rates`: the step size of each group of parameters, by name, in place of `rate`.
+
+    **Raises** `ValueError` for what is unknown or impossible, by name; from `agent` for what does not go with the task.
     """
 
-    policy: str = "hyperplanes"
+    policy: str = dataclasses.field(default="hyperplanes", metadata={"choices": policies.INITIAL})
+    policy_settings: Mapping[str, bool | int | float | str] | None = None
     units: int | None = None
     estimator: Literal["olgarb", "olpomdp", "gpomdp"] = "olgarb"
     trace: Literal["exponential", "episodic", "window", "lagged-gaussian"] = "exponential"
@@ -59,8 +73,9 @@ class AgentSettings:
     length: int = 10
     lag: float = 5.0
     width: float = 2.0
-    baseline: Literal["default", "mean", "fixed-step", "none"] = "default"
+    baseline: Literal["default", "mean", "fixed-step", "constant", "none"] = "default"
     baseline_rate: float = 0.01
+    baseline_level: float = 0.0
     discount: float | None = None
     improve: int | Literal["episode", "never"] | None = None
     batch: Literal["mean", "sum"] = "mean"
@@ -72,8 +87,9 @@ class AgentSettings:
         choice("policy", self.policy, policies.INITIAL)
         choice("estimator", self.estimator, ESTIMATORS)
         choice("trace", self.trace, ("exponential", "episodic", "window", "lagged-gaussian"))
-        choice("baseline", self.baseline, ("default", "mean", "fixed-step", "none"))
+        choice("baseline", self.baseline, ("default", "mean", "fixed-step", "constant", "none"))
         choice("ascent", self.ascent, ("sgd", "adam"))
+        self._start()
         # making them refuses impossible numbers at once
         self.estimate()
         self.rule()
@@ -90,6 +106,7 @@ class AgentSettings:
         baselines: dict[str, Any] = {
             "mean": MeanReward,
             "fixed-step": lambda: FixedStep(self.baseline_rate),
+            "constant": lambda: Constant(self.baseline_level),
             "none": NoBaseline,
         }
         trace: Trace = traces[self.trace]()
@@ -103,8 +120,22 @@ class AgentSettings:
 
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
-        initial = policies.initial(self.policy, task, **({} if self.units is None else {"units": self.units}))
-        return Agent(initial, self.estimate(), self.rule())
+        units = {} if self.units is None else {"units": self.units}
+        inputs = task.observation_size
+        check((self.units or 1) * inputs <= LARGEST, "units", self.units, f"at most {LARGEST // inputs} here")
+        return Agent(policies.initial(self.policy, task, **units, **self._start()), self.estimate(), self.rule())
+
+    def _start(self) -> dict[str, Any]:
+        """`policy_settings` as the initial policy's function takes them."""
+        make = policies.INITIAL[self.policy]
+        hints = {name: hint for name, hint in get_type_hints(make).items() if name not in ("task", "units", "return")}
+        for name in self.policy_settings or {}:
+            if name not in hints:
+                raise unknown(f"setting of policy {self.policy!r}:", name, hints)
+        return {
+            name: as_hinted(hints[name], value, f"policy_settings.{name}")
+            for name, value in (self.policy_settings or {}).items()
+        }
 
 
 def settings_for(task: Task, **changes: Any) -> AgentSettings:
@@ -119,7 +150,7 @@ def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
         fields = {field.name: _numbers(getattr(rule, field.name)) for field in dataclasses.fields(rule)}
         ascent: dict[str, Any] = {"kind": type(rule).__name__, **fields}
     else:
-        ascent = {"kind": "optax", "state": str(_shape_of(rule, policy))}
+        ascent = {"kind": "optax", "state": str(_shape_of(rule, policy)), "steps": _first_steps(rule, policy)}
     estimator = table(agent.estimator)
     for part in ("trace", "baseline"):
         estimator[part] = {"kind": type(getattr(agent.estimator, part)).__name__, **estimator[part]}
@@ -132,6 +163,22 @@ def _numbers(rate: Any) -> Any:
 
 def _listed(value: Any) -> Any:
     return np.asarray(value).tolist()
+
+
+def _first_steps(rule: Any, policy: policies.Policy) -> list[str]:
+    """What a rule makes of a few gradients: optax keeps its constants to itself, but most of them tell here."""
+    import jax
+    import jax.numpy as jnp
+
+    def fill(value: float) -> Any:
+        return policies.trainable(jax.tree.map(lambda leaf: jnp.full(leaf.shape, value, leaf.dtype), policy))
+
+    parameters, said = fill(1.0), []
+    state = rule.init(parameters)
+    for gradient in (1.0, -0.5, 30.0):
+        step, state = rule.update(fill(gradient), state, parameters)
+        said.append(f"{sum(float(jnp.sum(leaf)) for leaf in jax.tree.leaves(step)):.5g}")
+    return said
 
 
 def _shape_of(rule: Any, policy: policies.Policy) -> Any:

@@ -15,6 +15,7 @@ from motorgrad.learning import Agent, Episodic, Estimator
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
+from motorgrad.training._random import key_of
 
 Record = dict[str, np.ndarray]
 """What happened since the last record, by name; every array has a leading axis of seeds."""
@@ -60,8 +61,15 @@ class Stepper(abc.ABC):
         """The present policies of all seeds, stacked along a leading axis."""
 
     @abc.abstractmethod
-    def use(self, policies: Policy) -> None:
-        """Put policies in place, stacked along a leading axis of seeds."""
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
+        the task had when they had been learnt, with which it goes on frozen."""
+
+    def _start_numbers(self, seed: Array) -> tuple[Array, Array]:
+        """One seed's random numbers for the memory and the observation before its first decision."""
+        sizes = (("start-memory", self.task.init_uniforms), ("start-look", self.task.uniforms))
+        memory, look = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
+        return memory, look
 
     def _look(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
         """One seed's tallies and the learner's visible state; the tallies begin anew."""

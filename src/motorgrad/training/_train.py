@@ -1,44 +1,48 @@
 """The loop over decisions: advance, record, commit; the same for every task and engine."""
 
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from motorgrad._errors import check
 from motorgrad._settings import table
 from motorgrad.learning import Agent, RunningMean
-from motorgrad.tasks import BodyTask, Task, make
+from motorgrad.tasks import BodyTask, HostTask, Task
+from motorgrad.training._arguments import Asked, check_training
 from motorgrad.training._body_stepper import BodyStepper
-from motorgrad.training._checkpoint import fingerprint, into
+from motorgrad.training._checkpoint import by_name, fingerprint, into
 from motorgrad.training._cycle import Mode
-from motorgrad.training._directory import RunDirectory, RunDirectoryError
+from motorgrad.training._directory import RunDirectory, RunDirectoryError, RunWarning
+from motorgrad.training._host_stepper import HostStepper
 from motorgrad.training._progress import Report
 from motorgrad.training._records import Records
-from motorgrad.training._run import Run
-from motorgrad.training._settings import describe_agent, settings_for
+from motorgrad.training._run import Run, memory_in
+from motorgrad.training._settings import AgentSettings, describe_agent
+from motorgrad.training._signals import stop_when_asked
 from motorgrad.training._stepper import Stepper
+from motorgrad.training._tensorboard import EventFiles, began, check_tensorboard
 from motorgrad.training._world_stepper import WorldStepper
 
 SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
 
 
 def stepper_of(task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0) -> Stepper:
-    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies."""
+    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments."""
     if isinstance(task, BodyTask):
         return BodyStepper(task, agent, seeds, mode, threads)
+    if isinstance(task, HostTask):
+        return HostStepper(task, agent, seeds, mode, threads)
     return WorldStepper(task, agent, seeds, mode)
 
 
 def train(
     task: Task | str,
-    agent: Agent | None = None,
+    agent: Agent | AgentSettings | None = None,
     steps: int = 100_000,
     seeds: int | Sequence[int] = 1,
     out: Path | str | None = None,
@@ -47,13 +51,15 @@ def train(
     checkpoint_every: float = 30.0,
     threads: int = 0,
     progress: bool = True,
+    tensorboard: bool = False,
 ) -> Run:
     """Let an agent learn a task, for many seeds at once.
 
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `agent`: what learns; by default the learner that goes with the task.
+    - `agent`: what learns, or the settings of it; by default the learner that goes with the task. A run made from
+      settings, or from the default, can be gone on with from its directory alone (`resume`).
     - `steps`: decisions per seed; where the directory holds a run that has made more, that run is given back.
     - `seeds`: how many (0, 1, 2 …), or which.
     - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was,
@@ -63,33 +69,20 @@ def train(
     - `checkpoint_every`: seconds of wall time between checkpoints.
     - `threads`: that step the physics of bodies; 0 for one per processor.
     - `progress`: whether to show how far it is.
+    - `tensorboard`: whether to keep TensorBoard event files in `tensorboard/` of the run directory. They hold every
+      record up to the newest checkpoint, once, also where the run was killed and has gone on.
 
-    **Returns** a `Run`. Ctrl-C saves everything and gives back the unfinished run (`complete` is `False`).
+    **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and gives back the unfinished run (`complete` is `False`).
 
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
     before any work starts.
     """
-    task = make(task) if isinstance(task, str) else task
-    check(isinstance(task, Task), "task", task, "a task, or the name of one")
-    check(agent is None or isinstance(agent, Agent), "agent", agent, "an Agent, or None for the task's own")
-    agent = settings_for(task).agent(task) if agent is None else agent
-    check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "how many, or a list of them")
-    chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)
-    check(_whole(steps) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
-    check(len(chosen) > 0, "seeds", chosen, "at least one seed")
-    valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
-    check(valid, "seeds", chosen, "integers from 0 to 2147483647")
-    check(len(set(chosen)) == len(chosen), "seeds", seeds, "all different")
-    check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
-    check(checkpoint_every >= 0, "checkpoint_every", checkpoint_every, "at least 0 seconds")
-    check(_whole(threads) and threads >= 0, "threads", threads, "0 for all processors, or their number")
-    chosen = [int(seed) for seed in chosen]
+    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads)
+    if tensorboard:
+        check(out is not None, "tensorboard", tensorboard, "False for a run in memory, or the run needs a directory")
+        check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
-        return _Training(task, agent, int(steps), chosen, directory, window, checkpoint_every, threads).run(progress)
-
-
-def _whole(value: Any) -> TypeGuard[int]:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+        return _Training(asked, directory, window, checkpoint_every, threads, tensorboard).run(progress)
 
 
 class _Training:
@@ -97,29 +90,33 @@ class _Training:
 
     def __init__(
         self,
-        task: Task,
-        agent: Agent,
-        steps: int,
-        seeds: list[int],
+        asked: Asked,
         directory: RunDirectory | None,
         window: int | None,
         checkpoint_every: float,
         threads: int,
+        tensorboard: bool,
     ):
+        task, agent, settings, steps, seeds = asked
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
         self.stepper = stepper_of(task, agent, seeds, threads=threads)
         self.config: dict[str, Any] = {
             "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
             "task": {"name": task.name, **table(task)},
-            "agent": describe_agent(agent, self.stepper.policy),
         }
-        learner = self.stepper.state["cycle"].agent
-        self.config["agent"]["initial"] = fingerprint((learner.policy, learner.ascent))
+        start = self.stepper.state["cycle"].agent
+        mark = fingerprint((start.policy, start.ascent))
+        self.learner = {**describe_agent(agent, self.stepper.policy), "initial": mark}
+        self.config["agent"] = self.learner if settings is None else table(settings)
         self.records = Records(self.stepper.seeds, task.period)
         self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
+        self.events: EventFiles | None = None
         if directory is not None:
             self._open(directory, window)
+            if tensorboard:
+                self.events = EventFiles(directory.path / "tensorboard", seeds, began(directory.path))
+                self.events.add(directory.metrics())
 
     def _open(self, directory: RunDirectory, window: int | None) -> None:
         """Take up the run that the directory holds, or begin one."""
@@ -127,26 +124,47 @@ class _Training:
             before = directory.read_config()
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
-            _same(before, self.config, directory.path)
+            if (learner := directory.learner()) is None:
+                _same(before, self.config, directory.path)
+            else:
+                _same({**before, "agent": learner}, {**self.config, "agent": self.learner}, directory.path)
+                if self.config["agent"] is self.learner:
+                    self.config["agent"] = before["agent"]  # which may be the settings that it was made from
+        found = directory.latest()
+        self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
         directory.write_config(self.config)
-        if (found := directory.latest()) is None:
+        if found is None:
             directory.roll_back(0)
-            directory.save_initial(self.initial)
+            directory.save_initial(self.initial, self.learner)
         else:
             arrays, about = found
-            directory.roll_back(about["decision"])
+            directory.roll_back(about["decision"], about["recorded"])
             self.stepper.restore(into(self.stepper.state, arrays))
             self.recorded, self.wall = about["recorded"], about["wall"]
             if about["decision"] > self.config["run"]["steps"]:
                 self.config["run"]["steps"] = about["decision"]
                 directory.write_config(self.config)
-        directory.note_session(self.config["run"]["seeds"])
+        going_on = found is not None and found[1]["decision"] < self.config["run"]["steps"]
+        directory.note_session(self.config["run"]["seeds"], going_on)
+
+    def _refuse_or_warn(self, path: Path, made: int | bool) -> None:
+        """Say before any work where dynamics cannot be saved; refuse to go on with a run of such."""
+        why = self.task.no_resume if isinstance(self.task, HostTask) else None
+        if why is None:
+            return
+        if made is False:
+            warnings.warn(f"{path}: this run cannot be resumed if it is stopped: {why}", RunWarning, stacklevel=2)
+        elif made < self.config["run"]["steps"]:
+            raise RunDirectoryError(
+                f"{path} holds a run stopped after {made:,} decisions, which cannot go on: {why}; "
+                "choose another directory, or delete this one"
+            )
 
     def run(self, progress: bool) -> Run:
         steps, window = self.config["run"]["steps"], self.config["run"]["window"]
         stepper, saved, count = self.stepper, time.monotonic(), 1
         with (
-            _stop_on_interrupt() as stopped,
+            stop_when_asked() as stopped,
             Report(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
         ):
             while stepper.decision < steps and not stopped():
@@ -157,7 +175,7 @@ class _Training:
                 self.wall += took
                 # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
                 count = max(1, min(2 * count, round(made * SLICE / took)))
-                reward = self._record() if stepper.decision == due else None
+                reward = None if stepper.decision % window else self._record()
                 report.update(stepper.decision, made / took, reward)
                 if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
                     self._commit()
@@ -165,7 +183,8 @@ class _Training:
             self._commit()
         metrics = self.directory.metrics() if self.directory else self.records.take()
         path = self.directory and self.directory.path
-        learner = stepper.state["cycle"].agent
+        state = stepper.state
+        learner = state["cycle"].agent
         estimate = learner.gradient.mean if isinstance(learner.gradient, RunningMean) else None
         return Run(
             self.config,
@@ -176,6 +195,7 @@ class _Training:
             estimate,
             path,
             self.task,
+            memory_in(by_name(state)),
         )
 
     def _record(self) -> float:
@@ -184,10 +204,24 @@ class _Training:
         return mean
 
     def _commit(self) -> None:
-        """Save everything, where there is a directory."""
-        if self.directory is not None:
-            about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
-            self.directory.save(self.stepper.state, about, self.records.take())
+        """Save everything, where there is a directory.
+
+        At the end the window under way has a record too, which is no part of the state: with more steps it goes on.
+        """
+        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
+        short = self.recorded < self.stepper.decision == self.config["run"]["steps"]
+        if self.directory is None:
+            if short:
+                self._record()
+            return
+        state, records = self.stepper.state, [self.records.take()]
+        if short:
+            self._record()
+            records.append(self.records.take())
+        self.directory.save(state, about, records)
+        if self.events is not None:
+            for part in records:
+                self.events.add(part)
 
 
 def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
@@ -207,23 +241,3 @@ def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
             f"{path} holds a run of another configuration: {differences[0]}; "
             "choose another directory, or the same settings"
         )
-
-
-@contextmanager
-def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a request to stop at the next safe point; a second one interrupts at once."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked.is_set
-        return
-
-    def ask(number: int, frame: Any) -> None:
-        if asked.is_set():
-            signal.default_int_handler(number, frame)
-        asked.set()
-
-    previous = signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked.is_set
-    finally:
-        signal.signal(signal.SIGINT, previous)

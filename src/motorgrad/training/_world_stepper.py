@@ -54,17 +54,21 @@ class WorldStepper(Stepper):
     def policies(self) -> Policy:
         return seeds_first(self._carry[0].agent.policy)
 
-    def use(self, policies: Policy) -> None:
-        cycle = self._carry[0]
-        agent = cycle.agent._replace(policy=seeds_last(policies))
-        self._carry = (cycle._replace(agent=agent), self._carry[1])
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        cycle, world = self._carry
+        cycle = cycle._replace(agent=cycle.agent._replace(policy=seeds_last(policies)))
+        if memory is not None:
+            adopt = jax.vmap(self._adopt, in_axes=(0, -1, -1, 0), out_axes=-1)
+            cycle = jax.jit(adopt)(self.seeds, cycle, world, memory)
+        self._carry = (cycle, world)
 
     def _begin(self, seed: Array) -> Carry:
-        world, task = self.world, self.task
-        sizes = (("start", world.reset_uniforms), ("start-memory", task.init_uniforms), ("start-look", task.uniforms))
-        reset, init, observe = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
-        state = world.reset(reset)
-        return self.cycle.begin(self.cycle.agent.init(key_of(seed, "initial")), state, init, observe), state
+        state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))
+        agent = self.cycle.agent.init(key_of(seed, "initial"))
+        return self.cycle.begin(agent, state, *self._start_numbers(seed)), state
+
+    def _adopt(self, seed: Array, cycle: CycleState, state: Any, memory: Any) -> CycleState:
+        return self.cycle.adopt(cycle, memory, state, *self._start_numbers(seed))
 
     def _decide(self, carry: Carry, numbers: dict[str, Array]) -> Carry:
         cycle, state = carry

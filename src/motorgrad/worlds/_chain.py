@@ -6,6 +6,7 @@ from motorgrad._errors import check, choice
 from motorgrad.worlds._finite import FiniteMDP
 
 CHAIN_VARIANTS = ("walk", "reset")
+"""What a wrong move does: one state back, or back to the start."""
 
 
 def chain(length: int = 6, variant: str = "walk") -> FiniteMDP:

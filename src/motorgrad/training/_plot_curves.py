@@ -1,0 +1,164 @@
+"""The numbers of learning curves: what is plotted, over what, smoothed how, and its quartiles over seeds."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import pyarrow as pa
+from jaxtyping import Float, Int
+
+from motorgrad._errors import check, choice
+
+Axis = Literal["decisions", "simulated", "wall"]
+AXES: tuple[Axis, ...] = ("decisions", "simulated", "wall")
+UNITS = {"decisions": "decisions", "simulated": "s of simulated time", "wall": "s of wall time"}
+
+
+class Plotted(Protocol):
+    """What is plotted of a run."""
+
+    @property
+    def config(self) -> dict[str, Any]: ...
+
+    @property
+    def decision(self) -> int: ...
+
+    @property
+    def metrics(self) -> pa.Table: ...
+
+    @property
+    def path(self) -> Path | None: ...
+
+    @property
+    def seeds(self) -> list[int]: ...
+
+    def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Curve:
+    """One quantity of one run, as it is drawn.
+
+    - `label`: what the run is called.
+    - `quantity`: the column of its metrics.
+    - `x`: where each record ends, in the units of the figure's x axis.
+    - `values`: each seed's, after smoothing; NaN where nothing occurred.
+    - `window`: decisions per record.
+    - `done`: the share of the decisions asked for that the run has made.
+    """
+
+    label: str
+    quantity: str
+    x: Float[np.ndarray, " records"]
+    values: Float[np.ndarray, "seeds records"]
+    window: int
+    done: float
+
+    @property
+    def seen(self) -> Int[np.ndarray, " records"]:
+        """Over how many seeds median and quartiles are taken: those in which the quantity occurred."""
+        return np.isfinite(self.values).sum(axis=0)
+
+    @property
+    def quartiles(self) -> Float[np.ndarray, "3 records"]:
+        """Lower quartile, median and upper quartile over the seeds; NaN where no seed has a value."""
+        found, seen = np.full((3, len(self.x)), np.nan), self.seen > 0
+        if seen.any():
+            found[:, seen] = np.nanpercentile(self.values[:, seen], [25, 50, 75], axis=0)
+        return found
+
+    def table(self) -> dict[str, Any]:
+        """The numbers as a plain table; `None` for what never occurred."""
+        low, median, high = ([v if math.isfinite(v) else None for v in row] for row in self.quartiles.tolist())
+        return {
+            "label": self.label,
+            "quantity": self.quantity,
+            "window": self.window,
+            "seeds": len(self.values),
+            "x": self.x.tolist(),
+            "median": median,
+            "lower_quartile": low,
+            "upper_quartile": high,
+            "seeds_seen": self.seen.tolist(),
+        }
+
+
+def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, label: str) -> Curve:
+    """A quantity of a run over an axis, each point the mean over the last `smooth` of the axis' units."""
+    decision, values = run.curve(quantity)
+    values = np.where(np.isfinite(values), values, np.nan)
+    x = _positions(run, axis)
+    if smooth is not None:
+        values = trailing_mean(x, values, _weights(run, quantity, decision), smooth)
+    window, steps = run.config["run"]["window"], run.config["run"]["steps"]
+    return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps))
+
+
+def trailing_mean(
+    x: Float[np.ndarray, " records"],
+    values: Float[np.ndarray, "seeds records"],
+    weights: Float[np.ndarray, "#seeds records"],
+    span: float,
+) -> Float[np.ndarray, "seeds records"]:
+    """At every record the weighted mean over the records that end in (x − span, x], of those that are not NaN."""
+    first = np.searchsorted(x, x - span * (1 - 1e-9), side="right")  # a multiple of the record counts whole records
+    weights = np.where(np.isfinite(values), weights, 0.0)
+
+    def total(terms: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([np.zeros((len(terms), 1)), np.cumsum(terms, axis=1)], axis=1)
+        return sums[:, 1:] - sums[:, first]
+
+    weight = total(weights)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(weight > 0, total(np.where(weights > 0, values, 0.0) * weights) / weight, np.nan)
+
+
+def axis_for(runs: Sequence[Plotted], x: Axis | None) -> Axis:
+    """The axis asked for, by default simulated time where all runs are of one task that knows it, else decisions."""
+    timeless = [run.config["task"]["name"] for run in runs if not _timed(run)]
+    if x is None:
+        tasks = {run.config["task"]["name"] for run in runs}
+        return "simulated" if len(tasks) == 1 and not timeless else "decisions"
+    choice("x", x, AXES)
+    allowed = "decisions or wall: the task " + f"{timeless[0] if timeless else ''} knows no simulated time"
+    check(x != "simulated" or not timeless, "x", x, allowed)
+    return x
+
+
+def check_smooth(smooth: float | None, axis: Axis, curves: Sequence[Curve]) -> None:
+    """Refuse a smoothing that would do nothing, and so would be stated wrongly."""
+    if smooth is None:
+        return
+    record = min(float(np.diff(curve.x, prepend=0.0)[1:].min(initial=curve.x[0])) for curve in curves)
+    more = f"more than a record, which is {record:,.4g} {UNITS[axis]}"
+    check(smooth > record, "smooth", smooth, more)
+
+
+def _positions(run: Plotted, axis: Axis) -> Float[np.ndarray, " records"]:
+    column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time"}[axis]
+    return run.metrics[column].to_numpy()[:: len(run.seeds)].astype(float)
+
+
+def _timed(run: Plotted) -> bool:
+    """Whether the task knows simulated time: where it does not, a decision stands for a second."""
+    metrics = run.metrics
+    return metrics.num_rows > 0 and metrics["simulated_time"][0].as_py() != metrics["decision"][0].as_py()
+
+
+def is_total(quantity: str) -> bool:
+    """Whether records hold the quantity's sum over their decisions, not a mean or a state."""
+    return quantity in ("episodes", "diverged") or quantity.endswith("_count")
+
+
+def _weights(run: Plotted, quantity: str, decision: np.ndarray) -> Float[np.ndarray, "seeds records"]:
+    """What each record's value is a mean over, so that the mean of several records is that of their decisions."""
+    names = run.metrics.column_names
+    if f"{quantity}_count" in names:
+        return run.curve(f"{quantity}_count")[1]
+    lengths = np.diff(decision, prepend=0).astype(float)[None]
+    if quantity == "reward" and "diverged" in names:
+        return lengths - run.curve("diverged")[1]
+    return np.ones_like(lengths) if is_total(quantity) else lengths

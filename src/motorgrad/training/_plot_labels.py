@@ -1,0 +1,111 @@
+"""What to call each of several runs, so that they can be told apart."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+MOST = 3  # settings in a label; beyond that the folders say more
+LONGEST = 24  # characters of a setting's value
+
+
+def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]) -> list[str]:
+    """A different label for each run: the settings in which they differ, where that is enough; else their folders.
+
+    A single run is called by its folder. Of paths the shortest end that tells them apart is used.
+    """
+    folders = _folders(configs, paths)
+    if len(configs) == 1:
+        return folders
+    settings = [_flat(config) for config in configs]
+    keys = _differing(settings)
+    if not keys or len(keys) > MOST:
+        return folders
+    words = [", ".join(_say(key, keys, each[key]) for key in keys if key in each) for each in settings]
+    if len(set(words)) == len(words) and all(words):
+        return words
+    return [f"{folder} ({said})" if said else folder for folder, said in zip(folders, words, strict=True)]
+
+
+def folders_of(paths: Sequence[Path]) -> list[str]:
+    """The shortest end of each path that tells it from the others; the same path twice is numbered."""
+    parts = [Path(os.path.abspath(path)).parts[1:] for path in paths]
+
+    def end(mine: tuple[str, ...]) -> str:
+        for length in range(1, len(mine)):
+            if sum(other[-length:] == mine[-length:] for other in parts) == 1:
+                return "/".join(mine[-length:])
+        return "/".join(mine)
+
+    return _numbered([end(mine) for mine in parts])
+
+
+def _folders(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]) -> list[str]:
+    known = iter(folders_of([path for path in paths if path is not None]))
+    names = [
+        next(known) if path is not None else str(config["task"]["name"])
+        for config, path in zip(configs, paths, strict=True)
+    ]
+    return _numbered(names)
+
+
+def _numbered(names: list[str]) -> list[str]:
+    """The names, those that occur more than once with their number."""
+    return [
+        name if names.count(name) == 1 else f"{name} {names[: place + 1].count(name)}"
+        for place, name in enumerate(names)
+    ]
+
+
+def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of task and learner by their dotted names, without the fingerprint of the initial learner."""
+
+    def walk(value: Any, where: str) -> Iterator[tuple[str, Any]]:
+        if isinstance(value, Mapping):
+            for name, inner in value.items():
+                yield from walk(inner, f"{where}.{name}")
+        else:
+            yield where, value
+
+    found = [pair for part in ("task", "agent") for pair in walk(config[part], part)]
+    return {name: value for name, value in found if name != "agent.initial"}
+
+
+def _differing(settings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The settings whose values differ between runs in which they mean the same.
+
+    Runs of two tasks differ in the task's name, and not also in all that goes with it. In the same way learners differ
+    in the kind of their trace or baseline, and not also in its settings.
+    """
+    differing = []
+    for key in dict.fromkeys(key for each in settings for key in each):
+        groups: dict[tuple[Any, ...], set[str]] = {}
+        for each in settings:
+            groups.setdefault(_kinds(key, each), set()).add(repr(each.get(key)))
+        if any(len(values) > 1 for values in groups.values()):
+            differing.append(key)
+    return differing
+
+
+def _kinds(key: str, settings: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Of what kinds the tables are that a setting is in."""
+    parts = key.split(".")
+    depth = len(parts) - 1 if _is_kind(key) else len(parts)
+    places = [".".join(parts[:length]) for length in range(1, depth)]
+    task = None if key == "task.name" else settings["task.name"]
+    return (task, *(settings.get(f"{place}.kind") for place in places))
+
+
+def _is_kind(key: str) -> bool:
+    return key == "task.name" or key.endswith(".kind")
+
+
+def _say(key: str, keys: Sequence[str], value: Any) -> str:
+    """A setting in words: `penalty 0.3`; of a kind, its name alone. A name that two settings have gets its table's."""
+    text = str(value) if len(str(value)) <= LONGEST else f"{str(value)[: LONGEST - 1]}…"
+    if _is_kind(key):
+        return text.rpartition(".")[2]
+    *tables, name = key.split(".")
+    if sum(other.split(".")[-1] == name for other in keys) > 1:
+        name = f"{tables[-1]} {name}"
+    return f"{name.replace('_', ' ')} {text}"
