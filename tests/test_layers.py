@@ -23,6 +23,7 @@ BELOW = {
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
     "sim": {"bodies"},
+    "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "benchmarks": {"training", "tasks"} | DYNAMICS | LEARNING,

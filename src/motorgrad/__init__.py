@@ -15,15 +15,18 @@ Names are loaded when first used, so that importing the package is quick.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._gymnasium_ids import register_with_gymnasium
+
 __version__ = "0.1.0"
 
-_ROOMS = ("bodies", "experiments", "learning", "policies", "sim", "tasks", "training", "worlds")
+_ROOMS = ("bodies", "environments", "experiments", "learning", "policies", "sim", "tasks", "training", "worlds")
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
     "evaluate": "training",
     "load": "training",
     "make": "tasks",
+    "resume": "training",
     "train": "training",
 }
 
@@ -31,12 +34,14 @@ __all__ = [
     "Agent",
     "Run",
     "bodies",
+    "environments",
     "evaluate",
     "experiments",
     "learning",
     "load",
     "make",
     "policies",
+    "resume",
     "sim",
     "tasks",
     "train",
@@ -45,10 +50,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from motorgrad import bodies, experiments, learning, policies, sim, tasks, training, worlds
+    from motorgrad import bodies, environments, experiments, learning, policies, sim, tasks, training, worlds
     from motorgrad.learning import Agent
     from motorgrad.tasks import make
-    from motorgrad.training import Run, evaluate, load, train
+    from motorgrad.training import Run, evaluate, load, resume, train
 
 
 def __getattr__(name: str) -> Any:
@@ -61,3 +66,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+register_with_gymnasium()

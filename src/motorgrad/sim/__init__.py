@@ -9,5 +9,6 @@ from motorgrad.sim._drawing import Drawing, draw
 from motorgrad.sim._film import Film, film, still
 from motorgrad.sim._gl import gl_problem
 from motorgrad.sim._motion import Motion
+from motorgrad.sim._painter import Painter
 
-__all__ = ["Drawing", "Film", "Motion", "draw", "film", "gl_problem", "still"]
+__all__ = ["Drawing", "Film", "Motion", "Painter", "draw", "film", "gl_problem", "still"]

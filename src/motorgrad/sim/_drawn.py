@@ -33,18 +33,22 @@ class Drawn:
         self._axes: Any = figure.add_axes((0, 0, 1, 1))
         self._axes.set_axis_off()
         self._screen = axes[:2]
-        self._centres = view.centres[which]
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        self._half = np.abs(signs * view.half @ self._screen.T).max(0)
-        aspect = width / height
-        # metres from the middle to the sides; the picture's lower and upper halves share what the margins leave
-        tall = 2 * self._half[1] / (_framing.DOWNWARDS + _framing.UPWARDS)
-        self._reach = max(self._half[0] / _framing.SIDEWAYS, tall * aspect)
-        self._tall = self._reach / aspect
-        self._lift = self._tall * (_framing.DOWNWARDS - _framing.UPWARDS) / 2
-        self._size = 2 * float(self._half.max())
+        self._which, self._aspect = which, width / height
+        self.look(view)
         line = height / 480 * 2.4
         self._drawing = Drawing(self._axes, model, self._screen, line, 1.0, True)
+
+    def look(self, view: _framing.View) -> None:
+        """Take another view, from the same side."""
+        self._centres = view.centres[self._which]
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        self._half = np.abs(signs * view.half @ self._screen.T).max(0)
+        # metres from the middle to the sides; the picture's lower and upper halves share what the margins leave
+        tall = 2 * self._half[1] / (_framing.DOWNWARDS + _framing.UPWARDS)
+        self._reach = max(self._half[0] / _framing.SIDEWAYS, tall * self._aspect)
+        self._tall = self._reach / self._aspect
+        self._lift = self._tall * (_framing.DOWNWARDS - _framing.UPWARDS) / 2
+        self._size = 2 * float(self._half.max())
 
     def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8, of one posture; overwritten by the next."""

@@ -6,20 +6,17 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check, unknown
-from motorgrad.sim import _framing, _gl
+from motorgrad._errors import check
+from motorgrad.sim import _framing
 from motorgrad.sim._caption import caption
 from motorgrad.sim._motion import Motion, resample
+from motorgrad.sim._renderer import Camera, Renderer, brush_of, check_picture, choose
 
-RENDERERS = ("auto", "drawn", "gl")
 GAP = 4  # pixels between motions side by side
-
-Camera = str | float | None
-Renderer = Literal["auto", "gl", "drawn"]
 
 
 @dataclass(frozen=True)
@@ -73,8 +70,8 @@ def film(
     target = _target(path, ".mp4")
     check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
     check(np.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
-    kind, note = _choose(renderer)
-    _check_picture(motions, width, height, camera)
+    kind, note = choose(renderer)
+    check_picture([motion.model for motion in motions], width, height, camera)
 
     seconds = max(motion.seconds for motion in motions)
     frames = int(np.floor(seconds / speed * fps + 1e-6)) + 1
@@ -130,8 +127,8 @@ def still(
     target = None if path is None else _target(path, ".png")
     count = motion.time.size
     check(isinstance(frame, int | np.integer) and -count <= frame < count, "frame", frame, f"in [{-count}, {count})")
-    kind, _ = _choose(renderer)
-    _check_picture([motion], width, height, camera)
+    kind, _ = choose(renderer)
+    check_picture([motion.model], width, height, camera)
     row = int(frame) % count
     (painter,) = _painters([motion], [motion.position], width, height, camera, kind)
     try:
@@ -162,40 +159,11 @@ def _target(path: str | os.PathLike[str], suffix: str) -> Path:
     return target
 
 
-def _choose(renderer: str) -> tuple[str, str]:
-    """The renderer to use, and the note on why it is the drawn one."""
-    if renderer not in RENDERERS:
-        raise unknown("renderer", renderer, RENDERERS)
-    if renderer == "drawn":
-        return "drawn", "Drawn with matplotlib, as asked for."
-    problem = _gl.gl_problem()
-    if not problem:
-        return "gl", ""
-    if renderer == "gl":
-        raise RuntimeError(f"renderer = 'gl' does not work here: {problem}. {_gl.ADVICE}")
-    return "drawn", f"Drawn with matplotlib, without OpenGL: {problem}. {_gl.ADVICE}"
-
-
-def _check_picture(motions: Sequence[Motion], width: int, height: int, camera: Camera) -> None:
-    for name, value in (("width", width), ("height", height)):
-        whole = isinstance(value, int | np.integer) and value >= 64 and value % 2 == 0
-        check(whole, name, value, "an even whole number of pixels, at least 64")
-    if isinstance(camera, str):
-        for motion in motions:
-            _framing.find_camera(motion.model, camera)
-    elif camera is not None:
-        number = isinstance(camera, int | float | np.number) and np.isfinite(camera)
-        check(number, "camera", camera, "the name of a camera of the model, an azimuth in degrees, or None")
-
-
 def _painters(
     motions: Sequence[Motion], positions: Sequence[np.ndarray], width: int, height: int, camera: Camera, kind: str
 ) -> list[Any]:
     """One painter for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
-    if kind == "gl":
-        from motorgrad.sim._rendered import Rendered as Painter
-    else:
-        from motorgrad.sim._drawn import Drawn as Painter
+    brush = brush_of(kind)
     models = [motion.model for motion in motions]
     groups: dict[tuple[int, int, int], list[int]] = {}
     for index, model in enumerate(models):
@@ -204,5 +172,5 @@ def _painters(
     for members in groups.values():
         view = _framing.frame([models[i] for i in members], [positions[i] for i in members], camera, width / height)
         for which, index in enumerate(members):
-            painters[index] = Painter(models[index], view, which, width, height)
+            painters[index] = brush(models[index], view, which, width, height)
     return painters

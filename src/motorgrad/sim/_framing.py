@@ -99,6 +99,11 @@ def frame(
     return View(chosen, azimuth, elevation, centres, half)
 
 
+def box(model: mujoco.MjModel, position: np.ndarray) -> np.ndarray:
+    """The lowest and the highest corner of what moves, in one posture `(nq,)`: `(2, 3)`, metres."""
+    return _survey(model, position[None], -1)[0][0]
+
+
 def _survey(model: mujoco.MjModel, positions: np.ndarray, camera: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Bounding boxes `(frames, 2, 3)` of what moves, the camera's places `(frames, 3)`, axes `(frames, 3, 3)`."""
     import mujoco

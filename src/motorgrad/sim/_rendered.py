@@ -30,12 +30,13 @@ class Rendered:
         self._gl_context = self._resources = None
         self._model = copy.copy(model)
         self._data = mujoco.MjData(self._model)
-        self._view, self._which = view, which
+        self._which = which
         self._size = width, height
-        self._distance, self._lift = _stand_back(view, width / height)
+        self._bare_width = self._model.tendon_width.copy()
         self._terrain = bool(np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD))
         self._ground = _level_ground(model)
         self._style()
+        self.look(view)
 
         self._gl_context = _gl.make_context(_gl.backend(), width, height)
         self._gl_context.make_current()
@@ -52,21 +53,28 @@ class Rendered:
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._pixels = np.empty((height, width, 3), np.uint8)
 
-    def _style(self) -> None:
-        """Set the copy's looks: sizes, fog, light, thick muscles, no markers."""
-        import mujoco
-
-        model, size = self._model, float(np.linalg.norm(self._view.half))
-        model.vis.global_.offwidth, model.vis.global_.offheight = self._size
-        model.vis.quality.shadowsize = 2048
-        # fewer facets than MuJoCo's own: half the time of a software renderer, and no difference to see
-        model.vis.quality.numslices, model.vis.quality.numstacks = 20, 10
-        model.vis.global_.fovy = FIELD_OF_VIEW
+    def look(self, view: _framing.View) -> None:
+        """Take another view: where to stand, and what is told in its size: fog, clipping planes, the muscles' width."""
+        model, size = self._model, float(np.linalg.norm(view.half))
+        self._view = view
+        self._distance, self._lift = _stand_back(view, self._size[0] / self._size[1])
         # distances of fog and clipping planes are told in units of the extent
         model.stat.extent = size
         model.vis.map.znear, model.vis.map.zfar = 0.02, 80.0
         model.vis.map.fogstart = self._distance / size + 2.0
         model.vis.map.fogend = self._distance / size + 14.0
+        self._tendon_width = np.maximum(self._bare_width, 0.006 * size)
+
+    def _style(self) -> None:
+        """Set the copy's looks: size of the picture, light, no markers."""
+        import mujoco
+
+        model = self._model
+        model.vis.global_.offwidth, model.vis.global_.offheight = self._size
+        model.vis.quality.shadowsize = 2048
+        # fewer facets than MuJoCo's own: half the time of a software renderer, and no difference to see
+        model.vis.quality.numslices, model.vis.quality.numstacks = 20, 10
+        model.vis.global_.fovy = FIELD_OF_VIEW
         model.vis.rgba.fog[:] = (*_scenery.SKY, 1)
         # the model's lamps and sky give way to a pale studio, into which the ground fades: all bodies in one light
         model.light_active[:] = 0
@@ -81,7 +89,6 @@ class Rendered:
         sensed = model.sensor_objid[model.sensor_objtype == mujoco.mjtObj.mjOBJ_SITE]
         model.site_rgba[np.concatenate([markers, beside[beside >= 0], sensed]).astype(int), 3] = 0
         model.tendon_matid[:] = -1
-        self._tendon_width = np.maximum(model.tendon_width, 0.006 * size)
 
     def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8, of one posture; overwritten by the next."""

@@ -1,0 +1,68 @@
+"""What an environment shows and takes: spaces, metadata, and actions that fit."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from motorgrad._errors import check, choice
+from motorgrad.environments._screen import screen_problem
+from motorgrad.tasks import BodyTask, FiniteTask, Task, make
+
+ActionSpace = spaces.Discrete | spaces.MultiBinary
+
+
+def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
+    """The task itself, or the one of that name with these settings."""
+    if isinstance(task, str):
+        return make(task, **settings)
+    check(isinstance(task, Task), "task", task, "a task or the name of one")
+    check(not settings, "settings", settings, f"part of the task that is given: {task.name!r} is already made")
+    return task
+
+
+def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
+    """The observation and the action space of a task."""
+    most = np.full(task.observation_size, np.finfo(np.float32).max)
+    low, high = -most, most
+    # bounds that hold only if the world's own observations are shown as they are
+    if isinstance(task, FiniteTask) and type(task).observe is FiniteTask.observe:
+        seen = task.dynamics.observations
+        low, high = seen.min(0), seen.max(0)
+    observation = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+    if task.actions == "discrete":
+        return observation, spaces.Discrete(task.action_size)
+    return observation, spaces.MultiBinary(task.action_size)
+
+
+def metadata_of(task: Task, common: dict[str, Any]) -> dict[str, Any]:
+    """An environment's own metadata: of the modes in `common`, those that work for this task and on this computer."""
+    modes = common["render_modes"] if isinstance(task, BodyTask) else []
+    if screen_problem():
+        modes = [mode for mode in modes if mode != "human"]
+    return {**common, "render_modes": list(modes), "render_fps": 1 / task.period}
+
+
+def fitting(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.ndarray:
+    """A copy of an action of `space`, or of one for each of `rows`, as a task takes it.
+
+    **Raises:** `ValueError` that names what is wrong: shape, kind of number or range.
+    """
+    array = np.asarray(action)
+    shape = (*rows, *(space.shape or ()))
+    check(array.shape == shape, "action.shape", array.shape, str(shape))
+    if isinstance(space, spaces.Discrete):
+        size = int(space.n)
+        check(array.dtype.kind in "iu", "action.dtype", array.dtype, "integer")
+        check(((array >= 0) & (array < size)).all(), "action", array.tolist(), f"in 0 … {size - 1}")
+        return array.astype(np.int32)
+    check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
+    check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
+    return array.astype(np.float32)
+
+
+def known_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The options of `reset`, none of them unknown."""
+    for name in options or {}:
+        choice("option of reset", name, known)
+    return options or {}

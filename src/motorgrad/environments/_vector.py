@@ -1,0 +1,147 @@
+"""Many copies of a task as a Gymnasium vector environment."""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from motorgrad._errors import check, choice
+from motorgrad.environments._picture import Picture
+from motorgrad.environments._rows import Outcome, Rows
+from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, task_of
+from motorgrad.tasks import Task
+
+
+class TaskVectorEnv(gymnasium.vector.VectorEnv):
+    """Many copies of a task as a `gymnasium.vector.VectorEnv`, stepped together on a thread pool.
+
+    Spaces, rewards and infos are those of `TaskEnv`; in the infos an array holds all rows, and `_name` says in which of
+    them there is a value. **Autoreset** is `NEXT_STEP`: the step after an episode's last one ignores the row's action,
+    begins the row's next episode, and pays 0. Row $i$ of `reset(seed=s)` is `TaskEnv`'s `reset(seed=s + i)`.
+
+    **Arguments:**
+
+    - `num_envs`: rows, ≥ 1.
+    - `task`: a task or its name.
+    - `render_mode`: `"rgb_array"` or `None`; `render` gives a picture of every row.
+    - `width`, `height`: of pictures, as of `TaskEnv`.
+    - `max_episode_steps`: decisions after which an episode is cut, beside the task's own `time_limit`; `None` or -1 for
+      never. `gymnasium.make_vec` fills in the id's.
+    - `threads`: that step bodies, 0 for one per processor.
+    - further settings of the task by name, if the task is given by name.
+
+    **Raises:** as `TaskEnv`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: Task | str = "hopper",
+        *,
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 480,
+        max_episode_steps: int | None = None,
+        threads: int = 0,
+        **settings: Any,
+    ):
+        self.closed = True  # until there is something to close
+        if render_mode is not None:
+            choice("render_mode", render_mode, TaskVectorEnv.metadata["render_modes"])
+        limit = max_episode_steps
+        whole = isinstance(limit, int | np.integer) and not isinstance(limit, bool) and (limit >= 1 or limit == -1)
+        check(limit is None or whole, "max_episode_steps", limit, "at least 1, or -1 for never")
+        self.task = task_of(task, settings)
+        self.num_envs = num_envs
+        self._rows = Rows(self.task, num_envs, threads)
+        self.metadata = metadata_of(self.task, TaskVectorEnv.metadata)  # type: ignore[misc]
+        self.single_observation_space, self._space = spaces_of(self.task)
+        self.single_action_space = self._space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.render_mode = render_mode
+        self._limit = None if limit is None or limit == -1 else int(limit)
+        self._picture = None if render_mode is None else Picture(self._rows, render_mode, width, height)
+        self._begun, self._over = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
+        self._every = np.ones(num_envs, bool)
+        self._seen = np.zeros(self.observation_space.shape or (), np.float32)
+        self.closed = False
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin episodes in all rows, or in those of the boolean array `options["reset_mask"]`.
+
+        `seed`: one number, from which the rows count up; one for each row; or `None`, for random numbers that go on.
+        """
+        count = self.num_envs
+        mask = np.asarray(known_options(options, ("reset_mask",)).get("reset_mask", self._every))
+        check(mask.dtype == bool and mask.shape == (count,), "reset_mask", mask, f"a boolean array ({count},)")
+        check((mask | self._begun).all(), "reset_mask", mask.tolist(), "true in every row the first time")
+        if seed is None:
+            seeds: list[int | None] = [None] * count
+        else:
+            seeds = [int(seed) + row for row in range(count)] if isinstance(seed, int | np.integer) else list(seed)
+        check(len(seeds) == count, "seed", seed, f"one number, or {count} of them")
+        anew = mask & np.array([number is not None for number in seeds])
+        for row in np.flatnonzero(anew):
+            self._rows.generators[row] = np_random(seeds[row])[0]
+        for rows, seeded in ((mask & ~anew, False), (anew, True)):
+            if rows.any():
+                self._seen[rows] = self._rows.reset(rows, seeded)
+        self._begun |= mask
+        self._over[mask] = False
+        if self._picture is not None:
+            self._picture.note(0.0, mask)
+        return self._seen.copy(), self._info(mask)
+
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One decision in every row, or the start of its next episode."""
+        rows, over = self._rows, self._over
+        if not self._begun.all():
+            rows.body  # noqa: B018 (a closed environment says so)
+            raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
+        actions = fitting(self._space, actions, (self.num_envs,))
+        some = bool(over.any())
+        outcome = rows.step(actions, ~over if some else None)
+        observation, truncated = outcome.observation, outcome.truncated
+        if self._limit is not None:
+            truncated = truncated | ((rows.decisions >= self._limit) & ~over)
+        if self._picture is not None:
+            self._picture.note(np.where(over[:, None], 0.0, actions))
+        if some:
+            observation[over] = rows.reset(over)
+        self._over, self._seen = outcome.terminated | truncated, observation
+        return observation.copy(), outcome.reward, outcome.terminated, truncated, self._info(self._every, outcome)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of every row, each `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
+        return None if self._picture is None else tuple(self._picture.paint(row) for row in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of threads and graphics."""
+        if self._picture is not None:
+            self._picture.close()
+        self._rows.close()
+        self._begun[:] = False
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The rows' generators."""
+        return tuple(self._rows.generators)
+
+    def _info(self, mask: np.ndarray, outcome: Outcome | None = None) -> dict[str, Any]:
+        """Arrays over the rows; `_name` says in which of them there is a value."""
+        diverged = np.zeros(self.num_envs, bool) if outcome is None else outcome.diverged
+        info: dict[str, Any] = {}
+        found = {"simulated_time": (self._rows.decisions * self._rows.period, mask), "diverged": (diverged, mask)}
+        for name, (value, there) in (found | ({} if outcome is None else outcome.readings)).items():
+            if there.any():
+                info |= {name: np.where(there, value, np.zeros((), value.dtype)), f"_{name}": there.copy()}
+        return info
