@@ -4,17 +4,18 @@ import sys
 from collections.abc import Callable
 
 COMMANDS = {
-    "list": "every task, policy and estimator",
+    "list": "every task, policy, estimator and experiment",
     "train": "learn; progress bar; a run directory; goes on where it stopped",
     "evaluate": "a learnt policy without learning: its numbers and a video",
     "plot": "learning curves of one run or of several",
+    "reproduce": "figures and claims of the thesis, measured again; a report",
     "demo": "a body learns to hop in about two minutes",
     "bench": "the speed table: this library beside bare physics and hand-written loops",
 }
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit status: 0 done, 2 refused what was asked, 130 stopped by Ctrl-C."""
+    """Run a command; the exit status: 0 done, 2 refused what was asked, 130 stopped by Ctrl-C or SIGTERM."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help())
@@ -31,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
         choice("command", name, COMMANDS)
         return _command(name)(rest)
     except (ValueError, OSError, RuntimeError) as error:
-        print(f"motorgrad {name}: {error}", file=sys.stderr)
+        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

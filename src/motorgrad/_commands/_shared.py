@@ -2,21 +2,15 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-import tyro
 
+from motorgrad._commands._configuration import parse
 from motorgrad._files import write_atomically
 
-T = TypeVar("T")
-
-
-def parse(cls: Callable[..., T], arguments: Sequence[str], prog: str, **keywords: Any) -> T:
-    """The dataclass `cls` filled from the command line; unknown options are refused with the nearest known one."""
-    return tyro.cli(cls, args=arguments, prog=f"motorgrad {prog}", **keywords)
+__all__ = ["in_words", "parse", "summary", "write_json"]
 
 
 def summary(values: Any) -> dict[str, Any]:

@@ -7,7 +7,13 @@ import sys
 from pathlib import Path
 
 from motorgrad._commands._shared import parse, summary, write_json
+from motorgrad._errors import check
+from motorgrad._files import check_writable
 from motorgrad.experiments import demo
+from motorgrad.tasks import Hopper
+from motorgrad.training import check_training
+
+MOST = 1e7  # seconds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,6 +28,12 @@ class Demo:
     """How many hoppers."""
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
+
+    def validate(self) -> None:
+        task = Hopper()
+        check(task.period <= self.seconds <= MOST, "seconds", self.seconds, f"from {task.period} to {MOST:g} s")
+        check_training(task, None, round(self.seconds / task.period), self.seeds)
+        check_writable("out", self.out, folder=True)
 
 
 def run(arguments: list[str]) -> int:

@@ -1,14 +1,21 @@
 """`motorgrad evaluate RUN`: a learnt policy, frozen."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
 
 from motorgrad._commands._shared import in_words, parse, summary, write_json
+from motorgrad._errors import check
+from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of
+from motorgrad.tasks import BodyTask
 from motorgrad.training import evaluate, load
+
+MOST = 10_000_000
+"""Decisions of an evaluation, which keeps every motion."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,11 +41,23 @@ class Evaluate:
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
 
+    def validate(self) -> None:
+        trained = load(self.run)
+        trained.policy(self.seed)  # refuses a seed that the run does not have
+        check(1 <= self.steps <= MOST, "steps", self.steps, f"from 1 to {MOST} decisions")
+        check(0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
+        if self.film and isinstance(trained.task, BodyTask):
+            check(self.film_path.suffix == ".mp4", "video", str(self.film_path), "a path that ends in .mp4")
+            check_writable("video", self.film_path)
+
+    @property
+    def film_path(self) -> Path:
+        return self.video or self.run / "figures" / "evaluation.mp4"
+
 
 def run(arguments: list[str]) -> int:
     options = parse(Evaluate, arguments, "evaluate")
     trained = load(options.run)
-    trained.policy(options.seed)  # refuses a seed that the run does not have, before any work
     outcome = evaluate(trained, options.steps, mode=options.mode, untrained=options.untrained)
     found: dict[str, Any] = {
         "run": str(options.run),
@@ -56,7 +75,7 @@ def run(arguments: list[str]) -> int:
     if outcome.position is not None and options.film:
         from motorgrad.sim import film
 
-        path = options.video or options.run / "figures" / "evaluation.mp4"
+        path = options.film_path
         seed = trained.seeds[0] if options.seed is None else options.seed
         motion = motion_of(trained, outcome, seed, f"seed {seed}", options.seconds)
         made = film([motion], path)

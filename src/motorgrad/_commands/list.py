@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._commands._shared import parse, write_json
+from motorgrad.experiments import EXPERIMENTS
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 from motorgrad.training import ESTIMATORS
@@ -13,7 +14,7 @@ from motorgrad.training import ESTIMATORS
 
 @dataclasses.dataclass(frozen=True)
 class List:
-    """Every task, policy and estimator, by the names that configurations and commands take."""
+    """Every task, policy, estimator and experiment, by the names that configurations and commands take."""
 
     json: Path | None = None
     """Also write the list to this file, for machines; - for the standard output."""
@@ -26,6 +27,7 @@ def run(arguments: list[str]) -> int:
         "tasks": {name: _first_line(task) for name, task in TASKS.items()},
         "policies": {name: _first_line(make) for name, make in INITIAL.items()},
         "estimators": estimators,
+        "experiments": {name: f"{kind.source}: {kind.title}" for name, kind in EXPERIMENTS.items()},
     }
     if str(options.json) != "-":
         for kind, entries in found.items():

@@ -2,35 +2,78 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from motorgrad._commands._shared import parse, write_json
-from motorgrad.training import learning_curves, load
+from motorgrad._errors import check
+from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 
 
 @dataclasses.dataclass(frozen=True)
 class Plot:
-    """Draw the learning curves of one run, or of several in one figure."""
+    """Draw the learning curves of one run, or of several in one figure: medians, and quartiles over the seeds."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Run directories."""
-    quantity: str = "reward"
-    """A column of the metrics, such as reward, baseline or (hopper) apex."""
+    quantity: tuple[str, ...] = ("reward",)
+    """Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each."""
+    x: Literal["decisions", "simulated", "wall"] | None = None
+    """Over decisions, simulated or wall seconds; by default simulated seconds where the task has them."""
+    smooth: float | None = None
+    """Each point is the mean over so many of the units of x before it; by default over one record."""
+    labels: tuple[str, ...] | None = None
+    """What to call the runs; by default the settings in which they differ, or their folders."""
     out: Path | None = None
     """Where to draw to (.png, .svg, .pdf); by default figures/QUANTITY.png of the first run."""
+    format: Literal["svg", "png", "pdf"] | None = None
+    """The figure's format, where --out does not say it."""
+    tensorboard: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[DIR]")] = None
+    """Also write TensorBoard event files: into this folder, or without one into tensorboard/ of each run."""
     json: Path | None = None
-    """Also write where the figure is to this file, for machines; - for the standard output."""
+    """Also write where the figure is and the numbers drawn to this file, for machines; - for the standard output."""
+
+    def validate(self) -> None:
+        check(self.runs, "runs", self.runs, "one run directory at least")
+        if self.tensorboard is not None:
+            check(len(self.tensorboard) <= 1, "tensorboard", self.tensorboard, "one folder, or none")
+            check_tensorboard()
 
 
 def run(arguments: list[str]) -> int:
     options = parse(Plot, arguments, "plot")
-    if not options.runs:
-        raise ValueError("runs = (): name at least one run directory")
     runs = [load(path) for path in options.runs]
-    out = options.out or options.runs[0] / "figures" / f"{options.quantity}.png"
-    learning_curves(runs, options.quantity, out)
+    out = options.out or options.runs[0] / "figures"
+    figure = learning_curves(
+        runs,
+        options.quantity,
+        out,
+        x=options.x,
+        smooth=options.smooth,
+        labels=options.labels,
+        format=options.format,
+    )
+    found: dict[str, Any] = {
+        "figure": str(figure.saved),
+        "runs": [str(path) for path in options.runs],
+        "x": figure.axis,
+        "smooth": options.smooth,
+        "curves": [curve.table() for curve in figure.curves],
+    }
+    said = [f"drawn to {figure.saved}"]
+    if options.tensorboard is not None:
+        folders = _folders(options.runs, *options.tensorboard)
+        found["tensorboard"] = [str(write_tensorboard(run, folder)) for run, folder in zip(runs, folders, strict=True)]
+        said += [f"event files in {folder}" for folder in folders]
     if str(options.json) != "-":
-        print(f"drawn to {out}")
-    write_json(options.json, {"figure": str(out), "runs": [str(path) for path in options.runs]})
+        print("\n".join(said))
+    write_json(options.json, found)
     return 0
+
+
+def _folders(runs: tuple[Path, ...], together: Path | None = None) -> list[Path]:
+    """Where each run's event files go: into a folder of its own in the one they share, or into the run."""
+    if together is None:
+        return [run / "tensorboard" for run in runs]
+    return [together / name for name in folders_of(runs)]

@@ -6,10 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._commands._shared import in_words, parse, summary, write_json
-from motorgrad._errors import unknown
+from motorgrad._commands._configuration import Given, fill, read, resolve, take
+from motorgrad._commands._shared import in_words, summary, write_json
+from motorgrad._errors import check, choice
+from motorgrad._files import check_writable
+from motorgrad._settings import as_hinted, table
 from motorgrad.tasks import TASKS
-from motorgrad.training import Run, settings_for, train
+from motorgrad.training import (
+    Run,
+    RunDirectoryError,
+    check_settings,
+    check_tensorboard,
+    check_training,
+    settings_for,
+    train,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,60 +29,138 @@ class Options:
 
     steps: int = 100_000
     """Decisions per seed."""
-    seeds: int = 1
-    """How many seeds, numbered from --first-seed."""
+    seeds: int | tuple[int, ...] = 1
+    """How many seeds, numbered from --first-seed; or two and more seeds themselves."""
     first_seed: int = 0
     """The first seed."""
     out: Path | None = None
     """The run directory, by default runs/TASK. An unfinished run found there goes on."""
+    resume: Path | None = None
+    """Go on with the run in this directory, with its own task, learner, seeds and steps; in place of TASK and --out."""
     window: int | None = None
     """Decisions per record of the metrics; by default a two-hundredth of the steps."""
     checkpoint_every: float = 30.0
     """Seconds between checkpoints."""
     threads: int = 0
     """Threads that step the physics; 0 for one per processor."""
+    tensorboard: bool = False
+    """Keep TensorBoard event files in tensorboard/ of the run directory, up to date with every checkpoint."""
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
 
+    def validate(self: Any) -> None:
+        check(self.resume is None, "resume", str(self.resume), "an option of the command line")
+        one_way = self.first_seed == 0 or isinstance(self.seeds, int)
+        check(one_way, "first_seed", self.first_seed, "0 where the seeds themselves are given")
+        check_training(*self.learning, window=self.window, checkpoint_every=self.checkpoint_every, threads=self.threads)
+        check_writable("out", self.directory, folder=True)
+        if self.tensorboard:
+            check_tensorboard()
+
+    @property
+    def learning(self: Any) -> tuple[Any, Any, int, Any]:
+        """Task, agent, steps and seeds, as `train` takes them."""
+        many = isinstance(self.seeds, int) and self.first_seed
+        seeds = range(self.first_seed, self.first_seed + self.seeds) if many else self.seeds
+        return self.task, self.agent, self.steps, seeds
+
+    @property
+    def directory(self: Any) -> Path:
+        return self.out or Path("runs") / self.task.name
+
+    def effective(self: Any) -> dict[str, Any]:
+        values = table(self)
+        return {**values, "task": {"name": self.task.name, **values["task"]}}
+
 
 def run(arguments: list[str]) -> int:
-    if not arguments or arguments[0].startswith("-"):
+    given = read(_resumed(arguments))
+    name, given = _task_of(given)
+    if name is None:
         print(f"usage: motorgrad train TASK [options]\n\ntasks: {', '.join(TASKS)}\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
-        return 0 if arguments[:1] in (["-h"], ["--help"]) else 2
-    name, *rest = arguments
-    if name not in TASKS:
-        raise unknown("task", name, TASKS)
-    task = TASKS[name]()
-    agent = settings_for(task)
-    command: Any = dataclasses.make_dataclass(
-        "Train",
-        [
-            ("task", type(task), dataclasses.field(default=task)),
-            ("agent", type(agent), dataclasses.field(default=agent)),
-        ],
-        bases=(Options,),
-        frozen=True,
-    )
-    command.__doc__ = f"Learn: {(type(task).__doc__ or '').partition(chr(10))[0]}"
-    options = parse(command, rest, f"train {name}")
-    out = options.out or Path("runs") / name
-    seeds = range(options.first_seed, options.first_seed + options.seeds)
+        return 0 if set(arguments) & {"-h", "--help"} else 2
+    # The learner's defaults are those of the task as it is asked for, so that is found out first.
+    about_task = any(argument.startswith("--task") for argument in given.rest)
+    settings = {key: value for key, value in given.table.items() if key == "task"}
+    draft = given._replace(table=settings, rest=given.rest if about_task else [])
+    asked = fill(_command(TASKS[name]()), draft, f"train {name}").get("task", {})
+    task = as_hinted(TASKS[name], asked, "task")
+    options = resolve(_command(task), given, f"train {name}")
     result = train(
-        options.task,
-        options.agent.agent(options.task),
-        options.steps,
-        seeds,
-        out,
+        *options.learning,
+        options.directory,
         window=options.window,
         checkpoint_every=options.checkpoint_every,
         threads=options.threads,
+        tensorboard=options.tensorboard,
     )
     found = _result(result)
     if str(options.json) != "-":
-        _say(result, found, out)
+        _say(result, found, options.directory)
     write_json(options.json, found)
     return 0 if result.complete else 130
+
+
+def _command(task: Any) -> type[Options]:
+    """The options with those of a task and of the learner that goes with it."""
+    parts = {"task": task, "agent": settings_for(task)}
+    fields = [(name, type(part), dataclasses.field(default_factory=lambda p=part: p)) for name, part in parts.items()]
+    doc = f"Learn: {(type(task).__doc__ or '').partition(chr(10))[0]}"
+    return dataclasses.make_dataclass("Train", fields, bases=(Options,), frozen=True, namespace={"__doc__": doc})
+
+
+def _resumed(arguments: list[str]) -> list[str]:
+    """`--resume RUN` in the words that it stands for: the run's own configuration, in its own directory."""
+    path, rest = take("resume", arguments)
+    if path is None:
+        return arguments
+    for option in ("config", "out"):
+        if take(option, rest)[0] is not None:
+            raise ValueError(f"--resume {path}: says what --{option} would")
+    if not (Path(path) / "config.toml").is_file():
+        raise RunDirectoryError(f"{path} is not a run directory: it has no config.toml")
+    return ["--config", f"{path}/config.toml", "--out", path, *rest]
+
+
+def _task_of(given: Given) -> tuple[str | None, Given]:
+    """The task's name, from the command line or from the file, and what else is given.
+
+    The file may be a run's own `config.toml`: its table `run` holds options.
+    """
+    name, rest = None, given.rest
+    if rest and not rest[0].startswith("-"):
+        name, *rest = rest
+        choice("task", name, TASKS)
+    if given.file is None:
+        return name, given._replace(rest=rest)
+    try:
+        named, values = _read(given.table)
+        settings = values.get("task")
+        if name is not None and named not in (None, name) and settings:
+            raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but {name!r} is to be learnt")
+        check(name or named or {"-h", "--help"} & set(rest), "task.name", named, "given, here or on the command line")
+    except (ValueError, RunDirectoryError) as error:
+        raise ValueError(f"{given.file}: {error}") from None
+    return name or named, given._replace(table=values, rest=rest)
+
+
+def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
+    """The task's name in a file, and the options there."""
+    values = dict(table)
+    if isinstance(values.get("run"), dict):
+        run = values.pop("run")
+        for key in run:
+            check(key not in values, key, run[key], "given once, here or in the table run")
+        values |= run
+    task = values.pop("task", {})
+    check(isinstance(task, dict), "task", task, "a table with the task's name in it: [task] name = ...")
+    named, settings = task.get("name"), {key: value for key, value in task.items() if key != "name"}
+    if named is not None:
+        choice("task", named, TASKS)
+    if isinstance(agent := values.get("agent"), dict) and isinstance(agent.get("policy"), dict):
+        check_settings(agent, "agent")
+    return named, values | ({"task": settings} if settings else {})
 
 
 def _result(run: Run) -> dict[str, Any]:

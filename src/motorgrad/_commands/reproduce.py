@@ -1,0 +1,95 @@
+"""`motorgrad reproduce NAME…`: figures and claims of the thesis, measured again."""
+
+import dataclasses
+import itertools
+import sys
+from pathlib import Path
+
+import tyro
+
+from motorgrad._commands._configuration import Given, read, resolve
+from motorgrad._commands._shared import write_json
+from motorgrad._errors import check
+from motorgrad._files import check_writable
+from motorgrad.experiments import EXPERIMENTS, Reproduction, chosen, reproduce, write_report
+
+
+@dataclasses.dataclass(frozen=True)
+class Reproduce:
+    """Run experiments, draw their figures and judge their claims; then write a report of one page about all that the
+    folder holds. What is finished there is not run again; what was interrupted goes on."""
+
+    experiments: tyro.conf.Positional[tuple[str, ...]]
+    """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
+    out: Path | None = None
+    """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke size."""
+    quick: bool = False
+    """A smoke size: everything happens, in seconds, and the numbers mean nothing."""
+    strict: bool = False
+    """Exit with status 1 where a claim does not hold."""
+    threads: int = 0
+    """Threads that step the physics; 0 for one per processor."""
+    json: Path | None = None
+    """Also write claims, numbers and versions to this file, for machines; - for the standard output."""
+
+    def validate(self) -> None:
+        allowed = "the names of experiments, or all; motorgrad list has them"
+        check(self.experiments, "experiments", self.experiments, allowed)
+        chosen(self.experiments, EXPERIMENTS)
+        check_writable("out", self.folder, folder=True)
+
+    @property
+    def folder(self) -> Path:
+        return self.out or Path("runs") / ("reproduce-quick" if self.quick else "reproduce")
+
+
+def run(arguments: list[str]) -> int:
+    given = read(arguments)
+    options = resolve(_command(given), given, "reproduce")
+    names, out, settings = chosen(options.experiments, EXPERIMENTS), options.folder, getattr(options, "settings", None)
+    done: list[Reproduction] = []
+    try:
+        for name in names:
+            kind = EXPERIMENTS[name]
+            experiment = settings or (kind.quick() if options.quick else kind())
+            print(f"{name}: {experiment.title} ({len(done) + 1} of {len(names)})", file=sys.stderr)
+            done.append(reproduce(experiment, out, quick=options.quick, threads=options.threads))
+    except KeyboardInterrupt:
+        print(f"stopped; everything is saved in {out}, and the same command goes on", file=sys.stderr)
+        return 130
+    report = write_report(out, EXPERIMENTS)
+    if str(options.json) != "-":
+        _say(done, report)
+    write_json(options.json, {"report": str(report), "experiments": [each.record() for each in done]})
+    return 1 if options.strict and not all(claim.holds for each in done for claim in each.claims) else 0
+
+
+def _command(given: Given) -> type[Reproduce]:
+    """The options; where a single experiment is named, with its settings (`--settings.seeds 32`)."""
+    named = list(itertools.takewhile(lambda word: not word.startswith("-"), given.rest))
+    names = named or given.table.get("experiments", [])
+    if not isinstance(names, list) or len(names) != 1 or str(names[0]).lower() not in EXPERIMENTS:
+        return Reproduce
+    kind = EXPERIMENTS[str(names[0]).lower()]
+    if not dataclasses.fields(kind):
+        return Reproduce
+    quick = "--quick" in given.rest or given.table.get("quick") is True
+    default = kind.quick() if quick else kind()
+    field = ("settings", kind, dataclasses.field(default=default))
+    return dataclasses.make_dataclass(
+        "Reproduce", [field], bases=(Reproduce,), frozen=True, namespace={"__doc__": Reproduce.__doc__}
+    )
+
+
+def _say(done: list[Reproduction], report: Path) -> None:
+    for each in done:
+        held = sum(claim.holds for claim in each.claims)
+        judged = f": {held} of {len(each.claims)} claims hold" if each.claims else ""
+        print(f"\n{each.experiment.source}, {each.experiment.title}{judged}  {each.figure}")
+        for claim in each.claims:
+            print(f"  {'✓' if claim.holds else '✗'} {claim.statement}")
+            unit = f" ({claim.unit})" if claim.unit else ""
+            print(f"      expected {claim.expected}; measured {claim.measured}{unit}")
+    if any(each.quick for each in done):
+        print("\nA smoke size: everything has run, and its numbers mean nothing.")
+    print(f"\nreport: {report}")

@@ -1,0 +1,290 @@
+"""Options from a file: what drives a command, what overrides what, what is printed, what is refused."""
+
+import dataclasses
+import os
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+import motorgrad as mg
+from motorgrad._commands._help import descriptions
+from motorgrad.cli import COMMANDS, main
+from motorgrad.policies import INITIAL
+from motorgrad.tasks import TASKS
+from motorgrad.training import AgentSettings
+
+PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+def status(*arguments):
+    try:
+        return main([str(argument) for argument in arguments])
+    except SystemExit as left:
+        return left.code
+
+
+def checked(capsys, *arguments):
+    """What `--check` prints, as a table."""
+    capsys.readouterr()
+    assert status(*arguments, "--check") == 0
+    return tomllib.loads(capsys.readouterr().out)
+
+
+def write(path, text):
+    Path(path).write_text(text)
+    return path
+
+
+def test_a_file_drives_training_and_the_command_line_overrides_it(capsys):
+    file = write(
+        "a.toml", 'steps = 30\nseeds = [4, 1]\nout = "a"\n[task]\nname = "chain"\nlength = 3\n[agent]\ndecay = 0.5\n'
+    )
+    assert status("train", "--config", file, "--steps", 40, "--agent.rate", 0.2) == 0
+    run = mg.load("a")
+    assert run.config["run"] == {"steps": 40, "seeds": [4, 1], "window": 1}
+    assert run.task == mg.make("chain", length=3)
+    settings = {name: run.config["agent"][name] for name in ("decay", "rate", "policy")}
+    assert settings == {"decay": 0.5, "rate": 0.2, "policy": "softmax"}  # the last one is the task's own
+
+
+def test_what_a_file_leaves_out_is_as_the_task_has_it(capsys):
+    file = write("a.toml", "[agent]\nrate = 0.25\n[task]\nbody = {load_mass = 3}\n")
+    found = checked(capsys, "train", "hopper", "--config", file)
+    assert (found["agent"]["rate"], found["agent"]["decay"], found["steps"]) == (0.25, 0.995, 100_000)
+    assert (found["task"]["body"]["load_mass"], found["task"]["body"]["link_mass"]) == (3.0, 0.15)
+
+
+def test_an_option_puts_a_setting_back_to_none(capsys):
+    file = write("a.toml", '[task]\nname = "chain"\ntime_limit = 9\n[agent]\ndiscount = 0.9\n')
+    found = checked(capsys, "train", "--config", file, "--agent.discount", "None")
+    assert "discount" not in found["agent"]
+    assert found["task"]["time_limit"] == 9
+
+
+@pytest.mark.parametrize("command", ["evaluate", "plot"])
+def test_what_must_be_named_may_stand_in_the_file(command, capsys):
+    assert status("train", "chain", "--steps", 20, "--out", "x") == 0
+    key = {"evaluate": 'run = "x"\nsteps = 30\n', "plot": 'runs = ["x"]\nquantity = ["baseline"]\n'}[command]
+    assert status(command, "--config", write("a.toml", key + 'json = "found.json"\n')) == 0
+    assert Path("found.json").exists()
+    for arguments in ((), ("--config", write("b.toml", ""))):
+        capsys.readouterr()
+        assert status(command, *arguments) == 2
+        assert "run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_takes_a_file_and_says_so(command, capsys):
+    arguments = ("train", "chain") if command == "train" else (command,)
+    assert status(*arguments, "--help") == 0
+    said = capsys.readouterr().out
+    assert "--config" in said
+    assert "--check" in said
+    assert status(*arguments, "--config", write("a.toml", "unheard_of = 1\n")) == 2
+    assert f"a.toml: unknown setting of {command} 'unheard_of'" in capsys.readouterr().err
+
+
+def test_a_check_does_nothing(tmp_path, capsys):
+    assert checked(capsys, "demo", "--out", "d", "--seeds", 3)["seeds"] == 3
+    assert checked(capsys, "train", "chain", "--out", "d", "--json", "deep/r.json")["task"]["name"] == "chain"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_what_a_check_prints_is_a_file_that_says_the_same(name, capsys):
+    found = checked(capsys, "train", name, "--seeds", 3, "--agent.decay", 0.25)
+    assert found["agent"]["decay"] == 0.25
+    assert checked(capsys, "train", "--config", write("again.toml", tomli_w.dumps(found))) == found
+
+
+def test_a_runs_configuration_is_a_file_that_makes_it_again(capsys):
+    made = ("train", "chain", "--steps", 60, "--agent.decay", 0.3, "--task.length", 3, "--window", 20, "--out", "a")
+    assert status(*made) == 0
+    assert status("train", "--config", "a/config.toml", "--out", "b") == 0
+    a, b = mg.load("a"), mg.load("b")
+    assert a.config == b.config
+    assert a.metrics.drop_columns("wall_time").equals(b.metrics.drop_columns("wall_time"))
+    found = checked(capsys, "train", "--config", "a/config.toml", "--seeds", 32)
+    assert (found["seeds"], found["agent"]["decay"], found["window"]) == (32, 0.3, 20)
+
+
+def test_a_run_goes_on_from_its_directory_alone(capsys):
+    assert status("train", "chain", "--steps", 60, "--agent.decay", 0.3, "--window", 20, "--out", "a") == 0
+    assert status("train", "--resume", "a") == 0  # finished: it is given back
+    assert status("train", "--resume", "a", "--steps", 100) == 0
+    run = mg.load("a")
+    assert (run.decision, run.config["agent"]["decay"]) == (100, 0.3)
+    capsys.readouterr()
+    assert status("train", "--resume", "a", "--agent.decay", 0.4) == 2
+    assert "agent.estimator.trace.decay was 0.3 and is now 0.4" in capsys.readouterr().err
+
+
+def test_a_default_learner_is_that_of_the_task_as_asked_for(capsys):
+    assert checked(capsys, "train", "gymnasium", "--task.env-id", "Pendulum-v1")["agent"]["policy"] == "hyperplanes"
+    assert checked(capsys, "train", "gymnasium", "--task.env-id", "Acrobot-v1")["agent"]["policy"] == "softmax"
+
+
+def test_the_initial_policys_settings(capsys):
+    wanted = {"width": 0.16, "low": -2.0}
+    settings = ("--agent.policy", "gaussians", "--agent.policy-settings", "width", 0.16, "low", -2.0)
+    assert checked(capsys, "train", "hopper", *settings)["agent"]["policy_settings"] == wanted
+    task = mg.make("hopper")
+    agent = AgentSettings("gaussians", wanted).agent(task)
+    import jax
+    import numpy as np
+
+    np.testing.assert_allclose(np.exp(agent.init(jax.random.key(0)).policy.log_width), 0.16, rtol=1e-6)
+
+
+REFUSED = [
+    ("train chain", "stps = 5", "a.toml: unknown setting of train 'stps': did you mean 'steps'?"),
+    ("train chain", "checkpoint-every = 5", "did you mean 'checkpoint_every'?"),
+    ("train chain", "steps = 0", "a.toml: steps = 0: must be an integer from 1"),
+    ("train chain", 'steps = "many"', "a.toml: steps = 'many': must be an integer"),
+    ("train chain", "seeds = 1e3", "a.toml: seeds = 1000.0: must be an integer or a list"),
+    ("train chain", "seeds = 1000000000000", "seeds = 1000000000000: must be from 1 to 1000000"),
+    ("train chain", "seeds = [1, 1]", "seeds = [1, 1]: must be all different"),
+    ("train chain", "seeds = [1, 2]\nfirst_seed = 3", "first_seed = 3"),
+    ("train chain", "threads = 1000000", "threads = 1000000"),
+    ("train chain", "config = 'b.toml'", "unknown setting of train 'config'"),
+    ("train chain", "resume = 'x'", "resume = 'x': must be an option of the command line"),
+    ("train", "[run]\nsteps = 3\n[task]\n", "task.name = None: must be given"),
+    ("train", "steps = 3\n[run]\nsteps = 3\n", "steps = 3: must be given once"),
+    ("train", "task = 'hopper'", "[task] name ="),
+    ("train", "[task]\nname = 'hoper'", "unknown task 'hoper': did you mean 'hopper'"),
+    ("train", "[task]\nname = ['hopper']", "unknown task ['hopper']"),
+    (
+        "train hopper",
+        "[task]\nname = 'chain'\nlength = 5",
+        "a.toml: task: has settings of 'chain' (length), but 'hopper' is to be learnt",
+    ),
+    ("train chain", "[task]\nlenght = 5", "a.toml: unknown setting of task 'lenght': did you mean 'length'?"),
+    ("train chain", "[task]\nlength = 1", "a.toml: task.length = 1: must be from 2 to 2000"),
+    ("train chain", "[task]\nlength = 100000000", "task.length = 100000000"),
+    ("train chain", "[task]\nvariant = 'rest'", "unknown task.variant 'rest': did you mean 'reset'"),
+    ("train hopper", "[task.body]\nload_mas = 5", "unknown setting of task.body 'load_mas': did you mean 'load_mass'"),
+    ("train hopper", "[task.body]\nload_mass = -5", "task.body.load_mass = -5.0"),
+    ("train hopper", "[task]\npenalty = nan", "task.penalty = nan: must be a finite number"),
+    ("train hopper", "[task]\naction_period = 1e9", "task.action_period = 1000000000.0"),
+    ("train hopper", "[agent]\nunits = 10000000000", "units = 10000000000: must be at most"),
+    ("train hopper", "[agent]\nunits = 7", "policy Hyperplanes: outputs = 7"),
+    ("train hopper", "[agent]\nimprove = 'episod'", "must be an integer or 'episode' or 'never'"),
+    ("train hopper", "[agent]\nimprove = 3000000000", "improve = 3000000000"),
+    ("train hopper", "[agent]\npolicy_settings = {widht = 1}", "unknown setting of policy 'hyperplanes': 'widht'"),
+    (
+        "train hopper",
+        "[agent]\npolicy = 'gaussians'\npolicy_settings = {widht = 1}",
+        "unknown setting of policy 'gaussians': 'widht': did you mean 'width'?",
+    ),
+    (
+        "train hopper",
+        "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = 'wide'}",
+        "agent.policy_settings.width = 'wide': must be a finite number",
+    ),
+    ("train hopper", "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = -1}", "width = -1.0"),
+    ("train hopper", "[agent.policy]\nkind = 'x'", "give the agent"),
+    ("train hopper", "out = ''", "out = '': must be a path"),
+    ("demo", "seconds = 1e30", "seconds = 1e+30"),
+    ("evaluate", "run = 3", "run = 3: must be a path"),
+    ("list", "steps", "a.toml: not TOML"),
+]
+
+
+@pytest.mark.parametrize(("command", "text", "named"), REFUSED, ids=[f"{c}: {t!r}" for c, t, _ in REFUSED])
+def test_what_a_file_says_wrong_is_refused_by_name(command, text, named, capsys):
+    assert status(*command.split(), "--config", write("a.toml", text)) == 2
+    said = capsys.readouterr().err
+    assert named in said
+    assert "a.toml" in said
+    assert said.count("\n") == 1
+    assert os.listdir() == ["a.toml"]
+
+
+def test_an_error_tells_what_the_file_says_from_what_overrides_it(capsys):
+    assert status("train", "chain", "--config", write("a.toml", "steps = 5"), "--steps", 0) == 2
+    assert "a.toml with --steps 0: steps = 0" in capsys.readouterr().err
+
+
+UNWRITABLE = [
+    *[([*command.split(), "--json", "file/r.json"], "json") for command in ("list", "demo", "train chain", "bench")],
+    (["train", "chain", "--out", "file/run"], "out"),
+    (["demo", "--out", "file"], "out"),
+    (["evaluate", "x", "--json", "."], "json"),
+    (["evaluate", "x", "--steps", 5, "--video", "file/a.mp4"], "video"),
+    (["evaluate", "x", "--steps", 5, "--video", "a.gif"], "video"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "name"), UNWRITABLE, ids=[" ".join(map(str, a)) for a, _ in UNWRITABLE])
+def test_what_cannot_be_written_is_refused_before_the_work(arguments, name, capsys, monkeypatch):
+    write("file", "")
+    if arguments[0] == "evaluate":
+        mg.train("hopper", steps=3, out="x", progress=False)
+    before = sorted(Path().rglob("*"))
+    capsys.readouterr()
+    assert status(*arguments) == 2
+    said = capsys.readouterr()
+    assert re.search(rf"{name} = '.*': (cannot be written|must be a path that ends in)", said.err)
+    assert said.out == ""
+    assert sorted(Path().rglob("*")) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_refused(tmp_path, capsys):
+    (tmp_path / "shut").mkdir(mode=0o500)
+    assert status("list", "--json", "shut/x.json") == 2
+    assert "is not writable" in capsys.readouterr().err
+
+
+# ---- help
+
+
+@pytest.mark.parametrize("cls", [*TASKS.values(), mg.bodies.Hopper, AgentSettings], ids=lambda cls: cls.__name__)
+def test_every_setting_is_explained(cls):
+    fields = {field.name for field in dataclasses.fields(cls)}
+    helps = descriptions(cls)
+    assert fields <= set(helps)
+    assert all(len(helps[name]) > 10 for name in fields)
+
+
+def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys):
+    assert status("train", "hopper", "--help") == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "Cost of a muscle that is active for one decision. (default: 0.1)" in said
+    assert "Of the load on the slide (kg). (default: 2.0)" in said
+    assert "{" + ",".join(INITIAL) + "}" in said
+    assert "{symmetric,spring}" in said
+    assert "**" not in said
+
+
+# ---- the page
+
+
+def test_the_pages_files_are_in_order(capsys):
+    text = PAGE.read_text(encoding="utf-8")
+    files = re.findall(r"^```toml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert files
+    for content in files:
+        assert checked(capsys, "train", "--config", write("page.toml", content))["task"]["name"] == "hopper"
+    options = {field.name for field in dataclasses.fields(AgentSettings)}
+    assert set(tomllib.loads(files[0])["agent"]) <= options
+
+
+def test_the_pages_errors_are_what_is_said(capsys):
+    text = PAGE.read_text(encoding="utf-8")
+    pairs = re.findall(r"^\| `([^`]*)` \| `([^`]*)` \|$", text, re.MULTILINE)
+    assert len(pairs) >= 4
+    for line, said in pairs:
+        content = line if line.startswith("[") else f"{line}\n[task]"
+        content = content.replace("] ", "]\n")
+        assert status("train", "hopper", "--config", write("hop.toml", content)) == 2
+        assert said in capsys.readouterr().err
