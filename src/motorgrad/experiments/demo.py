@@ -35,7 +35,7 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
     task = Hopper()
     check(task.period <= seconds < math.inf, "seconds", seconds, f"at least one decision, {task.period} s")
     steps = round(seconds / task.period)
-    run = train(task, settings_for(task).agent(task), steps, seeds, out)
+    run = train(task, settings_for(task), steps, seeds, out)
     if not run.complete:
         raise KeyboardInterrupt
     before, after = (evaluate(run, 2000, untrained=untrained) for untrained in (True, False))

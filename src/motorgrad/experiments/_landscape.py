@@ -1,0 +1,108 @@
+"""A one-dimensional problem whose reward is a sum of bumps and whose policy is a Gaussian: its objective is exact."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad.learning import FixedStep
+
+Point = Float[Array, "2"]
+"""The policy's parameters: its mean and its standard deviation."""
+
+
+class Bumps(NamedTuple):
+    r"""The reward $r(x) = \sum_i h_i \exp(-\frac12 (x - c_i)^2/w_i^2)$; three arrays of the same length."""
+
+    height: Array | np.ndarray
+    centre: Array | np.ndarray
+    width: Array | np.ndarray
+
+
+def objective(bumps: Bumps, point: Point) -> Float[Array, ""]:
+    r"""$\rho(\mu, \sigma) = \mathbb E\,r(x)$ for $x \sim \mathcal N(\mu, \sigma^2)$, which at $\sigma = 0$ is $r(\mu)$.
+
+    A Gaussian bump seen through Gaussian noise is a wider, lower one: its variance grows by $\sigma^2$, its area stays.
+    """
+    wide = jnp.sqrt(bumps.width**2 + point[1] ** 2)
+    height = bumps.height * bumps.width / wide
+    return jnp.sum(height * jnp.exp(-0.5 * ((point[0] - bumps.centre) / wide) ** 2))
+
+
+@jax.jit
+def surface(bumps: Bumps, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
+    """The objective at many points."""
+    return jax.vmap(objective, (None, 0))(bumps, points)
+
+
+def climb(
+    bumps: Bumps, starts: Float[np.ndarray, "starts 2"], steps: int, records: int = 1
+) -> Float[np.ndarray, "starts records 2"]:
+    r"""Follow $\dot\theta = \nabla\rho(\theta)$ from each start, in Runge–Kutta steps of the fourth order.
+
+    **Arguments:** the reward; `starts`, means and standard deviations; how many `steps` of a quarter unit of time;
+    `records`, at how many times, evenly spaced, to look. **Returns** where it is then; the last is the end.
+    """
+    return np.asarray(_climb(bumps, jnp.asarray(starts, float), steps // records, records))
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _climb(bumps: Bumps, starts: Array, each: int, records: int) -> Array:
+    slope, step = jax.grad(objective, argnums=1), 0.25
+
+    def move(point: Array, _: None) -> tuple[Array, None]:
+        first = slope(bumps, point)
+        second = slope(bumps, point + step / 2 * first)
+        third = slope(bumps, point + step / 2 * second)
+        fourth = slope(bumps, point + step * third)
+        return point + step / 6 * (first + 2 * second + 2 * third + fourth), None
+
+    def look(point: Array, _: None) -> tuple[Array, Array]:
+        point = jax.lax.scan(move, point, length=each)[0]
+        return point, point
+
+    return jax.vmap(lambda start: jax.lax.scan(look, start, length=records)[1])(starts)
+
+
+def learn(
+    bumps: Bumps, starts: Float[np.ndarray, "runs 2"], decisions: int, rate: float, records: int, seed: int
+) -> Float[np.ndarray, "runs records 2"]:
+    r"""Climb by rewards alone: one $x \sim \mathcal N(\mu, \sigma^2)$ a decision, and
+    $\theta \leftarrow \theta + \alpha\sigma^2 (r - b)\,\nabla\log p(x)$.
+
+    The step size is $\alpha\sigma^2$ (Williams, 1992), for the score grows like $1/\sigma$; on average this changes how
+    quickly the path is followed, not the path.
+
+    **Arguments:** the reward; `starts`, one for each run; `decisions` of each; `rate` $\alpha$; `records`, at how many
+    times, evenly spaced, to look; `seed`. **Returns** means and deviations at those times.
+    """
+    baseline, each = FixedStep(0.02), decisions // records
+
+    def decide(state: tuple, noise: Array) -> tuple[tuple, None]:
+        (mean, deviation), compared = state
+        reward = objective(bumps, jnp.stack([mean + deviation * noise, jnp.zeros(())]))
+        scaled = deviation * jnp.stack([noise, noise**2 - 1])  # σ² times the score
+        point = jnp.stack([mean, deviation]) + rate * (reward - baseline.value(compared)) * scaled
+        return (point, baseline.update(compared, reward)), None
+
+    def run(start: Array, key: Array) -> Array:
+        def look(state: tuple, block: Array) -> tuple[tuple, Array]:
+            noise = jax.random.normal(jax.random.fold_in(key, block), (each,))
+            state = jax.lax.scan(decide, state, noise)[0]
+            return state, state[0]
+
+        # compared at first with what the start earns, so that the first steps teach already
+        begin = (start, objective(bumps, start))
+        return jax.lax.scan(look, begin, jnp.arange(records))[1]
+
+    keys = jax.random.split(jax.random.key(seed), len(starts))
+    return np.asarray(jax.jit(jax.vmap(run))(jnp.asarray(starts, float), keys))
+
+
+def greatest(bumps: Bumps, low: float, high: float) -> float:
+    """The greatest reward in an interval, on a grid of a thousandth of a unit."""
+    x = np.arange(low, high, 1e-3)
+    return float(surface(bumps, jnp.stack([x, np.zeros_like(x)], axis=1)).max())

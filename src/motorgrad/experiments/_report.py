@@ -1,0 +1,146 @@
+"""The report: every experiment in a folder on one page, figures and claims and numbers, in one file of HTML."""
+
+import base64
+import html
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from motorgrad._files import write_atomically
+
+
+def write_report(out: Path | str, order: Iterable[str]) -> Path:
+    """Write `report.html` about every experiment reproduced in the folder `out`, those in `order` first; its path."""
+    out, names = Path(out), list(order)
+    found = {file.parent.name: json.loads(file.read_text()) for file in sorted(out.glob("*/record.json"))}
+    records = [found[name] for name in [*(n for n in names if n in found), *(n for n in found if n not in names)]]
+    path = out / "report.html"
+    write_atomically(path, page(records, out).encode())
+    return path
+
+
+def page(records: list[dict[str, Any]], out: Path) -> str:
+    """The page about these records; figures are read from their folders in `out`, and become part of it."""
+    claims = [claim for record in records for claim in record["claims"]]
+    held = sum(claim["holds"] for claim in claims)
+    quick = any(record["quick"] for record in records)
+    contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
+    warning = '<p class="quick">A smoke size: everything has run, and its numbers mean nothing.</p>' if quick else ""
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>motorgrad: experiments reproduced</title>
+<style>{STYLE}</style>
+</head>
+<body>
+<main>
+<h1>Experiments reproduced</h1>
+<p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {held} of {len(claims)} claims hold.
+Brackets are 95 % intervals over seeds.</p>
+{warning}
+<nav aria-label="Experiments"><ol>{contents}</ol></nav>
+{"".join(_section(record, out) for record in records)}
+</main>
+</body>
+</html>
+"""
+
+
+def _section(record: dict[str, Any], out: Path) -> str:
+    picture = base64.b64encode((out / record["name"] / "figure.svg").read_bytes()).decode()
+    name, about = _text(record["name"]), _heading(record)
+    settings = ", ".join(f"{key} {value}" for key, value in record["settings"].items()) or "none"
+    versions = ", ".join(f"{key} {value}" for key, value in record["versions"].items())
+    return f"""
+<section id="{name}">
+<h2>{about}</h2>
+<p>{_text(record["summary"])}</p>
+<figure><img src="data:image/svg+xml;base64,{picture}" alt="{about}"></figure>
+{_claims(record)}
+<details><summary>Settings, versions, time</summary>
+<p>Settings: {_text(settings)}.</p>
+<p>{_text(versions)}; {_text(record["processor"])}. It took {_text(_time(record["seconds"]))}.</p>
+<p>Again, in another folder: <code>{_text(record["command"])} --out FOLDER</code></p>
+</details>
+</section>"""
+
+
+def _heading(record: dict[str, Any]) -> str:
+    source = record["source"]
+    return _text(f"{source[0].upper()}{source[1:]}: {record['title']}")
+
+
+def _claims(record: dict[str, Any]) -> str:
+    if not record["claims"]:
+        return ""
+    rows = "".join(_row(claim, record["source"]) for claim in record["claims"])
+    return (
+        '<table><thead><tr><th scope="col">Claim</th><th scope="col">Expected</th>'
+        f'<th scope="col">Measured</th><th scope="col">Verdict</th></tr></thead><tbody>{rows}</tbody></table>'
+    )
+
+
+def _row(claim: dict[str, Any], source: str) -> str:
+    about = [claim["source"]] if claim["source"] != source else []
+    about += [claim["note"]] if claim["note"] else []
+    below = f"<small>{_text('; '.join(about))}</small>" if about else ""
+    verdict, words = ("holds", "holds") if claim["holds"] else ("fails", "does not hold")
+    return (
+        f'<tr><td>{_text(claim["statement"])}{below}</td><td data-label="Expected">{_text(claim["expected"])}</td>'
+        f'<td data-label="Measured">{_text(in_words(claim))}</td><td class="{verdict}">{words}</td></tr>'
+    )
+
+
+def in_words(claim: dict[str, Any]) -> str:
+    """What was measured, as text."""
+    measured, unit = claim["measured"], f" {claim['unit']}" if claim["unit"] else ""
+    value = _number(measured["value"])
+    if not measured["count"]:
+        return f"{value}{unit}"
+    ends = f"[{_number(measured['low'])} … {_number(measured['high'])}]"
+    return f"{value} {ends}{unit}, {measured['kind']} of {measured['count']}"
+
+
+def _number(value: float | None) -> str:
+    return "∞" if value is None else f"{value:.4g}"
+
+
+def _score(record: dict[str, Any]) -> str:
+    claims = record["claims"]
+    return f"({sum(c['holds'] for c in claims)} of {len(claims)} claims hold)" if claims else ""
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds < 90 else f"{seconds / 60:.1f} min"
+
+
+def _text(value: Any) -> str:
+    return html.escape(str(value))
+
+
+STYLE = """
+:root { color-scheme: light dark; --line: #8884; --soft: #888; --good: #1a7f37; --bad: #b3261e; }
+@media (prefers-color-scheme: dark) { :root { --good: #4cc26a; --bad: #ff8a80; } }
+body { font: 16px/1.5 system-ui, sans-serif; margin: 0; }
+main { max-width: 60rem; margin: 0 auto; padding: 1rem; }
+section { border-top: 1px solid var(--line); margin-top: 2.5rem; }
+figure { margin: 1rem 0; background: #fff; padding: .5rem; border: 1px solid var(--line); border-radius: 6px; }
+img { max-width: 100%; height: auto; display: block; margin: 0 auto; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: left; vertical-align: top; padding: .4rem .7rem .4rem 0; border-bottom: 1px solid var(--line); }
+td:last-child { white-space: nowrap; }
+small { display: block; color: var(--soft); }
+.holds { color: var(--good); } .holds::before { content: "✓ "; }
+.fails { color: var(--bad); font-weight: 600; } .fails::before { content: "✗ "; }
+.quick { border-left: 4px solid #c80; padding-left: .7rem; }
+@media (max-width: 40rem) {
+  thead { position: absolute; clip-path: inset(50%); }
+  tr, td { display: block; border: 0; padding: .15rem 0; }
+  tr { border-bottom: 1px solid var(--line); padding: .6rem 0; }
+  td[data-label]::before { content: attr(data-label) ": "; color: var(--soft); }
+}
+details { margin-top: .7rem; overflow-wrap: anywhere; }
+"""

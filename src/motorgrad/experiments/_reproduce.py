@@ -1,0 +1,168 @@
+"""Reproducing: run an experiment or take up what is there, draw it, judge its claims, and leave a record."""
+
+import dataclasses
+import json
+import math
+import time
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import filelock
+import tomli_w
+
+from motorgrad._errors import unknown
+from motorgrad._files import write_atomically
+from motorgrad._settings import table
+from motorgrad.experiments._claim import Claim
+from motorgrad.experiments._experiment import Experiment
+from motorgrad.experiments._style import STYLE
+from motorgrad.experiments._workspace import Workspace, read_arrays, write_arrays
+from motorgrad.training import provenance
+
+
+@dataclasses.dataclass(frozen=True)
+class Reproduction:
+    """What reproducing an experiment left.
+
+    - `experiment`, with its settings; `folder`, where everything is.
+    - `claims`: each judged.
+    - `seconds`: that the run took, over all sessions; `versions` that made it, and `processor`.
+    - `quick`: whether this was a smoke size, whose claims mean nothing.
+    """
+
+    experiment: Experiment
+    folder: Path
+    claims: tuple[Claim, ...]
+    seconds: float
+    versions: dict[str, str]
+    processor: str
+    quick: bool
+
+    @property
+    def figure(self) -> Path:
+        """The figure; beside it lies the same as PNG."""
+        return self.folder / "figure.svg"
+
+    @property
+    def command(self) -> str:
+        """What does it again."""
+        kind = type(self.experiment)
+        usual, settings = table(kind.quick() if self.quick else kind()), table(self.experiment)
+        changed = [f" --settings.{key} {value}" for key, value in settings.items() if usual.get(key) != value]
+        return "".join([f"motorgrad reproduce {kind.name}", " --quick" if self.quick else "", *changed])
+
+    def record(self) -> dict[str, Any]:
+        """Everything as a plain table, without infinities, which JSON does not know."""
+        about = self.experiment
+        return {
+            "name": about.name,
+            "title": about.title,
+            "source": about.source,
+            "summary": about.summary,
+            "settings": table(about),
+            "quick": self.quick,
+            "command": self.command,
+            "claims": [_plain(dataclasses.asdict(claim)) for claim in self.claims],
+            "seconds": self.seconds,
+            "versions": self.versions,
+            "processor": self.processor,
+            "figure": str(self.figure),
+        }
+
+
+def reproduce(
+    experiment: Experiment,
+    out: Path | str = "runs/reproduce",
+    *,
+    quick: bool = False,
+    threads: int = 0,
+    progress: bool = True,
+) -> Reproduction:
+    """Run an experiment in `out/NAME`; finished parts that lie there are not done again.
+
+    **Arguments:** the experiment, with its settings; `out`, a folder; `quick`, whether to call it a smoke size;
+    `threads` for physics, 0 for one per processor; `progress`, whether to show it.
+
+    **Raises:** `ValueError` if the folder holds the experiment with other settings; `KeyboardInterrupt` where it was
+    stopped by Ctrl-C: the same call goes on.
+    """
+    folder = Path(out) / experiment.name
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with filelock.FileLock(folder / ".lock", timeout=0):
+            return _reproduce(experiment, folder, Workspace(folder, Path(out) / "trained", threads, progress), quick)
+    except filelock.Timeout:
+        raise RuntimeError(f"{folder} is in use by another process") from None
+
+
+def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool) -> Reproduction:
+    _settle(experiment, folder)
+    stored, about = folder / "values.npz", folder / "provenance.json"
+    if not stored.exists():
+        before = json.loads(about.read_text())["seconds"] if about.exists() else 0.0
+        started, where = time.monotonic(), provenance()
+        try:
+            values = experiment.run(work)
+        finally:
+            # a session that is stopped counts as well
+            spent = before + time.monotonic() - started
+            write_atomically(about, json.dumps({"seconds": spent, **where}, indent=2).encode())
+        write_arrays(stored, values)
+    # read back, so that a figure made now and one made later show the same
+    values = read_arrays(stored)
+    made = json.loads(about.read_text())
+    _draw(experiment, values, folder)
+    claims = tuple(experiment.claims(values))
+    done = Reproduction(experiment, folder, claims, made["seconds"], made["versions"], made["processor"], quick)
+    write_atomically(folder / "record.json", json.dumps(done.record(), indent=2, allow_nan=False).encode())
+    return done
+
+
+def _settle(experiment: Experiment, folder: Path) -> None:
+    """Make the folder that of these settings, or refuse it."""
+    file, settings = folder / "config.toml", table(experiment)
+    if file.exists():
+        before = tomllib.loads(file.read_text())
+        if before != settings:
+            keys = [*settings, *before]
+            key = next(key for key in keys if before.get(key) != settings.get(key))
+            raise ValueError(
+                f"{folder} holds {experiment.name} with {key} = {before.get(key)!r}, not {settings.get(key)!r}: "
+                "give another folder, or delete that one"
+            )
+    write_atomically(file, tomli_w.dumps(settings).encode())
+
+
+def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
+    """The figure as SVG, the same bytes for the same values, and as PNG."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = experiment.figure(values)
+        figure.savefig(folder / "figure.svg", metadata={"Date": None})
+        figure.savefig(folder / "figure.png", dpi=160)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def chosen(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:
+    """The experiments that `names` mean, in the registry's order: names, `"chapter-5"`, `"appendix-a"`, `"all"`.
+
+    **Raises** `ValueError` for a name that is none of these, with the nearest.
+    """
+    parts: dict[str, list[str]] = {"all": list(registry)}
+    for name, kind in registry.items():
+        parts.setdefault(kind.quick().part, []).append(name)
+    wanted: set[str] = set()
+    for given in names:
+        name = given.lower()
+        if name not in registry and name not in parts:
+            raise unknown("experiment", given, [*registry, *parts])
+        wanted |= set(parts.get(name, [name]))
+    return [name for name in registry if name in wanted]

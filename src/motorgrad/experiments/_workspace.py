@@ -1,0 +1,72 @@
+"""Where an experiment works: a folder that keeps what is finished."""
+
+import hashlib
+import io
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motorgrad._files import write_atomically
+from motorgrad._settings import table
+from motorgrad.tasks import Task
+from motorgrad.training import AgentSettings, Run, train
+
+
+class Workspace:
+    """The folder of one experiment, and the trained runs that experiments share.
+
+    **Arguments:** `path`, the experiment's folder; `shared`, the folder of trained runs; `threads` for physics, 0 for
+    one per processor; `progress`, whether to show it.
+    """
+
+    def __init__(self, path: Path, shared: Path, threads: int = 0, progress: bool = True):
+        self.path, self.shared, self.threads, self.progress = path, shared, threads, progress
+
+    def train(self, task: Task, settings: AgentSettings, steps: int, seeds: int) -> Run:
+        """A trained run, from the shared folder where another experiment has asked for the same.
+
+        **Raises** `KeyboardInterrupt` where it was stopped by Ctrl-C: all is saved.
+        """
+        asked = {"task": table(task), "agent": table(settings), "steps": steps, "seeds": seeds}
+        mark = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:8]
+        out = self.shared / f"{task.name}-{mark}"
+        run = train(task, settings, steps, seeds, out, threads=self.threads, progress=self.progress)
+        if not run.complete:
+            raise KeyboardInterrupt
+        return run
+
+    def part(self, name: str, make: Callable[[], Mapping[str, Any]]) -> dict[str, np.ndarray]:
+        """The arrays that `make` returns, made once and kept under `name`.
+
+        `make` must depend on the experiment's settings only: the folder is of these settings.
+        """
+        file = self.path / "parts" / f"{name}.npz"
+        if file.exists():
+            return read_arrays(file)
+        self.say(name)
+        made = {key: np.asarray(value) for key, value in make().items()}
+        write_arrays(file, made)
+        return made
+
+    def say(self, what: str) -> None:
+        """A line about how far it is."""
+        if self.progress:
+            print(f"  {self.path.name}: {what}", file=sys.stderr, flush=True)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Store arrays by name, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a file of `write_arrays`."""
+    with np.load(path, allow_pickle=False) as stored:
+        return {name: stored[name] for name in stored.files}

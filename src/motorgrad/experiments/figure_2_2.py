@@ -1,0 +1,216 @@
+"""Figure 2.2: hill climbing on the objective of a Gaussian policy."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, exact, mean_of, median_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._landscape import Bumps, climb, greatest, learn, surface
+from motorgrad.experiments._landscape_figure import draw_landscape
+from motorgrad.experiments._workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SIDE = 4.0  # actions are rewarded between −SIDE and SIDE
+WIDE, NARROW = 3.0, 0.3  # initial standard deviations
+BIASED = 3.0  # an initial mean away from the middle
+NEAR = 0.01  # of the best: the optimum is reached
+STEPS, RECORDS = 4000, 2000
+RATE = 0.005
+SHOWN = 4  # of the runs that learn from rewards alone, of each kind of start
+DRAWN = Bumps(
+    np.array([0.55, 0.6, 0.45, 1.0, 0.5]), np.array([-3.2, -1.6, 0.0, 1.4, 3.0]), np.array([0.4, 0.45, 0.4, 0.45, 0.45])
+)
+SAMPLES = np.array(
+    [(mean, 3.6) for mean in (-3.6, -1.2, 1.2, 3.6)]
+    + [(mean, 0.6) for mean in (-3.7, -2.5, -0.75, -0.25, 0.6, 2.35, 3.7)]
+)
+"""Starts of the trajectories drawn, means and standard deviations."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HillClimbing(Experiment):
+    """Policy search by hill climbing in one dimension: a policy that chooses x from a Gaussian, a reward r(x) with
+    several optima, and the objective as a surface over the Gaussian's mean and standard deviation, coloured by the
+    optimum to which climbing from there leads. Exact gradients, and learning from rewards alone. The reward drawn is
+    an example of ours; what is claimed of wide and narrow starts is counted over random rewards too.
+
+    **Arguments:** `columns` and `rows`, starts in the grid of the surface; `runs` that learn from rewards alone, of
+    each kind of start, and `decisions` of each; `rewards`, random functions; `seed`.
+    """
+
+    name: ClassVar[str] = "fig-2.2"
+    title: ClassVar[str] = "hill climbing"
+    source: ClassVar[str] = "figure 2.2"
+
+    columns: int = 201
+    rows: int = 101
+    runs: int = 200
+    decisions: int = 50_000
+    rewards: int = 500
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("columns", 5, 1000), ("rows", 5, 1000), ("runs", 2, 10**5), ("rewards", 2, 10**5)):
+            check(low <= getattr(self, name) <= high, name, getattr(self, name), f"in {low:,} … {high:,}")
+        check(RECORDS <= self.decisions <= 10**8, "decisions", self.decisions, f"in {RECORDS} … 100,000,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
+
+    def run(self, work: Workspace) -> Values:
+        means, deviations = np.linspace(-SIDE, SIDE, self.columns), np.linspace(0, SIDE, self.rows)
+        grid = np.stack(np.meshgrid(means, deviations), axis=-1).reshape(-1, 2)
+        # a policy without noise stays so: the edge of the surface is coloured as what lies beside it
+        starts = np.column_stack([grid[:, 0], np.maximum(grid[:, 1], 0.02)])
+        found: Values = {
+            "means": means,
+            "deviations": deviations,
+            "objective": _values(DRAWN, grid).reshape(self.rows, -1),
+            "best": np.array(greatest(DRAWN, -SIDE, SIDE)),
+        }
+        found |= work.part("grid", lambda: {"ends": climb(DRAWN, starts, STEPS)[:, -1]})
+        found["reached"] = _values(DRAWN, found["ends"]).reshape(self.rows, -1)
+        found |= work.part("paths", lambda: {"paths": _paths()})
+        for name in ("wide", "narrow"):
+            found |= work.part(name, lambda n=name: self._learnt(n))
+        return found | work.part("random", self._random)
+
+    def _learnt(self, kind: str) -> Values:
+        """Learning from rewards alone, from a wide start in the middle or from narrow ones everywhere: where each run
+        ends, `(runs, 2)`, and the whole of some, `(SHOWN, 1 + records, 2)`."""
+        wide = kind == "wide"
+        means = np.zeros(self.runs) if wide else np.linspace(-SIDE, SIDE, self.runs)
+        starts = np.column_stack([means, np.full(self.runs, WIDE if wide else NARROW)])
+        points = learn(DRAWN, starts, self.decisions, RATE, RECORDS, 2 * self.seed + wide)
+        some = np.linspace(0, self.runs - 1, SHOWN + 2).round().astype(int)[1:-1]
+        shown = np.concatenate([starts[some, None], points[some]], axis=1)
+        return {f"learnt {kind}": points[:, -1], f"shown {kind}": shown}
+
+    def _random(self) -> Values:
+        """Whether climbing reaches the best optimum of random rewards, `(rewards, starts)`: from a wide start in the
+        middle, from wide ones at either side, from narrow ones everywhere."""
+        numbers = np.random.default_rng(self.seed)
+        starts = {
+            "middle": [(0.0, WIDE)],
+            "sides": [(-BIASED, WIDE), (BIASED, WIDE)],
+            "narrow": [(mean, NARROW) for mean in np.linspace(-SIDE, SIDE, 17)],
+        }
+        begin = np.array([start for kind in starts.values() for start in kind])
+        reached, left = [], []
+        for _ in range(self.rewards):
+            height, centre, width = numbers.uniform([[0.2], [-SIDE], [0.3]], [[1.0], [SIDE], [0.6]], (3, 5))
+            bumps = Bumps(height, centre, width)
+            ends = climb(bumps, begin, STEPS)[:, -1]
+            reached.append(_values(bumps, ends) > greatest(bumps, -SIDE - 1, SIDE + 1) - NEAR)
+            left.append(np.abs(ends[:, 1]))
+        bounds = np.cumsum([len(kind) for kind in starts.values()])[:-1]
+        parts = np.split(np.array(reached), bounds, axis=1)
+        return {f"random {name}": part for name, part in zip(starts, parts, strict=True)} | {
+            "random left": np.array(left)
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_landscape(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return [*_wide_claims(values), *_random_claims(values), *_noise_claims(values)]
+
+
+def _paths() -> np.ndarray:
+    """The trajectories drawn, `(samples, 1 + records, 2)`."""
+    return np.concatenate([SAMPLES[:, None], climb(DRAWN, SAMPLES, STEPS, RECORDS)], axis=1)
+
+
+def _values(bumps: Bumps, points: Float[np.ndarray, "points 2"]) -> np.ndarray:
+    return np.asarray(surface(bumps, jnp.asarray(points, float)), float)
+
+
+def _wide_claims(values: Values) -> list[Claim]:
+    best = values["best"] - NEAR
+    wide, narrow = (
+        (values["reached"][np.abs(values["deviations"] - deviation).argmin()] > best).mean()
+        for deviation in (WIDE, NARROW)
+    )
+    learnt = {name: share_of(_values(DRAWN, values[f"learnt {name}"]) > best) for name in ("wide", "narrow")}
+    return [
+        Claim(
+            f"Hill climbing from wide starts (σ = {WIDE:g}) reaches the best optimum from more initial means than from "
+            f"narrow ones (σ = {NARROW:g}).",
+            "figure 2.2",
+            f"above {narrow:.3g}, from narrow starts",
+            exact(wide),
+            wide > narrow,
+            "of initial means",
+            "On the reward drawn, by exact gradients.",
+        ),
+        Claim(
+            "Learning from rewards alone, it reaches it more often from a wide, unbiased start than from narrow ones.",
+            "figure 2.2",
+            f"above {learnt['narrow'].high:.3g}, which the share from narrow starts may be",
+            learnt["wide"],
+            learnt["wide"].low > learnt["narrow"].high,
+            "of runs",
+            f"From narrow starts: {learnt['narrow']}. On the reward drawn.",
+        ),
+    ]
+
+
+def _random_claims(values: Values) -> list[Claim]:
+    middle, sides, narrow = (values[f"random {name}"].mean(axis=1) for name in ("middle", "sides", "narrow"))
+    made = []
+    for statement, other, words in (
+        (
+            "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow ones do",
+            narrow,
+            "narrow",
+        ),
+        ("A wide start is better unbiased, in the middle of where rewards can be, than at a side", sides, "biased"),
+    ):
+        more = mean_of(middle - other)
+        made.append(
+            Claim(
+                f"{statement}.",
+                "figure 2.2",
+                "above 0",
+                more,
+                more.low > 0,
+                "more of starts",
+                f"{middle.mean():.3g} against {other.mean():.3g} from {words} ones; sums of five bumps of random "
+                "place, height and width, by exact gradients.",
+            )
+        )
+    return made
+
+
+def _noise_claims(values: Values) -> list[Claim]:
+    left = float(np.abs(values["ends"][:, 1]).max())
+    learnt = median_of(np.concatenate([values[f"learnt {name}"][:, 1] for name in ("wide", "narrow")]))
+    return [
+        Claim(
+            "Hill climbing converges to a deterministic policy, σ = 0, from every start.",
+            "figure 2.2",
+            "0, to 0.001",
+            exact(left),
+            left < 1e-3,
+            "is the greatest σ left",
+            "By exact gradients, on the reward drawn.",
+        ),
+        Claim(
+            "So does learning from rewards alone.",
+            "figure 2.2",
+            "below 0.05",
+            learnt,
+            learnt.high < 0.05,
+            "is the σ left",
+            "It falls like one over the square root of time, as the step size is proportional to σ².",
+        ),
+    ]

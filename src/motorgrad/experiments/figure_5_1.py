@@ -1,0 +1,208 @@
+"""Figure 5.1: a flexor and an extensor at several angles of the joint, their lengths and moment arms."""
+
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import (
+    Hopper,
+    away_angle,
+    compile_model,
+    tension,
+    wrapped_length,
+    wrapped_rate,
+    wrapping_angle,
+)
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._hopper_posture import posture
+from motorgrad.experiments._joint_drawing import bend, draw_bones, draw_path, flat_path
+from motorgrad.experiments._style import EXTENSOR, FLEXOR
+from motorgrad.experiments._workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# name: (whether it passes behind the joint, its colour)
+MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
+
+
+@dataclasses.dataclass(frozen=True)
+class MusclePair(Experiment):
+    """A flexor and an extensor of the hopper's knee, drawn at several angles: straight, or wrapped around the joint's
+    capsule. Below, their lengths and moment arms over the knee's range, by the closed formula and as MuJoCo has them.
+
+    **Arguments:** `angles`, at which they are drawn, in degrees; `points`, angles at which MuJoCo is asked.
+    """
+
+    name: ClassVar[str] = "fig-5.1"
+    title: ClassVar[str] = "flexor and extensor"
+    source: ClassVar[str] = "figure 5.1"
+
+    angles: tuple[float, ...] = (50.0, 90.0, 148.0)
+    points: int = 221
+
+    def __post_init__(self) -> None:
+        check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
+        for angle in self.angles:
+            check(10 <= angle <= 175, "angles", angle, "in 10 … 175 degrees")
+        check(3 <= self.points <= 100_000, "points", self.points, "in 3 … 100,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(points=12)
+
+    def run(self, work: Workspace) -> Values:
+        body = Hopper()
+        degrees = np.linspace(*body.knee_range, self.points)
+        return {"angle": degrees, **_simulated(body, np.radians(degrees)), **_computed(body, np.radians(degrees))}
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9, 6.6), layout="constrained")
+        halves: Any = figure.subfigures(2, 1, height_ratios=[1.15, 1])
+        above, below = halves
+        panels = above.subplots(1, len(self.angles), sharex=True, sharey=True, squeeze=False)[0]
+        for axes, angle in zip(panels, self.angles, strict=True):
+            _joint(axes, Hopper(), np.radians(angle))
+        lengths, arms = below.subplots(1, 2)
+        some = np.linspace(0, self.points - 1, min(12, self.points)).round().astype(int)
+        for name, (_, colour) in MUSCLES.items():
+            for axes, quantity, unit in ((lengths, "length", 100), (arms, "arm", 1000)):
+                shown = unit * values[f"{name}_{quantity}"]
+                axes.plot(values["angle"], shown, color=colour, label=f"{name}, formula")
+                points = unit * values[f"{name}_{quantity}_mujoco"]
+                axes.plot(values["angle"][some], points[some], "o", color=colour, mfc="white", label=f"{name}, MuJoCo")
+        for axes in (lengths, arms):
+            for angle in self.angles:
+                axes.axvline(angle, color="0.85", linewidth=1, zorder=0)
+            axes.set_xlabel("knee angle (°)")
+        lengths.set_ylabel("length of the path (cm)")
+        arms.set_ylabel("moment arm (mm)")
+        arms.set_ylim(0, None)
+        lengths.legend(fontsize=9)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        slopes = {name: np.diff(1000 * values[f"{name}_length"]) / np.diff(values["angle"]) for name in MUSCLES}
+        off, hurried, forced = (
+            max(np.abs(values[f"{name}_{what}_mujoco"] - values[f"{name}_{what}"]).max() for name in MUSCLES)
+            for what in ("length", "arm", "pull")
+        )
+        begins, range_ = float(values["wraps"]), values["angle"][[0, -1]]
+        flexing, extending = float(slopes["flexor"].min()), -float(slopes["extensor"].max())
+        return (
+            Claim(
+                "A flexor shortens as it decreases the angle between the bones, over the whole range.",
+                "section 5.1.1",
+                "more than 0 at every angle",
+                exact(flexing),
+                flexing > 0,
+                "mm per degree, the least",
+            ),
+            Claim(
+                "Its extensor lengthens meanwhile: the two always oppose each other.",
+                "section 5.1.1",
+                "more than 0 at every angle",
+                exact(extending),
+                extending > 0,
+                "mm per degree, the least",
+            ),
+            Claim(
+                "A path is straight, and wraps around the joint only when it is highly extended (the flexor).",
+                "section 5.1.1",
+                f"wraps from an angle between {range_[0]:.0f}° and {range_[1]:.0f}° upwards",
+                exact(begins),
+                range_[0] < begins < range_[1],
+                "degrees",
+                "The extensor, fixed to the middle of the bones, wraps at every angle of this knee.",
+            ),
+            Claim(
+                "The length in simulation is that of appendix A.2.",
+                "appendix A.2",
+                "0, to the precision of the machine: at most 1e-12",
+                exact(off),
+                off <= 1e-12,
+                "m, the greatest difference",
+            ),
+            Claim(
+                "So is its rate, and with it the moment arm.",
+                "appendix A.2",
+                "0, to the precision of the machine: at most 1e-11",
+                exact(hurried),
+                hurried <= 1e-11,
+                "m, the greatest difference",
+            ),
+            Claim(
+                "An active muscle at rest pulls with f_max exp(−2 d²) in simulation, d its normalised length.",
+                "section 5.1.2",
+                "0, to the precision of the machine: at most 1e-9",
+                exact(forced),
+                forced <= 1e-9,
+                "N, the greatest difference",
+            ),
+        )
+
+
+def _simulated(body: Hopper, interior: np.ndarray) -> Values:
+    """Length (m), moment arm (m) and pull (N) of the left knee's muscles in MuJoCo."""
+    import mujoco
+
+    model = compile_model(body)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 1.0
+    rows = [model.tendon(f"{name}_left").id for name in MUSCLES]
+    pulls = [model.actuator(f"{name}_left").id for name in MUSCLES]
+    found = []
+    for angle in interior:
+        data.qpos[:] = posture(body, angle)
+        # knees that open by 1 rad/s: then the rate of a length is its derivative
+        data.qvel[:] = (0.0, -0.5, 1.0, -0.5, -0.5, 1.0)
+        mujoco.mj_forward(model, data)
+        found.append((data.ten_length[rows], np.abs(data.ten_velocity[rows]), -data.actuator_force[pulls]))
+    columns = np.array(found)
+    return {
+        f"{name}_{what}_mujoco": columns[:, index, row]
+        for row, name in enumerate(MUSCLES)
+        for index, what in enumerate(("length", "arm", "pull"))
+    }
+
+
+def _computed(body: Hopper, interior: np.ndarray) -> Values:
+    """The same by the closed formula and the law, and the knee angle in degrees from which the flexor wraps."""
+    shape = (body.attachment_distance, body.attachment_distance, body.capsule_radius)
+    own = {muscle.group: muscle for muscle in reversed(body.muscles)}
+    found: Values = {"wraps": np.degrees(away_angle(wrapping_angle(*shape), behind=False))}
+    for name, (behind, _) in MUSCLES.items():
+        away = away_angle(interior, behind)
+        length = wrapped_length(away, *shape)
+        found[f"{name}_length"] = length
+        found[f"{name}_arm"] = np.abs(wrapped_rate(away, 1.0, *shape))
+        found[f"{name}_pull"] = tension(1.0, length, 0.0, own[name].strength, own[name].rest_length, own[name].shape)
+    return found
+
+
+def _joint(axes: "Axes", body: Hopper, interior: float) -> None:
+    """Both muscles around a joint at the origin that opens to the right."""
+    from matplotlib.patches import Arc
+
+    radius = body.capsule_radius
+    draw_bones(axes, bend(interior, body.link_length, body.link_length), radius)
+    fixed = bend(interior, body.attachment_distance, body.attachment_distance)
+    for behind, colour in MUSCLES.values():
+        side = np.array([-1.5 if behind else 1.5, 0.0]) * radius
+        draw_path(axes, flat_path(*fixed, radius, side), colour)
+    half = np.degrees(interior) / 2
+    axes.add_patch(Arc((0, 0), 3.2 * radius, 3.2 * radius, theta1=-half, theta2=half, color="0.4", zorder=2))
+    axes.set_title(f"{np.degrees(interior):.0f}°", fontsize=10)
+    reach = 1.06 * body.link_length
+    axes.set(xlim=(-2 * radius, reach), ylim=(-reach, reach), aspect="equal")
+    axes.set_axis_off()

@@ -1,0 +1,178 @@
+"""Figure 5.5: the signs of the learnt weights, over many seeds, as arrows from the sensors to the muscles."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from motorgrad.experiments._claim import Claim, Measured, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._hopper_study import HopperStudy
+from motorgrad.experiments._workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SENSORS = ("foot contact", "knee angle", "knee velocity", "bias")
+MUSCLES = ("flexor", "extensor")
+POSITIVE, NEGATIVE, CHANCE = "#c0392b", "#2c5fa8", "0.5"
+
+# where things stand: sensors on the left, from above, and muscles on the right
+HEIGHTS, TARGETS = (3.0, 2.0, 1.0, 0.0), (2.4, 0.6)
+LEFT, RIGHT = 0.0, 4.2
+SENSOR, MUSCLE = (1.5, 0.56), (1.25, 0.7)
+# how far along its arrow each label stands, so that none lies on another arrow
+ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
+
+
+@dataclasses.dataclass(frozen=True)
+class HopperWeights(HopperStudy):
+    """The signs of the weights that hoppers have learnt, from each sensor to the probability of each muscle's firing.
+    An arrow's colour is the sign that most seeds have, its width the median size of the weight, and its label says in
+    how many seeds it has this sign; the sign of a hollow arrow could be chance.
+    """
+
+    name: ClassVar[str] = "fig-5.5"
+    title: ClassVar[str] = "the policy that hoppers learn"
+    source: ClassVar[str] = "figure 5.5"
+
+    def run(self, work: Workspace) -> Values:
+        policies: Any = self.trained(work).policies
+        return {"weights": np.concatenate([policies.weights, policies.bias[:, :, None]], axis=2)}
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        weights = values["weights"]
+        figure = Figure(figsize=(8, 5.2), layout="constrained")
+        axes = figure.subplots()
+        size = np.median(np.abs(weights), axis=0)
+        for sensor, height in enumerate(HEIGHTS):
+            _node(axes, (LEFT, height), SENSOR, SENSORS[sensor], "0.2", dashed=SENSORS[sensor] == "bias")
+            for unit, target in enumerate(TARGETS):
+                _arrow(
+                    axes, height, target, weights[:, unit, sensor], size[unit, sensor] / size.max(), ALONG[sensor][unit]
+                )
+        for muscle, height in zip(MUSCLES, TARGETS, strict=True):
+            _node(axes, (RIGHT, height), MUSCLE, f"{muscle}\nfires", "0.2")
+        for line, (colour, words) in enumerate(
+            ((POSITIVE, "positive weight"), (NEGATIVE, "negative weight"), (CHANCE, "no common sign"))
+        ):
+            axes.text(RIGHT - MUSCLE[0] / 2, -0.1 - 0.22 * line, f"▬ {words}", color=colour, va="center", fontsize=9)
+        axes.text(
+            LEFT - SENSOR[0] / 2,
+            -0.54,
+            f"Width: median size over {len(weights)} seeds (widest {size.max():.1f}). Label: seeds with this sign.",
+            color="0.4",
+            fontsize=8.5,
+            va="center",
+        )
+        axes.set(xlim=(-0.85, RIGHT + 0.75), ylim=(-0.7, 3.4), aspect="equal")
+        axes.set_axis_off()
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        weights = values["weights"]
+        extends, inhibits = share_of(weights[:, 1, 0] > 0), share_of(weights[:, 0, 0] < 0)
+        made = [
+            Claim(
+                "Foot contact makes the extensor fire: its weight is positive.",
+                "figures 5.4, 5.5",
+                "in every run (8 of 8 in an independent model): in most runs",
+                extends,
+                extends.low > 0.5,
+            ),
+            Claim(
+                "Foot contact inhibits the flexor: its weight is negative.",
+                "figures 5.4, 5.5",
+                "in every run (7 of 8 in an independent model): in most runs",
+                inhibits,
+                inhibits.low > 0.5,
+            ),
+        ]
+        for sensor in (1, 2):
+            for unit, muscle in enumerate(MUSCLES):
+                share, sign = common(weights[:, unit, sensor])
+                made.append(
+                    Claim(
+                        f"Learning comes to the same sign of the weight from {SENSORS[sensor]} to {muscle}.",
+                        "section 5.2.2",
+                        "the same in every run: in most runs",
+                        share,
+                        share.low > 0.5,
+                        note=f"The common sign is {'positive' if sign > 0 else 'negative'}.",
+                    )
+                )
+        signs = np.sign(weights[:, :, :3])
+        whole = share_of((signs == np.sign(np.median(weights[:, :, :3], axis=0))).all(axis=(1, 2)))
+        made.append(
+            Claim(
+                "Learning comes to the same signs of all six weights between sensors and muscles.",
+                "section 5.2.2",
+                "the same in every run: in most runs",
+                whole,
+                whole.low > 0.5,
+            )
+        )
+        return made
+
+
+def common(weights: np.ndarray) -> tuple[Measured, int]:
+    """The share of seeds that have the sign which most of them have, and that sign."""
+    sign = 1 if np.sum(weights > 0) >= np.sum(weights < 0) else -1
+    return share_of(sign * weights > 0), sign
+
+
+def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
+    from matplotlib.patches import FancyArrow
+
+    share, sign = common(weights)
+    sure = share.low > 0.5
+    colour = (POSITIVE if sign > 0 else NEGATIVE) if sure else CHANCE
+    # arrows into one muscle end a little apart, in the order in which they come
+    (x, y), (u, v) = (
+        (LEFT + SENSOR[0] / 2 - 0.1, start),
+        (RIGHT - MUSCLE[0] / 2 - 0.04, end + 0.2 * (start - 1.5) / 1.5),
+    )
+    width = 0.015 + 0.085 * size
+    look: dict[str, Any] = {"facecolor": colour} if sure else {"facecolor": "white", "linestyle": (0, (2, 1))}
+    head = 0.06 + 1.5 * width
+    axes.add_patch(
+        FancyArrow(
+            *(x, y, u - x, v - y),
+            width=width,
+            head_width=head,
+            head_length=1.2 * head,
+            length_includes_head=True,
+            edgecolor=colour,
+            linewidth=0.8,
+            **look,
+        )
+    )
+    label = f"{round(share.value * share.count)}/{share.count}"
+    box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": colour, "linewidth": 0.6}
+    place = (x + along * (u - x), y + along * (v - y))
+    axes.text(*place, label, color=colour, fontsize=8, ha="center", va="center", bbox=box, zorder=5)
+
+
+def _node(
+    axes: "Axes", place: tuple[float, float], size: tuple[float, float], words: str, colour: str, dashed: bool = False
+) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    corner = (place[0] - size[0] / 2, place[1] - size[1] / 2)
+    axes.add_patch(
+        FancyBboxPatch(
+            corner,
+            *size,
+            boxstyle="round,pad=0,rounding_size=0.12",
+            facecolor="white",
+            edgecolor=colour,
+            linewidth=1.6,
+            linestyle="--" if dashed else "-",
+            zorder=4,
+        )
+    )
+    axes.text(*place, words, ha="center", va="center", fontsize=11, color=colour, zorder=5)

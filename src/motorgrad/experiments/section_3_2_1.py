@@ -1,0 +1,159 @@
+"""Section 3.2.1: what a baseline does, and how far a trace must reach."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._baseline_claims import all_claims
+from motorgrad.experiments._baseline_figure import draw_baselines
+from motorgrad.experiments._claim import Claim
+from motorgrad.experiments._estimates import along, comparison_point, estimates
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._mixing import WORLDS, biases, mixing_time
+from motorgrad.experiments._variance import variance
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.learning import Baseline, Constant, MeanReward, NoBaseline
+from motorgrad.tasks import ThreeState
+from motorgrad.training import Run, settings_for
+from motorgrad.worlds import oracle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REACHES = 2.0 ** np.arange(-3, 7)  # of a trace, in mixing times
+LIMIT = 1 - np.geomspace(1, 1e-3, 22)  # decays towards 1
+BIAS_DECAY = 0.95
+
+
+@dataclasses.dataclass(frozen=True)
+class Baselines(Experiment):
+    """What comparing rewards with a baseline does: to the variance of a gradient estimate, to what it averages to, and
+    to learning. Which constant is the best baseline. And how bias and variance depend on the decay of the trace, the
+    former by the time in which the world mixes.
+
+    **Arguments:** `runs` at fixed parameters, and `longest`, decisions of each; `decays` of their traces, 0.95 among
+    them; `constants`, baselines swept, and for which `swept` decays; `seeds` that learn, and their `steps`.
+    """
+
+    name: ClassVar[str] = "sec-3.2.1"
+    title: ClassVar[str] = "what a baseline does"
+    source: ClassVar[str] = "section 3.2.1"
+
+    runs: int = 2000
+    longest: int = 10_000
+    decays: tuple[float, ...] = (0.0, 0.4, 0.8, 0.95, 0.99)
+    constants: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8)
+    swept: tuple[float, ...] = (0.0, 0.8, 0.95)
+    seeds: int = 50
+    steps: int = 600_000
+
+    def __post_init__(self) -> None:
+        check(40 <= self.runs <= 100_000, "runs", self.runs, "in 40 … 100,000")
+        check(1_000 <= self.longest <= 10**8, "longest", self.longest, "in 1,000 … 100,000,000 decisions")
+        for name in ("decays", "constants", "swept"):
+            given = getattr(self, name)
+            check(list(given) == sorted(set(given)), name, given, "rising")
+        enough = len(self.decays) > 1 and BIAS_DECAY in self.decays
+        check(enough, "decays", self.decays, f"at least two, {BIAS_DECAY} among them")
+        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(runs=40, longest=1_000, decays=(0.0, BIAS_DECAY), constants=(), swept=(), seeds=3, steps=2_000)
+
+    @property
+    def lengths(self) -> list[int]:
+        """Decisions after which the bias is looked at: two a decade, from 30 to the longest."""
+        return [
+            length for power in range(1, 9) for length in (3 * 10**power, 10 ** (power + 1)) if length <= self.longest
+        ]
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {
+            "decay": np.array(self.decays),
+            "swept": np.array(self.swept),
+            "constant": np.array(self.constants),
+            "length": np.array(self.lengths),
+        }
+        return found | self._measured(work) | exact_variances(self.decays, self.swept) | traces() | self._learning(work)
+
+    def _measured(self, work: Workspace) -> Values:
+        """Estimates after the longest run, `(decays, runs, parameters)`, without a baseline, with a running mean, and
+        for every constant; and at the decay of the bias how much of the gradient a baseline adds, `(lengths, runs)`."""
+        mdp, point = ThreeState().dynamics, comparison_point()
+        none = [self._estimates(work, "none", decay, NoBaseline()) for decay in self.decays]
+        mean = [self._estimates(work, "mean", decay, MeanReward()) for decay in self.decays]
+        every = [[self._estimates(work, f"{c}", d, Constant(c))[-1] for c in self.constants] for d in self.swept]
+        average = self._estimates(work, "average", BIAS_DECAY, Constant(oracle.average_reward(mdp, point)))
+        truth, at = oracle.flat(oracle.biased_gradient(mdp, point, BIAS_DECAY)), self.decays.index(BIAS_DECAY)
+        return {
+            "estimate none": np.stack([each[-1] for each in none]),
+            "estimate mean": np.stack([each[-1] for each in mean]),
+            "estimate constant": np.array(every),
+            "bias decay": np.array(BIAS_DECAY),
+            "added by mean": along(mean[at] - average, truth),
+            "added by constant": along(average - none[at], truth),
+        }
+
+    def _estimates(self, work: Workspace, name: str, decay: float, baseline: Baseline) -> np.ndarray:
+        made = work.part(f"{name}-{decay}", lambda: {"estimate": estimates(decay, baseline, self.lengths, self.runs)})
+        return made["estimate"]
+
+    def _learning(self, work: Workspace) -> Values:
+        task, found = ThreeState(), {}
+        for name in ("olgarb", "olpomdp"):
+            run = work.train(task, settings_for(task, estimator=name), self.steps, self.seeds)
+            found["decision"], found[f"surprise {name}"] = surprise(run)
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_baselines(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return all_claims(values)
+
+
+def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
+    """The variance of long runs as a parabola in the constant baseline, at these decays and as they tend to 1; and what
+    the average reward costs as a baseline."""
+    mdp, point = ThreeState().dynamics, comparison_point()
+    eta = oracle.average_reward(mdp, point)
+    limit = [variance(mdp, point, decay) for decay in LIMIT]
+    return {
+        "average reward": np.array(eta),
+        "parabola decay": np.array([dataclasses.astuple(variance(mdp, point, decay)) for decay in decays]),
+        "parabola swept": np.array([dataclasses.astuple(variance(mdp, point, decay)) for decay in swept]),
+        "limit": LIMIT,
+        "limit best": np.array([shape.best for shape in limit]),
+        "limit excess": np.array([shape(eta) / shape.least - 1 for shape in limit]),
+    }
+
+
+def traces() -> Values:
+    """Of every world: its mixing time, reaches of a trace in mixing times, and the bias at each."""
+    found: Values = {}
+    for name, (make, policy_for) in WORLDS.items():
+        world = make()
+        policy = policy_for(world)
+        mixes = mixing_time(world, policy)
+        reaches = REACHES[REACHES * mixes >= 1]
+        found[f"mixing {name}"], found[f"reach {name}"] = np.array(mixes), reaches
+        found[f"bias {name}"] = biases(world, policy, reaches * mixes)
+    return found
+
+
+def surprise(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    r"""The mean $|\delta|$ in every record of a run whose rewards are 0 or 1: decisions, and `(seeds, records)`.
+
+    A share $\bar r$ of rewards is $1 - b$ above the baseline and the others $b$ below it. The baseline is taken as the
+    mean of what it was at both ends of the record.
+    """
+    decision, reward = run.curve("reward")
+    ends = run.curve("baseline")[1]
+    starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
+    baseline = np.where(np.arange(len(decision)) == 0, ends, (starts + ends) / 2)
+    return decision, reward * np.abs(1 - baseline) + (1 - reward) * np.abs(baseline)

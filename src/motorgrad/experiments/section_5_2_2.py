@@ -1,0 +1,149 @@
+"""Section 5.2.2: the trade-off in the choice of the action period."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
+
+import numpy as np
+
+from motorgrad._errors import check, choice
+from motorgrad.experiments._claim import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._hopper_study import HIGH, SMOOTH, Paid, check_practice, practice, seconds_to
+from motorgrad.experiments._period_drawing import draw_periods
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.tasks import Hopper
+from motorgrad.training import settings_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+THESIS = 0.01  # s
+PARTS = (0.1, 0.25, 0.5, 1.0)
+"""Of the practice, after which heights are looked at."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ActionPeriod(Experiment):
+    """Hoppers that decide at different periods practise for the same simulated time: how high they hop, and how soon.
+    A short period makes learning slow, because many decisions in a row must agree on a jump; with a long one the
+    muscles cannot answer in time to what the body does.
+
+    **Arguments:** `periods`, in s, rising; `seconds` of simulated practice and `seeds` for each; `paid`, `decay`,
+    `rate`, as of the task and its learner; `constant`: what stays the same when the period changes. With `"decision"`
+    all numbers do, and so the decay of the trace and the penalty of a muscle per decision; with `"second"` their effect
+    per second does, and 10 ms has the numbers given.
+    """
+
+    name: ClassVar[str] = "sec-5.2.2"
+    title: ClassVar[str] = "the action period"
+    source: ClassVar[str] = "section 5.2.2"
+
+    periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
+    seconds: float = 1500.0
+    seeds: int = 8
+    paid: Paid = "apex"
+    decay: float = 0.98
+    rate: float = 5e-4
+    constant: Literal["decision", "second"] = "decision"
+
+    def __post_init__(self) -> None:
+        choice("constant", self.constant, ("decision", "second"))
+        rising = len(self.periods) >= 3 and bool(np.all(np.diff(self.periods) > 0))
+        check(rising, "periods", self.periods, "at least three, rising")
+        for period in self.periods:
+            self.task(period)
+            check_practice(self.seconds, self.seeds, 10 * period)
+        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(periods=(0.005, 0.02, 0.08), seconds=6.0, seeds=2)
+
+    def task(self, period: float) -> Hopper:
+        """The task at an action period."""
+        return Hopper(paid=self.paid, action_period=period, penalty=Hopper.penalty * self._ratio(period))
+
+    def _ratio(self, period: float) -> float:
+        """How much longer than the thesis's the period is, where that counts."""
+        return period / THESIS if self.constant == "second" else 1.0
+
+    def run(self, work: Workspace) -> Values:
+        found = [
+            work.part(f"{1000 * period:g} ms", lambda p=period: self._practise(work, p)) for period in self.periods
+        ]
+        return {
+            "period": np.array(self.periods),
+            "practice": self.seconds * np.array(PARTS),
+            "height": np.stack([one["height"] for one in found]),
+            "passed": np.stack([one["passed"] for one in found]),
+        }
+
+    def _practise(self, work: Workspace, period: float) -> Values:
+        task = self.task(period)
+        settings = settings_for(task, decay=self.decay ** self._ratio(period), rate=self.rate)
+        run = work.train(task, settings, round(self.seconds / period), self.seeds)
+        time, heights = practice(run)
+        # the last record that had ended by then; rounding may put the very last just beyond
+        ended = np.searchsorted(time, self.seconds * np.array(PARTS) + period, side="right") - 1
+        return {"height": heights[:, np.maximum(ended, 0)], "passed": seconds_to(HIGH, time, heights)}
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_periods(values, THESIS)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        final, periods = values["height"][:, :, -1], 1000 * values["period"]
+        best = periods[1:-1][np.argmax(final[1:-1].mean(axis=1))]
+        soonest = periods[1:-1][np.argmin(values["passed"][1:-1].mean(axis=1))]
+        slower = mean_of(behind_best(-values["passed"], 0))
+        low, late = (mean_of(behind_best(final, end)) for end in (0, -1))
+        short, long = f"{periods[0]:g} ms", f"{periods[-1]:g} ms"
+        chosen = (
+            "For each seed the best is the one that is best for the other seeds, so that choosing it favours nothing."
+        )
+        numbers = {
+            "decision": "All other numbers stay the same, the decay and the penalty per decision.",
+            "second": "The decay and the penalty are the same per second.",
+        }[self.constant]
+        return (
+            Claim(
+                f"A short action period makes learning slow: at {short} hops pass {HIGH} m later than at the best.",
+                self.source,
+                "more than 0",
+                slower,
+                slower.low > 0,
+                "s of practice later",
+                f"The soonest is {soonest:g} ms; none can be before {SMOOTH:g} s. A seed that never does counts as all "
+                f"the practice. {chosen} {numbers}",
+            ),
+            Claim(
+                f"After the same practice hoppers that decide every {short} hop lower than at the best period.",
+                self.source,
+                "more than 0",
+                low,
+                low.low > 0,
+                "m lower",
+                f"The best is {best:g} ms. {numbers}",
+            ),
+            Claim(
+                f"Too long a period cannot respond quickly enough: at {long} hops are lower than at the best.",
+                self.source,
+                "more than 0",
+                late,
+                late.low > 0,
+                "m lower",
+                f"The best is {best:g} ms. {numbers}",
+            ),
+        )
+
+
+def behind_best(values: np.ndarray, end: int) -> np.ndarray:
+    """By how much each seed does worse at one end of the periods than at the best of those between, `(seeds,)`.
+
+    **Arguments:** `(periods, seeds)`, greater is better; the row of the end. A seed's best period is chosen by the mean
+    of the other seeds.
+    """
+    between = values[1:-1]
+    others = between.sum(axis=1, keepdims=True) - between
+    best = np.argmax(others, axis=0)
+    return between[best, np.arange(values.shape[1])] - values[end]

@@ -1,0 +1,352 @@
+"""Reproducing experiments: records, resuming, refusals, the report and the command."""
+
+import dataclasses
+import json
+import re
+import signal
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from motorgrad.cli import main
+from motorgrad.experiments import (
+    EXPERIMENTS,
+    Claim,
+    Experiment,
+    chosen,
+    exact,
+    mean_of,
+    median_of,
+    reproduce,
+    share_of,
+    write_report,
+)
+from motorgrad.experiments.figure_4_9 import EXPLORERS, doublings, first_rewards
+from motorgrad.worlds import FiniteMDP, chain
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@dataclasses.dataclass(frozen=True)
+class Coin(Experiment):
+    """Throw a coin <so> many times."""
+
+    name = "coin"
+    title = "a coin & its faces"
+    source = "figure 9.9"
+    throws: int = 400
+    stop: bool = False
+
+    made = []  # noqa: RUF012 (what has been made, over all runs)
+
+    def run(self, work):
+        heads = work.part("heads", lambda: self._throw("heads"))
+        if self.stop:
+            raise KeyboardInterrupt
+        return heads | work.part("tails", lambda: self._throw("tails"))
+
+    def _throw(self, face):
+        self.made.append(face)
+        return {face: np.random.default_rng(len(face)).random(self.throws) < 0.5}
+
+    def figure(self, values):
+        from matplotlib.figure import Figure
+
+        figure = Figure()
+        figure.subplots().hist(values["heads"].astype(float))
+        return figure
+
+    def claims(self, values):
+        share = share_of(values["heads"])
+        return [
+            Claim("A coin is fair.", "figure 9.9", "1/2", share, share.low <= 0.5 <= share.high),
+            Claim("It always shows <heads>.", "figure 9.9", "1", share, share.value == 1, note="It does not."),
+        ]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_made():
+    Coin.made.clear()
+
+
+# intervals
+
+
+def test_an_exact_number_has_no_interval():
+    assert (exact(2).low, exact(2).high, str(exact(2))) == (2, 2, "2")
+
+
+def test_the_interval_of_a_mean_is_students():
+    found = mean_of([1.0, 2.0, 3.0, 4.0])
+    # t(.975, 3) = 3.18245, standard deviation 1.29099
+    assert found.value == 2.5
+    np.testing.assert_allclose([found.low, found.high], [2.5 - 2.05426, 2.5 + 2.05426], atol=1e-5)
+
+
+def test_one_seed_has_an_unbounded_interval():
+    assert mean_of([1.0]).high == np.inf
+
+
+def test_the_interval_of_a_median_is_of_order_statistics():
+    found = median_of(np.arange(16.0))  # the 4th and the 13th of 16 hold the median with probability .9787
+    assert (found.value, found.low, found.high) == (7.5, 3.0, 12.0)
+    assert (median_of([3.0, 1.0, 2.0]).low, median_of([3.0, 1.0, 2.0]).high) == (1.0, 3.0)
+
+
+@pytest.mark.parametrize(("interval", "draw", "truth"), [
+    (mean_of, lambda rng: rng.normal(2.0, 1.0, 12), 2.0),
+    (median_of, lambda rng: rng.exponential(1.0, 16), np.log(2)),
+    (share_of, lambda rng: rng.random(16) < 0.7, 0.7),
+])  # fmt: skip
+def test_intervals_hold_the_truth_as_often_as_they_say(interval, draw, truth):
+    rng = np.random.default_rng(1)
+    found = [interval(draw(rng)) for _ in range(1000)]
+    covered = np.mean([f.low <= truth <= f.high for f in found])
+    assert 0.93 < covered < 0.99
+
+
+def test_the_interval_of_a_share_is_wilsons():
+    found = share_of([True] * 8)
+    np.testing.assert_allclose([found.low, found.high], [8 / (8 + 1.959964**2), 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("values", [[], [1.0, np.nan]])
+def test_what_never_occurred_cannot_be_averaged(values):
+    with pytest.raises(ValueError, match=r"values = .*finite"):
+        mean_of(values)
+
+
+# a reproduction
+
+
+def test_a_reproduction_leaves_figure_claims_and_provenance(tmp_path):
+    done = reproduce(Coin(), tmp_path, progress=False)
+    assert [claim.holds for claim in done.claims] == [True, False]
+    record = json.loads((tmp_path / "coin" / "record.json").read_text())
+    assert record == json.loads(json.dumps(done.record()))
+    assert record["settings"] == {"throws": 400, "stop": False}
+    assert record["claims"][0]["measured"]["count"] == 400
+    assert record["versions"]["mujoco"] == "4.0.0"
+    assert record["seconds"] > 0
+    assert done.figure.read_text().startswith("<?xml")
+    assert (tmp_path / "coin" / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_finished_work_is_not_done_again(tmp_path):
+    first = reproduce(Coin(), tmp_path, progress=False)
+    picture = first.figure.read_bytes()
+    second = reproduce(Coin(), tmp_path, progress=False)
+    assert Coin.made == ["heads", "tails"]
+    assert second.record() == first.record()
+    assert second.figure.read_bytes() == picture
+
+
+def test_an_interrupted_experiment_goes_on_with_its_finished_parts(tmp_path, monkeypatch):
+    @dataclasses.dataclass(frozen=True)
+    class Stopped(Coin):
+        """Stops once."""
+
+        def run(self, work):
+            if len(self.made) == 1:
+                return super().run(work)
+            work.part("heads", lambda: self._throw("heads"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(Stopped(), tmp_path, progress=False)
+    spent = json.loads((tmp_path / "coin" / "provenance.json").read_text())["seconds"]
+    done = reproduce(Stopped(), tmp_path, progress=False)
+    assert Coin.made == ["heads", "tails"]
+    assert done.seconds > spent
+
+
+def test_other_settings_in_the_same_folder_are_refused_by_name(tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    with pytest.raises(ValueError, match=r"coin with throws = 400, not 300: give another folder"):
+        reproduce(Coin(throws=300), tmp_path, progress=False)
+    assert json.loads((tmp_path / "coin" / "record.json").read_text())["settings"]["throws"] == 400
+
+
+def test_one_folder_serves_one_process_at_a_time(tmp_path):
+    @dataclasses.dataclass(frozen=True)
+    class Twice(Coin):
+        """Reproduces itself while it runs."""
+
+        def run(self, work):
+            with pytest.raises(RuntimeError, match="in use by another process"):
+                reproduce(Coin(), tmp_path, progress=False)
+            return super().run(work)
+
+    reproduce(Twice(), tmp_path, progress=False)
+
+
+# the report
+
+
+class Page(HTMLParser):
+    """Collects the tags and the text of a page, and refuses one whose tags do not close."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.found, self.words = [], [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_report_is_one_page_with_everything_in_it(tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    reproduce(EXPERIMENTS["fig-2.1"](), tmp_path, quick=True, progress=False)
+    page = Page(write_report(tmp_path, EXPERIMENTS).read_text())
+    text = " ".join("".join(page.words).split())
+    assert "1 of 2 claims hold" in text
+    assert "a coin & its faces" in text
+    assert "Throw a coin <so> many times." in text
+    assert "It always shows <heads>." in text
+    assert "A smoke size" in text
+    assert [a["id"] for tag, a in page.found if tag == "section"] == ["fig-2.1", "coin"]
+    pictures = [a for tag, a in page.found if tag == "img"]
+    assert all(a["src"].startswith("data:image/svg+xml;base64,") and a["alt"] for a in pictures)
+    links = {a["href"] for tag, a in page.found if tag == "a"}
+    assert links == {"#fig-2.1", "#coin"}  # nothing is fetched from elsewhere
+
+
+# the registry
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_says_what_it_is(name):
+    kind = EXPERIMENTS[name]
+    assert dataclasses.is_dataclass(kind)
+    assert kind.__dataclass_params__.frozen
+    experiment = kind()
+    assert experiment.name == name
+    assert experiment.title
+    assert len(experiment.summary) > 40
+    assert re.fullmatch(r"(figure|section) [0-9A]\.[0-9.]*[0-9]", experiment.source)
+    assert name == experiment.source.replace("figure ", "fig-").replace("section ", "sec-").lower()
+    assert kind.quick() == kind.quick()
+
+
+def test_experiments_stand_in_the_order_of_the_source():
+    def place(name):
+        numbers = name.partition("-")[2].split(".")
+        return [99 if part == "a" else int(part) for part in numbers]
+
+    parts = [place(name)[0] for name in EXPERIMENTS]
+    assert parts == sorted(parts)
+
+
+def test_parts_and_all_choose_experiments():
+    assert chosen(["all"], EXPERIMENTS) == list(EXPERIMENTS)
+    assert chosen(["chapter-4", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-4.9"]
+    with pytest.raises(ValueError, match=r"unknown experiment 'fig-4.8': did you mean 'fig-4.9'\?"):
+        chosen(["fig-4.8"], EXPERIMENTS)
+
+
+# the command
+
+
+def test_the_command_reproduces_and_reports(capsys):
+    assert main(["reproduce", "fig-2.1", "fig-4.9", "--quick", "--json", "found.json"]) == 0
+    shown = capsys.readouterr().out
+    assert "figure 4.9, waiting for a first reward: " in shown
+    assert "report: runs/reproduce-quick/report.html" in shown
+    with open("found.json") as file:
+        found = json.load(file)
+    assert [each["name"] for each in found["experiments"]] == ["fig-2.1", "fig-4.9"]
+
+
+def test_settings_of_one_experiment_are_options(capsys):
+    assert main(["reproduce", "fig-4.9", "--quick", "--settings.longest", "6", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["experiments"][0]["settings"] == {"longest": 6, "runs": 200, "seed": 0}
+
+
+def test_a_file_names_the_experiment_and_its_settings(tmp_path, capsys):
+    (tmp_path / "e.toml").write_text('experiments = ["fig-4.9"]\nquick = true\n[settings]\nlongest = 8\n')
+    assert main(["reproduce", "--config", "e.toml", "--settings.seed", "3", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["experiments"][0]["settings"] == {"longest": 8, "runs": 200, "seed": 3}
+    again = "motorgrad reproduce fig-4.9 --quick --settings.longest 8 --settings.seed 3"
+    assert found["experiments"][0]["command"] == again
+
+
+def test_a_strict_run_fails_where_a_claim_does():
+    assert main(["reproduce", "fig-4.9", "--quick", "--settings.longest", "6", "--strict"]) == 1
+
+
+def test_no_name_and_impossible_settings_are_refused(capsys):
+    assert main(["reproduce"]) == 2
+    assert main(["reproduce", "fig-4.9", "--settings.longest", "99"]) == 2
+    assert "longest = 99: must be in 6 … 20" in capsys.readouterr().err
+
+
+def test_a_killed_reproduction_goes_on(tmp_path):
+    command = [sys.executable, "-m", "motorgrad", "reproduce", "fig-4.9", "--quick", "--settings.longest", "8"]
+    first = subprocess.Popen([*command, "--out", "killed"], stderr=subprocess.PIPE, text=True)
+    for line in first.stderr:
+        if "reset" in line:  # the first part is finished, the second has begun
+            first.send_signal(signal.SIGKILL)
+            break
+    first.wait()
+    first.stderr.close()
+    part = tmp_path / "killed" / "fig-4.9" / "parts" / "walk.npz"
+    age = part.stat().st_mtime_ns
+    subprocess.run([*command, "--out", "killed"], check=True, capture_output=True)
+    subprocess.run([*command, "--out", "whole"], check=True, capture_output=True)
+    assert part.stat().st_mtime_ns == age
+    for name in ("values.npz",):
+        one, other = (np.load(tmp_path / out / "fig-4.9" / name) for out in ("killed", "whole"))
+        assert set(one.files) == set(other.files)
+        assert all(np.array_equal(one[key], other[key]) for key in one.files)
+
+
+# figure 4.9
+
+
+def expected_wait(mdp: FiniteMDP) -> float:
+    """The mean of the first passage under random actions, by linear algebra."""
+    matrix = mdp.transitions.mean(0)
+    inner = np.flatnonzero(mdp.rewards == 0)
+    return np.linalg.solve(np.eye(len(inner)) - matrix[np.ix_(inner, inner)], np.ones(len(inner)))[0]
+
+
+@pytest.mark.parametrize("length", [2, 3, 6, 9])
+def test_the_formulas_are_those_of_the_chain(length):
+    for name in ("walk", "reset"):
+        np.testing.assert_allclose(EXPLORERS[name][2](length), expected_wait(chain(length, name)))
+    # an episode of N − 1 decisions sees the reward only by N − 1 right moves
+    assert EXPLORERS["cut"][2](length) == (length - 1) * 2 ** (length - 1)
+
+
+def test_no_first_reward_is_sooner_than_the_shortest_way():
+    waits = first_rewards(chain(5, "walk"), 500, seed=3)
+    assert waits.min() == 4
+    assert np.all(waits % 2 == 0) or waits.max() > 4
+    cut = first_rewards(chain(5, "walk"), 500, seed=3, limit=4)
+    assert np.all(cut % 4 == 0)
+
+
+def test_doublings_tell_exponential_from_square():
+    lengths = np.arange(2, 13)
+    exponential = np.repeat(2.0 ** lengths[:, None], 100, axis=1)
+    square = np.repeat(lengths[:, None] * (lengths[:, None] - 1.0), 100, axis=1)
+    assert doublings(exponential).value == 1
+    assert doublings(square).value < 0.3
