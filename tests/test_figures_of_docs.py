@@ -1,0 +1,97 @@
+"""The documentation's figures: every one can be drawn, is in place, is shown on a page, and is light."""
+
+import dataclasses
+import inspect
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from motorgrad import bodies, learning, policies
+from motorgrad.tasks import TASKS
+from motorgrad.training import ESTIMATORS
+
+ROOT = Path(__file__).parents[1]
+KINDS = ("units", "estimators", "bodies", "tasks")
+LIGHT = 200_000  # bytes
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _from_the_root():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT))
+        yield
+
+
+def names(kind):
+    """The figures' names, without importing what draws them."""
+    text = (ROOT / "tools" / "figures" / "_registry.py").read_text(encoding="utf-8")
+    return re.findall(r'^    "([\w-]+)":', text.partition(f"{kind}: ")[2].partition("\n}")[0], re.MULTILINE)
+
+
+DRAWN, MEASURED = names("DRAWN"), names("MEASURED")
+
+
+def test_the_names_are_those_of_the_registry():
+    from tools.figures._registry import NAMES
+
+    assert (*DRAWN, *MEASURED) == NAMES
+
+
+def slow(name):
+    kept = [pytest.mark.ci] if name == "estimator-gpomdp" else []
+    return pytest.param(name, marks=[pytest.mark.slow, *kept])
+
+
+@pytest.mark.parametrize("name", [*DRAWN, *map(slow, MEASURED)])
+def test_a_figure_is_drawn(name, tmp_path):
+    from tools.figures.__main__ import draw
+    from tools.figures._work import Work
+
+    draw(name, Work(most=100), tmp_path / "figure.png")
+    picture = np.asarray(Image.open(tmp_path / "figure.png").convert("L"))
+    assert picture.shape[1] > 1000
+    assert 0.005 < (picture < 200).mean() < 0.9  # neither empty nor full
+
+
+@pytest.mark.parametrize("name", [*DRAWN, *MEASURED])
+def test_a_figure_is_in_place(name):
+    assert 0 < (ROOT / "docs" / "images" / f"{name}.png").stat().st_size <= LIGHT
+    shown = rf"!\[[^\]]{{20,}}\]\([^)]*images/{name}\.png\)"  # with words for those who cannot see it
+    assert any(re.search(shown, page.read_text(encoding="utf-8")) for page in (ROOT / "docs").rglob("*.md"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_page_of_a_kind_has_a_figure(kind):
+    for page in (ROOT / "docs" / kind).glob("*.md"):
+        assert re.search(r"!\[[^\]]{20,}\]\(\.\./images/", page.read_text(encoding="utf-8")), page.name
+
+
+def public(room, kind):
+    """The concrete classes of a kind that a room offers."""
+    things = [getattr(room, name) for name in room.__all__]
+    return [t.__name__ for t in things if isinstance(t, type) and issubclass(t, kind) and not inspect.isabstract(t)]
+
+
+def test_every_unit_and_every_part_of_an_estimator_is_on_a_page():
+    for folder, found in (
+        ("units", public(policies, policies.Policy)),
+        ("estimators", [*public(learning, (learning.Trace, learning.Baseline)), "sgd", "adam"]),
+    ):
+        text = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / folder).glob("*.md"))
+        assert len(found) >= 6
+        assert [name for name in found if f"{name}(" not in text] == []
+
+
+def test_every_estimator_body_and_task_has_its_page():
+    stems = {kind: {page.stem for page in (ROOT / "docs" / kind).glob("*.md")} for kind in KINDS}
+    assert set(ESTIMATORS) <= stems["estimators"]
+    described = [
+        name
+        for name in bodies.__all__
+        if dataclasses.is_dataclass(thing := getattr(bodies, name)) and hasattr(thing, "spec")
+    ]
+    assert {name.lower() for name in described} == stems["bodies"]
+    assert set(TASKS) - {"gymnasium"} == stems["tasks"]  # that one is any environment at all

@@ -1,0 +1,46 @@
+"""The notebooks of the documentation: they run, and hold what they printed."""
+
+from pathlib import Path
+
+import pytest
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
+nbformat = pytest.importorskip("nbformat", reason="notebooks need motorgrad[docs]")
+nbclient = pytest.importorskip("nbclient", reason="notebooks need motorgrad[docs]")
+pytest.importorskip("ipykernel", reason="notebooks need motorgrad[docs]")
+
+
+def outputs(notebook):
+    """What every cell of code left: the kinds of its outputs, and what it printed."""
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            kinds = [sorted(output.get("data", output.get("name", "?"))) for output in cell.outputs]
+            yield kinds, "".join(output.get("text", "") for output in cell.outputs)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_has_been_run_from_top_to_bottom(path):
+    notebook = nbformat.read(path, 4)
+    counts = [cell.execution_count for cell in notebook.cells if cell.cell_type == "code"]
+    assert counts == list(range(1, len(counts) + 1))
+    assert sum(bool(kinds) for kinds, _ in outputs(notebook)) >= 4
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+@pytest.mark.filterwarnings("ignore")  # Jupyter's own
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_leaves_what_it_holds(path, tmp_path):
+    held = nbformat.read(path, 4)
+    run = nbformat.read(path, 4)
+    nbclient.NotebookClient(
+        run, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
+    ).execute()
+    for (before, words_before), (after, words_after) in zip(outputs(held), outputs(run), strict=True):
+        assert after == before
+        # numbers may differ with the processor; what is said about them may not
+        assert words_of(words_after) == words_of(words_before)
+
+
+def words_of(text):
+    return [word for word in text.split() if word.isalpha()]

@@ -1,0 +1,58 @@
+"""The documentation site builds without a warning, and says what the library's docstrings say."""
+
+import os
+import subprocess
+import sys
+from inspect import ismodule
+from pathlib import Path
+
+import pytest
+
+import motorgrad
+
+ROOT = Path(__file__).parents[1]
+pytest.importorskip("mkdocs_jupyter", reason="the site needs motorgrad[docs]")
+pytest.importorskip("mkdocstrings", reason="the site needs motorgrad[docs]")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", folder]
+    done = subprocess.run(
+        command, cwd=ROOT, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    return folder
+
+
+def test_every_page_is_there(site):
+    for page in (ROOT / "docs").rglob("*.md"):
+        assert (site / page.relative_to(ROOT / "docs").with_suffix(".html")).exists()
+    for notebook in (ROOT / "docs").rglob("*.ipynb"):
+        assert (site / notebook.relative_to(ROOT / "docs").with_suffix(".html")).exists()
+
+
+def test_the_api_has_every_public_name(site):
+    rooms = sorted(room for room in motorgrad.__all__ if (ROOT / "src" / "motorgrad" / room / "__init__.py").exists())
+    missing = []
+    for room in rooms:
+        page = (site / "api" / f"{room}.html").read_text(encoding="utf-8")
+        module = getattr(motorgrad, room)
+        names = [name for name in module.__all__ if not ismodule(getattr(module, name))]  # a module has its own page
+        missing += [f"{room}.{name}" for name in names if f'id="motorgrad.{room}.{name}"' not in page]
+    assert not missing
+
+
+def test_formulas_are_drawn_without_a_script(site):
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert 'class="arithmatex"' not in text, page
+    assert "<math" in (site / "concepts.html").read_text(encoding="utf-8")
+
+
+def test_nothing_is_fetched_from_elsewhere(site):
+    text = (site / "index.html").read_text(encoding="utf-8")
+    assert 'src="http' not in text
+    assert "fonts.g" not in text

@@ -1,0 +1,48 @@
+"""Draw the documentation's figures: `python -m tools.figures [NAME …]`, from the root of a checkout.
+
+Without names all of them are drawn, which takes some minutes. The one long run is kept in `runs/figures`, and used
+again.
+"""
+
+import argparse
+import io
+import time
+from pathlib import Path
+
+import matplotlib
+from PIL import Image
+
+from tools.figures._registry import NAMES, made
+from tools.figures._style import STYLE
+from tools.figures._work import Work
+
+ROOT = Path(__file__).parents[2]
+
+
+def main() -> None:
+    """Draw the figures that are named, or all."""
+    parser = argparse.ArgumentParser(prog="python -m tools.figures", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(NAMES)}; by default all")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="the folder of the pictures")
+    options = parser.parse_args()
+    for name in options.names:
+        if name not in NAMES:
+            parser.error(f"no figure is called {name!r}; there are {', '.join(NAMES)}")
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name in options.names or NAMES:
+        started = time.monotonic()
+        draw(name, Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}.png")
+        print(f"{name}.png  {time.monotonic() - started:.0f} s", flush=True)
+
+
+def draw(name: str, work: Work, path: Path) -> None:
+    """Draw one figure into a file; the same numbers give the same bytes."""
+    with matplotlib.rc_context(STYLE):
+        picture = io.BytesIO()
+        made(name, work).savefig(picture, dpi=160)
+    # 256 colours are plenty, and a third of the bytes
+    Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

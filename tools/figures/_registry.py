@@ -1,0 +1,46 @@
+"""Every figure of the documentation by the name of its file."""
+
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
+from tools.figures import bodies, estimators, hopper, parts, tasks, units
+from tools.figures._work import Work
+
+DRAWN: dict[str, Callable[[], Figure]] = {
+    "unit-motoneuron": units.motoneuron,
+    "unit-hyperplane": units.hyperplane,
+    "unit-gaussian-local": units.gaussian_local,
+    "unit-gaussian-free": units.gaussian_free,
+    "unit-softmax": units.softmax,
+    "unit-factored": units.factored,
+    "muscle": bodies.muscle,
+    "body-hopper": bodies.hopper,
+    "task-three-state": tasks.three_state,
+    "task-chain": tasks.chain,
+    "task-call-admission": tasks.call_admission,
+}
+"""Figures of formulas and numbers."""
+
+MEASURED: dict[str, Callable[[Work], Figure]] = {
+    "estimator-olgarb": estimators.olgarb,
+    "estimator-olpomdp": estimators.olpomdp,
+    "estimator-gpomdp": estimators.gpomdp,
+    "traces": parts.traces,
+    "baselines": parts.baselines,
+    "ascent": parts.ascent,
+    "learning-three-state": tasks.three_state_learning,
+    "learning-chain": tasks.chain_learning,
+    "learning-call-admission": tasks.call_admission_learning,
+    "task-hopper": hopper.task,
+    "hopper-learning": hopper.learning,
+    "hopper-behaviour": hopper.behaviour,
+}
+"""Figures for which something has to learn first, or to be estimated."""
+
+NAMES = (*DRAWN, *MEASURED)
+
+
+def made(name: str, work: Work) -> Figure:
+    """The figure of that name."""
+    return DRAWN[name]() if name in DRAWN else MEASURED[name](work)

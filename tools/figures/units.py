@@ -1,0 +1,158 @@
+"""Figures of the units: probabilities of firing, and scores."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+from motorgrad.policies import Factored, FreeGaussians, Hyperplanes, LocalGaussians, Motoneurons, Softmax
+from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, inputs, over, panels, plane
+
+FIRES, SILENT = 1.0, 0.0
+
+
+def motoneuron() -> Figure:
+    """p(fire) over the input for several gains, and both scores."""
+    gains = (-4.0, 1.0, 4.0, 12.0)
+    pool = Motoneurons(jnp.full(len(gains), 0.5), jnp.array(gains))
+    y = np.linspace(-0.5, 1.5, 201)
+    figure, (fire, threshold, gain) = panels(3)
+    scores = {a: over(lambda point, a=a: pool.score(point, jnp.full(len(gains), a)), y) for a in (FIRES, SILENT)}
+    probability = over(pool.prob, y)
+    for unit, (k, colour) in enumerate(zip(gains, (ORANGE, GREEN, BLUE, RED), strict=True)):
+        fire.plot(y, probability[:, unit], color=colour, label=f"$k$ = ${k:g}$")
+        for action, line in ((FIRES, "-"), (SILENT, "--")):
+            threshold.plot(y, scores[action].threshold[:, unit], line, color=colour)
+            gain.plot(y, scores[action].gain[:, unit], line, color=colour)
+    fire.axvline(0.5, color=FAINT, linewidth=0.8, linestyle=":")
+    fire.set(title="probability of firing, $y^*$ = 0.5", xlabel="input $y$", ylim=(-0.03, 1.03))
+    threshold.set(title=r"score of the threshold, $\partial_{y^*}$", xlabel="input $y$")
+    gain.set(title=r"score of the gain, $\partial_k$", xlabel="input $y$")
+    fire.plot([], [], "-", color=FAINT, label="score when it fired")
+    fire.plot([], [], "--", color=FAINT, label="when it did not")
+    figure.legend(loc="outside lower center", ncols=6)
+    return figure
+
+
+def hyperplane() -> Figure:
+    """p(fire) over two inputs with the boundary, and the score of the weights as arrows."""
+    weights, bias = np.array([1.5, -1.0]), 0.75
+    unit = Hyperplanes(weights[None], jnp.array([bias]))
+    x, y = plane(3.0)
+    figure, axes = panels(3, height=2.9, sharey=True)
+    shown = axes[0].pcolormesh(x, y, over(unit.prob, x, y)[..., 0], vmin=0, vmax=1, rasterized=True)
+    figure.colorbar(shown, ax=axes[0], location="bottom", shrink=0.9, label=r"$\sigma(w \cdot y + b)$")
+    inputs(axes[0], "probability of firing")
+    points = plane(2.6, 9)
+    for panel, action, title in ((axes[1], FIRES, "score when it fired"), (axes[2], SILENT, "score when it did not")):
+        score = over(lambda point, a=action: unit.score(point, jnp.array([a])), *points).weights[..., 0, :]
+        panel.quiver(*points, score[..., 0], score[..., 1], color=RED if action else BLUE, scale=22, width=0.008)
+        inputs(panel, title)
+        panel.set(ylabel="", xlim=(-3, 3))
+    along = np.array([-3.0, 3.0])
+    for panel in axes:
+        panel.plot(along, -(bias + weights[0] * along) / weights[1], color="white" if panel is axes[0] else FAINT, lw=1)
+        panel.set(ylim=(-3, 3))
+    foot = -bias * weights / (weights @ weights)
+    arrow(axes[0], foot, foot + weights, "white")
+    axes[0].text(*(foot + weights * 0.95 + [-0.1, -0.55]), "$w$", color="black")
+    return figure
+
+
+def gaussian_local() -> Figure:
+    """A unit over two inputs with the score of its centre; its height; the score of its width."""
+    unit = LocalGaussians([[0.2, -0.1]], np.log([[0.7, 0.35]]), p_max=jnp.array(0.9))
+    x, y = plane(1.5)
+    figure, (place, height, width) = panels(3, height=3.0)
+    shown = place.pcolormesh(x, y, over(unit.prob, x, y)[..., 0], vmin=0, vmax=1, rasterized=True)
+    figure.colorbar(shown, ax=place, location="bottom", shrink=0.9, label="its probability of firing")
+    points = plane(1.25, 6)
+    score = over(lambda point: unit.score(point, jnp.ones(1)), *points).centre[..., 0, :]
+    place.quiver(*points, score[..., 0], score[..., 1], color="white", scale=70, width=0.008)
+    inputs(place, r"score of the centre when it fired")
+    z = np.linspace(-1.5, 1.5, 301)
+    for p_max, sigma, colour in ((1.0, 0.5, BLUE), (0.5, 0.5, RED), (0.5, 0.2, GREEN)):
+        one = LocalGaussians([[0.0]], np.log([[sigma]]), p_max=jnp.array(p_max))
+        height.plot(z, over(one.prob, z)[:, 0], color=colour, label=f"{p_max:g}, {sigma:g}")
+        if sigma == 0.5:
+            for action, line in ((FIRES, "-"), (SILENT, "--")):
+                slope = over(lambda point, a=action, one=one: one.score(point, jnp.array([a])), z).log_width
+                width.plot(z, slope[:, 0, 0], line, color=BLUE if p_max == 1 else RED)
+    height.set(title="probability of firing", xlabel="input $y$", ylim=(0, 1.4))
+    height.legend(title=r"$p_{max}$, $\sigma$", loc="upper center", fontsize=7, ncols=3, columnspacing=1)
+    width.set(title=r"score of the width, $\partial_\lambda$", xlabel="input $y$", ylim=(-2.2, 4.2))
+    width.plot([], [], "-", color=FAINT, label="it fired")
+    width.plot([], [], "--", color=FAINT, label="it did not")
+    width.legend(loc="upper center")
+    return figure
+
+
+def gaussian_free() -> Figure:
+    """The same unit at several widths, and both kinds' score of the width."""
+    z = np.linspace(-2.0, 2.0, 401)
+    figure, (height, width) = panels(2)
+    for sigma, colour in ((0.25, RED), (0.5, BLUE), (1.0, GREEN)):
+        unit = FreeGaussians([[0.0]], np.log([[sigma]]), [-0.25])
+        height.plot(z, over(unit.prob, z)[:, 0], color=colour, label=rf"$\sigma$ = {sigma:g}")
+    height.set(title=r"probability of firing, $\alpha$ = −0.25", xlabel="input $y$", ylim=(0, 1.1))
+    height.legend()
+    free = FreeGaussians([[0.0]], np.log([[0.5]]), [-0.25])
+    local = LocalGaussians([[0.0]], np.log([[0.5]]), p_max=free.prob(jnp.zeros(1))[0])
+    for unit, colour, words in ((free, BLUE, r"free: $z^2 - 1$"), (local, ORANGE, r"local: $z^2$")):
+        for action, line in ((FIRES, "-"), (SILENT, "--")):
+            slope = over(lambda point, a=action, unit=unit: unit.score(point, jnp.array([a])), z).log_width[:, 0, 0]
+            label = f"{words}, it {'fired' if action else 'did not'}"
+            width.plot(z, slope, line, color=colour, label=label)
+    width.set(title=r"score of the width, $\sigma$ = 0.5", xlabel="input $y$", ylim=(-2, 7))
+    width.legend(fontsize=7, loc="upper center")
+    return figure
+
+
+def softmax() -> Figure:
+    """Probabilities of three actions against a feature, and where the score moves them on the simplex."""
+    policy = Softmax([[0.0, -1.5], [0.6, 0.0], [0.0, 1.5]])
+    feature = np.linspace(-4, 4, 201)
+    chances = over(policy.prob, np.ones_like(feature), feature)
+    figure, (curves, simplex) = panels(2, height=2.9, width_ratios=[1.35, 1])
+    for action in range(3):
+        curves.plot(feature, chances[:, action], color=COLOURS[action], label=f"action {action}")
+    curves.set(title="probability of each action", xlabel="feature $y_2$, where $y_1$ = 1", ylim=(0, 1))
+    curves.legend()
+    corners = np.array([[0.0, 0.0], [0.5, np.sqrt(0.75)], [1.0, 0.0]])
+    simplex.fill(*corners.T, facecolor="0.96", edgecolor=FAINT)
+    simplex.plot(*(chances @ corners).T, color=FAINT, linewidth=1)
+    for value in (-1.6, -0.4, 0.8):
+        seen = jnp.array([1.0, value])
+        now = np.asarray(policy.prob(seen))
+        for action in range(3):
+            score = policy.score(seen, jnp.int32(action))
+            moved = eqx.tree_at(lambda p: p.weights, policy, policy.weights + 0.35 * score.weights)
+            arrow(simplex, now @ corners, np.asarray(moved.prob(seen)) @ corners, COLOURS[action])
+        simplex.plot(*(now @ corners), "o", color="0.2", markersize=3)
+    for action, (x, y) in enumerate(corners):
+        simplex.text(x, y + (0.03 if action == 1 else -0.03), f"action {action}", ha="center",
+                     va="bottom" if action == 1 else "top", color=COLOURS[action])  # fmt: skip
+    simplex.set(title="where a step along the score leads", aspect="equal", ylim=(-0.12, 1.0))
+    simplex.set_axis_off()
+    return figure
+
+
+def factored() -> Figure:
+    """The four joint actions of a hyperplane and a Gaussian over two inputs."""
+    policy = Factored(
+        [Hyperplanes([[2.5, 0.0]], [0.0]), LocalGaussians([[0.3, 0.4]], np.log([[0.6, 0.6]]), p_max=jnp.array(0.9))]
+    )
+    x, y = plane(1.5, 91)
+    figure, axes = panels(4, height=2.5, sharey=True)
+    shown: Any = None
+    for panel, action in zip(axes, policy.enumerate(), strict=True):
+        chance = np.exp(over(lambda point, a=action: policy.log_prob(point, a)[None], x, y)[..., 0])
+        shown = panel.pcolormesh(x, y, chance, vmin=0, vmax=1, rasterized=True)
+        panel.set(title=f"action ({int(action[0])}, {int(action[1])})", aspect="equal", xlabel="$y_1$")
+        panel.axvline(0, color="white", linewidth=0.8)
+        panel.contour(x, y, over(policy.pools[1].prob, x, y)[..., 0], [0.45], colors="white", linewidths=0.8)
+    axes[0].set_ylabel("$y_2$")
+    figure.colorbar(shown, ax=axes, shrink=0.75, label="probability")
+    return figure

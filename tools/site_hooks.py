@@ -1,0 +1,67 @@
+"""What the documentation site needs beside its pages: API pages, two pages from the root, and formulas as MathML."""
+
+# pyright: reportMissingImports=false
+# (mkdocs and latex2mathml are of the extra `docs`)
+import re
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parents[1]
+ROOMS = "policies learning worlds worlds.oracle bodies tasks training environments sim experiments".split()
+    "policies",
+    "learning",
+    "worlds",
+    "worlds.oracle",
+    "bodies",
+    "tasks",
+    "training",
+    "environments",
+    "sim",
+    "experiments",
+)
+FROM_ROOT = {"README.md": "readme.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add a page of the API for each room, and the pages that stand at the root of the repository."""
+    for room in ROOMS:
+        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n"
+        files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))
+    for name, path in FROM_ROOT.items():
+        text = LINK.sub(_in_site, (ROOT / name).read_text(encoding="utf-8"))
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def _in_site(link: re.Match[str]) -> str:
+    """A link of a page at the root, as it is in the site; to what is not there, its words alone."""
+    words, target = link.groups()
+    if "://" in target or target.startswith("#"):
+        return link[0]
+    path = FROM_ROOT.get(target) or (target.removeprefix("docs/") if target.startswith("docs/") else None)
+    return f"[{words}]({path})" if path else words
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Links to the root's pages lead to their places in the site."""
+    up = "../" * page.file.src_uri.count("/")
+    for name, path in FROM_ROOT.items():
+        markdown = markdown.replace(f"]({up}../{name})", f"]({up}{path})")
+    return markdown
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Formulas as MathML, which browsers draw by themselves."""
+    return FORMULA.sub(lambda found: formula(found[2], found[1] == "div"), html)
+
+
+def formula(latex: str, display: bool) -> str:
+    """LaTeX as MathML."""
+    return convert(unescape(latex), display="block" if display else "inline")
