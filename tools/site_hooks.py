@@ -12,18 +12,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
-ROOMS = "policies learning worlds worlds.oracle bodies tasks training environments sim experiments".split()
-    "policies",
-    "learning",
-    "worlds",
-    "worlds.oracle",
-    "bodies",
-    "tasks",
-    "training",
-    "environments",
-    "sim",
-    "experiments",
-)
+ROOMS = ["policies", "learning", "worlds", "worlds.oracle", "bodies", "tasks", "training", "environments", "sim"]
+ROOMS += ["experiments"]
 FROM_ROOT = {"README.md": "readme.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)

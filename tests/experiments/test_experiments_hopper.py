@@ -9,12 +9,12 @@ import pytest
 
 from motorgrad.bodies import Hopper, compile_model
 from motorgrad.experiments import EXPERIMENTS, Workspace, reproduce
-from motorgrad.experiments._hopper_posture import posture
-from motorgrad.experiments._hopper_study import seconds_to
-from motorgrad.experiments._phase_portrait import moments, one_hop
-from motorgrad.experiments._wrapping_geometry import deviations, first_touch, measure
-from motorgrad.experiments.figure_5_4 import firing_shares
-from motorgrad.experiments.section_5_2_2 import ActionPeriod, behind_best
+from motorgrad.experiments.appendix_a._wrapping_geometry import deviations, first_touch, measure
+from motorgrad.experiments.chapter_5._hopper_posture import posture
+from motorgrad.experiments.chapter_5._hopper_study import seconds_to
+from motorgrad.experiments.chapter_5._phase_portrait import moments, one_hop
+from motorgrad.experiments.chapter_5.figure_5_4 import firing_shares
+from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod, behind_best
 from motorgrad.training import Evaluation
 
 LEARNT = ["fig-5.3", "fig-5.4", "fig-5.5"]

@@ -10,14 +10,20 @@ import pytest
 from scipy import integrate
 
 from motorgrad.experiments import EXPERIMENTS, mean_of, reproduce
-from motorgrad.experiments._baseline_claims import ratio_of, shared_rewards, variances
-from motorgrad.experiments._estimates import along, comparison_point, estimates, joint_quantile, relative_error
-from motorgrad.experiments._landscape import Bumps, climb, greatest, learn, objective
-from motorgrad.experiments._mixing import biases, mixing_time
-from motorgrad.experiments._variance import scores, variance
-from motorgrad.experiments.figure_2_2 import HillClimbing
-from motorgrad.experiments.figure_3_1 import Learner
-from motorgrad.experiments.section_3_2_1 import Baselines, surprise
+from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, objective
+from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
+from motorgrad.experiments.chapter_3._baseline_claims import ratio_of, shared_rewards, variances
+from motorgrad.experiments.chapter_3._estimates import (
+    along,
+    comparison_point,
+    estimates,
+    joint_quantile,
+    relative_error,
+)
+from motorgrad.experiments.chapter_3._mixing import biases, mixing_time
+from motorgrad.experiments.chapter_3._variance import scores, variance
+from motorgrad.experiments.chapter_3.figure_3_1 import Learner
+from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines, surprise
 from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState

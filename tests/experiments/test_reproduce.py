@@ -24,7 +24,7 @@ from motorgrad.experiments import (
     share_of,
     write_report,
 )
-from motorgrad.experiments.figure_4_9 import EXPLORERS, doublings, first_rewards
+from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_rewards
 from motorgrad.worlds import FiniteMDP, chain
 
 

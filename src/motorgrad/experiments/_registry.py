@@ -1,18 +1,18 @@
 """Every experiment by name, in the order of the source."""
 
 from motorgrad.experiments._experiment import Experiment
-from motorgrad.experiments.figure_2_1 import Process
-from motorgrad.experiments.figure_2_2 import HillClimbing
-from motorgrad.experiments.figure_3_1 import Learner
-from motorgrad.experiments.figure_4_9 import ChainExploration
-from motorgrad.experiments.figure_5_1 import MusclePair
-from motorgrad.experiments.figure_5_2 import HopperBody
-from motorgrad.experiments.figure_5_3 import HopperBehaviour
-from motorgrad.experiments.figure_5_4 import HopperDynamics
-from motorgrad.experiments.figure_5_5 import HopperWeights
-from motorgrad.experiments.figure_a_1 import Wrapping
-from motorgrad.experiments.section_3_2_1 import Baselines
-from motorgrad.experiments.section_5_2_2 import ActionPeriod
+from motorgrad.experiments.appendix_a.figure_a_1 import Wrapping
+from motorgrad.experiments.chapter_2.figure_2_1 import Process
+from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
+from motorgrad.experiments.chapter_3.figure_3_1 import Learner
+from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines
+from motorgrad.experiments.chapter_4.figure_4_9 import ChainExploration
+from motorgrad.experiments.chapter_5.figure_5_1 import MusclePair
+from motorgrad.experiments.chapter_5.figure_5_2 import HopperBody
+from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
+from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
+from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
+from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 
 EXPERIMENTS: dict[str, type[Experiment]] = {
     kind.name: kind

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motorgrad.experiments._hopper_study import HIGH, SMOOTH
+from motorgrad.experiments.chapter_5._hopper_study import HIGH, SMOOTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import numpy as np
 
 from motorgrad.experiments._claim import Claim, Measured, share_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._hopper_study import HopperStudy
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

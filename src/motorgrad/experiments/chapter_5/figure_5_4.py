@@ -9,9 +9,9 @@ import numpy as np
 
 from motorgrad.experiments._claim import Claim, mean_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._hopper_study import HopperStudy, middle_seed
-from motorgrad.experiments._phase_portrait import draw_portrait
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_study import HopperStudy, middle_seed
+from motorgrad.experiments.chapter_5._phase_portrait import draw_portrait
 from motorgrad.training import Evaluation, Run
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._baseline_claims import all_claims
-from motorgrad.experiments._baseline_figure import draw_baselines
 from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._estimates import along, comparison_point, estimates
 from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._mixing import WORLDS, biases, mixing_time
-from motorgrad.experiments._variance import variance
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_3._baseline_claims import all_claims
+from motorgrad.experiments.chapter_3._baseline_figure import draw_baselines
+from motorgrad.experiments.chapter_3._estimates import along, comparison_point, estimates
+from motorgrad.experiments.chapter_3._mixing import WORLDS, biases, mixing_time
+from motorgrad.experiments.chapter_3._variance import variance
 from motorgrad.learning import Baseline, Constant, MeanReward, NoBaseline
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, settings_for

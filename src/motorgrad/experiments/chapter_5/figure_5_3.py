@@ -4,11 +4,18 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from motorgrad.experiments._behaviour import behaviour_of, draw_behaviour
 from motorgrad.experiments._claim import Claim, mean_of, median_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._hopper_study import HIGH, HopperStudy, hop_heights, middle_seed, practice, seconds_to
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._behaviour import behaviour_of, draw_behaviour
+from motorgrad.experiments.chapter_5._hopper_study import (
+    HIGH,
+    HopperStudy,
+    hop_heights,
+    middle_seed,
+    practice,
+    seconds_to,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,9 +11,9 @@ from jaxtyping import Float
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, exact, mean_of, median_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._landscape import Bumps, climb, greatest, learn, surface
-from motorgrad.experiments._landscape_figure import draw_landscape
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
+from motorgrad.experiments.chapter_2._landscape_figure import draw_landscape
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

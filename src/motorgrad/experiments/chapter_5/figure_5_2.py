@@ -8,10 +8,10 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
 from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._hopper_posture import posture
 from motorgrad.experiments._joint_drawing import flat_path
 from motorgrad.experiments._style import EXTENSOR, FLEXOR
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_posture import posture
 from motorgrad.sim import draw
 
 if TYPE_CHECKING:

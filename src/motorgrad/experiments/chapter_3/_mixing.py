@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from motorgrad.experiments._estimates import comparison_point, relative_error
+from motorgrad.experiments.chapter_3._estimates import comparison_point, relative_error
 from motorgrad.policies import Policy, Softmax, softmax
 from motorgrad.worlds import FiniteMDP, chain, oracle, three_state
 

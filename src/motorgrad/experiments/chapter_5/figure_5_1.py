@@ -21,10 +21,10 @@ from motorgrad.bodies import (
 )
 from motorgrad.experiments._claim import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._hopper_posture import posture
 from motorgrad.experiments._joint_drawing import bend, draw_bones, draw_path, flat_path
 from motorgrad.experiments._style import EXTENSOR, FLEXOR
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_posture import posture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ import numpy as np
 from motorgrad._errors import check, choice
 from motorgrad.experiments._claim import Claim, mean_of
 from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._hopper_study import HIGH, SMOOTH, Paid, check_practice, practice, seconds_to
-from motorgrad.experiments._period_drawing import draw_periods
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_study import HIGH, SMOOTH, Paid, check_practice, practice, seconds_to
+from motorgrad.experiments.chapter_5._period_drawing import draw_periods
 from motorgrad.tasks import Hopper
 from motorgrad.training import settings_for
 

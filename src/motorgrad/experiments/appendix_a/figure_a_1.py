@@ -11,8 +11,8 @@ from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
 from motorgrad.experiments._claim import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments._wrapping_drawing import draw_geometry, draw_length
-from motorgrad.experiments._wrapping_geometry import Shape, deviations
+from motorgrad.experiments.appendix_a._wrapping_drawing import draw_geometry, draw_length
+from motorgrad.experiments.appendix_a._wrapping_geometry import Shape, deviations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

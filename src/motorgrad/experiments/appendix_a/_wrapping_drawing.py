@@ -7,7 +7,7 @@ import numpy as np
 from motorgrad.bodies import wrapping_angle
 from motorgrad.experiments._joint_drawing import draw_bones, draw_path
 from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._wrapping_geometry import Shape, ends, path_at, turned
+from motorgrad.experiments.appendix_a._wrapping_geometry import Shape, ends, path_at, turned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motorgrad.experiments._baseline_claims import shared_rewards, variances
 from motorgrad.experiments._claim import Measured, mean_of
-from motorgrad.experiments._mixing import WORLDS
+from motorgrad.experiments.chapter_3._baseline_claims import shared_rewards, variances
+from motorgrad.experiments.chapter_3._mixing import WORLDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

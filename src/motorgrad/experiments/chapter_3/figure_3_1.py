@@ -9,10 +9,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, exact, mean_of, share_of
-from motorgrad.experiments._estimates import comparison_point, estimates, joint_quantile, relative_error
-from motorgrad.experiments._estimates_figure import draw_estimates
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, joint_quantile, relative_error
+from motorgrad.experiments.chapter_3._estimates_figure import draw_estimates
 from motorgrad.learning import Constant, MeanReward, NoBaseline
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState

@@ -1,0 +1,1 @@
+"""Chapter 2: the decision process and policy search."""

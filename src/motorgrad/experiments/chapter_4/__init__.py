@@ -1,0 +1,1 @@
+"""Chapter 4: recruitment, and what makes exploration slow."""
