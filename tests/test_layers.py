@@ -26,7 +26,7 @@ BELOW = {
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim"} | DYNAMICS | LEARNING,
-    "benchmarks": {"training", "tasks"} | DYNAMICS | LEARNING,
+    "benchmarks": {"environments", "training", "tasks"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},

@@ -9,6 +9,7 @@ __all__ = ["Row", "speed_table"]
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """The rows of the speed table, one after the other as they are measured. `quick` is a smoke test's size."""
+    from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
     from motorgrad.benchmarks._hopper import hopper_rows
     from motorgrad.benchmarks._learning import learning_rows
     from motorgrad.benchmarks._process import memory_row, start_row
@@ -19,6 +20,9 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield hopper_rows(1, 100 if quick else 8000, pairs, "≥ 0.6")
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
+    yield vector_row(16, 20 if quick else 1500, pairs)
+    yield single_row(50 if quick else 5000, pairs)
+    yield foreign_row(10, 50 if quick else 5000, pairs)
     yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
     yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
     yield memory_row("≤ 1.5")
