@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, hopper, parts, tasks, units
+from tools.figures import bodies, estimators, foreign, hopper, parts, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -32,6 +32,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,
+    "foreign-learning": foreign.learning,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,

@@ -1,0 +1,36 @@
+"""The figure of foreign environments: how three of Gymnasium's are learnt."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from motorgrad.learning import Agent, Olgarb, sgd
+from motorgrad.policies import softmax
+from motorgrad.tasks import from_gymnasium
+from tools.figures._style import BLUE, level, panels
+from tools.figures._work import Work
+
+SEEDS = 10
+# id: (options, of them those of gymnasium.make, step size, decisions, the usual bar, limits of the axis)
+LEARNT = {
+    "CartPole-v1": ({"end_reward": -20.0}, {}, 5e-3, 100_000, 475, (0, 520)),
+    "MountainCar-v0": ({"end_reward": 100.0, "repeat": 4}, {"max_episode_steps": 1000}, 1e-3, 80_000, -110, (-500, 0)),
+    "Acrobot-v1": ({"end_reward": 100.0, "repeat": 2}, {}, 5e-4, 50_000, -100, (-520, 0)),
+}
+
+
+def learning(work: Work) -> Figure:
+    """Return of an episode, every seed, median and quartiles, with the settings of the page."""
+    figure, axes = panels(len(LEARNT))
+    for panel, (name, (options, given, rate, steps, bar, limits)) in zip(axes, LEARNT.items(), strict=True):
+        task = from_gymnasium(name, scaling="running", **options, **given)
+        agent = Agent(softmax(task), Olgarb(decay=0.95), sgd(rate))
+        decisions, returns = work.train(task, agent, steps, SEEDS, keep=name).curve("return")
+        x, seen = decisions / 1000, np.isfinite(returns).any(axis=0)
+        low, median, high = np.nanpercentile(returns[:, seen], [25, 50, 75], axis=0)
+        panel.plot(x, returns.T, color=BLUE, alpha=0.35, linewidth=0.5)
+        panel.fill_between(x[seen], low, high, color=BLUE, alpha=0.25, linewidth=0)
+        panel.plot(x[seen], median, color=BLUE, linewidth=1.8)
+        level(panel, bar, "")
+        panel.set(title=name, xlabel="thousand decisions", ylim=limits)
+    axes[0].set_ylabel("return of an episode")
+    return figure
