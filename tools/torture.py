@@ -15,6 +15,7 @@ import argparse
 import contextlib
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -134,7 +135,10 @@ def kill(child: subprocess.Popen[bytes], path: Path, sessions: int, old: set[Tra
     if kind == "write":
         wait_while(lambda: leftovers(path) <= old, 0.0002)
     child.kill()
-    return child.wait() != 0
+    status = child.wait()
+    if status not in (0, -signal.SIGKILL):
+        raise Failure(f"{path.name}: the command ended by itself with {status}:\n{log_of(path).read_text()}")
+    return status != 0
 
 
 def where_hit(path: Path, sessions: int, old: set[Trace]) -> str:

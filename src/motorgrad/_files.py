@@ -1,5 +1,6 @@
 """Files: whole or not there, read or refused by name."""
 
+import json
 import os
 import tomllib
 from pathlib import Path
@@ -40,6 +41,14 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: nested too deeply") from None
     except ValueError as error:
         raise ValueError(f"{path}: not TOML: {' '.join(str(error).splitlines())}") from None
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file holds. **Raises** `ValueError` that names the file and says what is wrong with it."""
+    try:
+        return json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path}: damaged: {error}; delete it, or put it back") from None
 
 
 def check_writable(name: str, path: Path, folder: bool = False) -> None:

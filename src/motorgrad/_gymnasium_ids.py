@@ -44,31 +44,38 @@ def register_with_gymnasium() -> None:
 
 
 class _Waiting:
-    """A finder of Gymnasium alone, and once, so that its loader registers.
+    """A finder of Gymnasium alone, until that is loaded, so that its loader registers.
 
     Without the base classes of `importlib.abc`: importing them takes longer than the rest of `import motorgrad`.
     """
 
+    _asking = False
+
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> Any:
-        if fullname != "gymnasium":
+        if fullname != "gymnasium" or self._asking:
             return None
-        sys.meta_path.remove(self)
-        spec = find_spec(fullname)
+        self._asking = True
+        try:
+            spec = find_spec(fullname)
+        finally:
+            self._asking = False
         if spec is not None and spec.loader is not None:
-            spec.loader = cast(Any, _Registering(spec.loader))
+            spec.loader = cast(Any, _Registering(spec.loader, self))
         return spec
 
 
 class _Registering:
     """Another loader, and then `register`."""
 
-    def __init__(self, loader: Any):
-        self._loader = loader
+    def __init__(self, loader: Any, finder: _Waiting):
+        self._loader, self._finder = loader, finder
 
     def create_module(self, spec: Any) -> Any:
         return self._loader.create_module(spec)
 
     def exec_module(self, module: Any) -> None:
         module.__spec__.loader = module.__loader__ = self._loader
+        if self._finder in sys.meta_path:
+            sys.meta_path.remove(self._finder)
         self._loader.exec_module(module)
         register()

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from motorgrad._errors import check, shown, unknown
 
 T = TypeVar("T")
@@ -65,6 +67,7 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
 
     **Raises** `ValueError` that says where, the value and what it must be.
     """
+    value = value.item() if isinstance(value, np.generic) else value
     origin, options = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
         return value

@@ -1,7 +1,10 @@
 """The command line. Thin: every command is a typed dataclass and one call of the library."""
 
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 COMMANDS = {
     "list": "every task, policy, estimator and experiment",
@@ -30,12 +33,30 @@ def main(arguments: list[str] | None = None) -> int:
 
     try:
         choice("command", name, COMMANDS)
-        return _command(name)(rest)
+        with _terminated_as_interrupted():
+            return _command(name)(rest)
     except (ValueError, OSError, RuntimeError) as error:
         print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Make of SIGTERM what Ctrl-C is. Training, which has safe points to stop at, has its own way with both."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL if previous is None else previous)
 
 
 def _command(name: str) -> Callable[[list[str]], int]:

@@ -47,6 +47,11 @@ def test_the_library_alone_does_not_load_gymnasium(process_environment):
     assert int(finders) > 0
 
 
+def test_looking_for_gymnasium_without_loading_it_loses_no_ids(process_environment):
+    code = "import motorgrad, importlib.util; importlib.util.find_spec('gymnasium'); import gymnasium"
+    assert run(code + KNOWN + HEAVY, process_environment) == "[]"
+
+
 def test_gymnasium_imports_us_where_the_id_says_so(process_environment):
     code = "import gymnasium; print(gymnasium.make('motorgrad:motorgrad/Chain-v0').reset(seed=0)[0].shape)"
     assert run(code, process_environment) == "(6,)"

@@ -25,6 +25,7 @@ from motorgrad.experiments import (
     write_report,
 )
 from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_rewards
+from motorgrad.training import RunWarning
 from motorgrad.worlds import FiniteMDP, chain
 
 
@@ -160,10 +161,44 @@ def test_an_interrupted_experiment_goes_on_with_its_finished_parts(tmp_path, mon
 
     with pytest.raises(KeyboardInterrupt):
         reproduce(Stopped(), tmp_path, progress=False)
-    spent = json.loads((tmp_path / "coin" / "provenance.json").read_text())["seconds"]
+    (session,) = json.loads((tmp_path / "coin" / "provenance.json").read_text())["sessions"]
     done = reproduce(Stopped(), tmp_path, progress=False)
     assert Coin.made == ["heads", "tails"]
-    assert done.seconds > spent
+    assert done.seconds > session["seconds"]
+    assert len(done.sessions) == 2
+
+
+def test_versions_of_all_sessions_are_kept_and_a_change_is_said(tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    file = tmp_path / "coin" / "provenance.json"
+    file.write_text(file.read_text().replace('"mujoco": "4.0.0"', '"mujoco": "3.9.9"'))
+    with pytest.warns(RunWarning, match=r"mujoco was 3\.9\.9 and is now 4\.0\.0"):
+        done = reproduce(Coin(), tmp_path, progress=False)
+    assert done.record()["versions"]["mujoco"] == "3.9.9"
+
+
+@pytest.mark.parametrize("name", ["values.npz", "parts/heads.npz", "provenance.json"])
+def test_a_damaged_file_is_named(name, tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    (tmp_path / "coin" / name).write_bytes(b"nothing of use")
+    if name.startswith("parts"):
+        (tmp_path / "coin" / "values.npz").unlink()
+    with pytest.raises(ValueError, match=rf"{name}: damaged"):
+        reproduce(Coin(), tmp_path, progress=False)
+
+
+def test_a_damaged_record_is_named_by_the_report(tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    (tmp_path / "coin" / "record.json").write_bytes(b"nothing of use")
+    with pytest.raises(ValueError, match=r"record.json: damaged"):
+        write_report(tmp_path, EXPERIMENTS)
+
+
+def test_values_of_another_version_are_named(tmp_path):
+    reproduce(Coin(), tmp_path, progress=False)
+    np.savez(tmp_path / "coin" / "values.npz", other=np.zeros(1))
+    with pytest.raises(ValueError, match=r"values.npz: holds no 'heads': made by another version; delete the folder"):
+        reproduce(Coin(), tmp_path, progress=False)
 
 
 def test_other_settings_in_the_same_folder_are_refused_by_name(tmp_path):
@@ -290,6 +325,14 @@ def test_a_file_names_the_experiment_and_its_settings(tmp_path, capsys):
 
 def test_a_strict_run_fails_where_a_claim_does():
     assert main(["reproduce", "fig-4.9", "--quick", "--settings.longest", "6", "--strict"]) == 1
+
+
+def test_settings_need_a_single_experiment(capsys):
+    assert main(["reproduce", "fig-4.9", "fig-2.1", "--settings.runs", "50"]) == 2
+    assert "settings = " in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="0"):
+        main(["reproduce", "--quick", "fig-4.9", "--settings.runs", "50", "--check"])
+    assert "runs = 50" in capsys.readouterr().out
 
 
 def test_no_name_and_impossible_settings_are_refused(capsys):

@@ -1,7 +1,7 @@
 """Draw the documentation's figures: `python -m tools.figures [NAME …]`, from the root of a checkout.
 
-Without names all of them are drawn, which takes some minutes. The one long run is kept in `runs/figures`, and used
-again.
+Without names all of them are drawn, which takes some minutes. Long runs are kept in `runs/figures`, and used again.
+The figures of experiments come from a folder of `motorgrad reproduce all`: `python -m tools.figures --reproduced DIR`.
 """
 
 import argparse
@@ -24,11 +24,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tools.figures", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(NAMES)}; by default all")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="the folder of the pictures")
+    parser.add_argument("--reproduced", type=Path, help="take the figures of experiments from this folder, and no more")
     options = parser.parse_args()
     for name in options.names:
         if name not in NAMES:
             parser.error(f"no figure is called {name!r}; there are {', '.join(NAMES)}")
     options.out.mkdir(parents=True, exist_ok=True)
+    if options.reproduced:
+        for figure in sorted(options.reproduced.glob("*/figure.png")):
+            lighten(figure, options.out / f"{figure.parent.name}.png")
+        return
     for name in options.names or NAMES:
         started = time.monotonic()
         draw(name, Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}.png")
@@ -40,7 +45,11 @@ def draw(name: str, work: Work, path: Path) -> None:
     with matplotlib.rc_context(STYLE):
         picture = io.BytesIO()
         made(name, work).savefig(picture, dpi=160)
-    # 256 colours are plenty, and a third of the bytes
+    lighten(picture, path)
+
+
+def lighten(picture: io.BytesIO | Path, path: Path) -> None:
+    """Save a picture with 256 colours, which are plenty, and a third of the bytes."""
     Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
 
 

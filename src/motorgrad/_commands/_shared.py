@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._commands._configuration import parse
 from motorgrad._files import write_atomically
-
-__all__ = ["in_words", "parse", "summary", "write_json"]
 
 
 def summary(values: Any) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from motorgrad._commands._shared import parse, summary, write_json
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._shared import summary, write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import demo

@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 import tyro
 
-from motorgrad._commands._shared import in_words, parse, summary, write_json
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._shared import in_words, summary, write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of

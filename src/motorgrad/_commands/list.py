@@ -5,7 +5,8 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-from motorgrad._commands._shared import parse, write_json
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._shared import write_json
 from motorgrad.experiments import EXPERIMENTS
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS

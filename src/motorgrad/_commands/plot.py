@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from motorgrad._commands._shared import parse, write_json
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._shared import write_json
 from motorgrad._errors import check
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 

@@ -1,7 +1,6 @@
 """`motorgrad reproduce NAME…`: figures and claims of the thesis, measured again."""
 
 import dataclasses
-import itertools
 import sys
 from pathlib import Path
 
@@ -66,9 +65,11 @@ def run(arguments: list[str]) -> int:
 
 def _command(given: Given) -> type[Reproduce]:
     """The options; where a single experiment is named, with its settings (`--settings.seeds 32`)."""
-    named = list(itertools.takewhile(lambda word: not word.startswith("-"), given.rest))
+    named = [word for word in given.rest if word.lower() in EXPERIMENTS]
     names = named or given.table.get("experiments", [])
     if not isinstance(names, list) or len(names) != 1 or str(names[0]).lower() not in EXPERIMENTS:
+        several = any(word.startswith("--settings") for word in given.rest) or "settings" in given.table
+        check(not several, "settings", names, "given where a single experiment is named")
         return Reproduce
     kind = EXPERIMENTS[str(names[0]).lower()]
     if not dataclasses.fields(kind):

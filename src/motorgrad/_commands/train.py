@@ -15,10 +15,10 @@ from motorgrad.tasks import TASKS
 from motorgrad.training import (
     Run,
     RunDirectoryError,
-    check_settings,
     check_tensorboard,
     check_training,
     settings_for,
+    settings_in,
     train,
 )
 
@@ -77,9 +77,11 @@ def run(arguments: list[str]) -> int:
     given = read(_resumed(arguments))
     name, given = _task_of(given)
     if name is None:
+        asked = set(arguments) & {"-h", "--help"}
+        check(asked or not arguments, "the first word", arguments[:1], "the task's name: motorgrad train TASK ...")
         print(f"usage: motorgrad train TASK [options]\n\ntasks: {', '.join(TASKS)}\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
-        return 0 if set(arguments) & {"-h", "--help"} else 2
+        return 0 if asked else 2
     # The learner's defaults are those of the task as it is asked for, so that is found out first.
     about_task = any(argument.startswith("--task") for argument in given.rest)
     settings = {key: value for key, value in given.table.items() if key == "task"}
@@ -159,7 +161,7 @@ def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     if named is not None:
         choice("task", named, TASKS)
     if isinstance(agent := values.get("agent"), dict) and isinstance(agent.get("policy"), dict):
-        check_settings(agent, "agent")
+        settings_in(agent, "agent")
     return named, values | ({"task": settings} if settings else {})
 
 

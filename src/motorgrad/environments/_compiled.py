@@ -12,10 +12,6 @@ from motorgrad.bodies import BodyBatch
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.worlds import World
 
-# A decision takes less time than waking another thread for it, as asynchronous dispatch does. As in training, the
-# setting is the whole process's, and has no effect where JAX is already at work.
-jax.config.update("jax_cpu_enable_async_dispatch", False)
-
 
 class Compiled(NamedTuple):
     """`begin(packed, numbers)` and `again(carry, packed, numbers)`, for a first and a further episode, give the carry

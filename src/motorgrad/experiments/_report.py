@@ -2,18 +2,17 @@
 
 import base64
 import html
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from motorgrad._files import write_atomically
+from motorgrad._files import read_json, write_atomically
 
 
 def write_report(out: Path | str, order: Iterable[str]) -> Path:
     """Write `report.html` about every experiment reproduced in the folder `out`, those in `order` first; its path."""
     out, names = Path(out), list(order)
-    found = {file.parent.name: json.loads(file.read_text()) for file in sorted(out.glob("*/record.json"))}
+    found = {file.parent.name: read_json(file) for file in sorted(out.glob("*/record.json"))}
     records = [found[name] for name in [*(n for n in names if n in found), *(n for n in found if n not in names)]]
     path = out / "report.html"
     write_atomically(path, page(records, out).encode())
@@ -39,7 +38,7 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
 <main>
 <h1>Experiments reproduced</h1>
 <p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {held} of {len(claims)} claims hold.
-Brackets are 95 % intervals over seeds.</p>
+Brackets are 95 % intervals over seeds. All of it took {_time(sum(record["seconds"] for record in records))}.</p>
 {warning}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}
@@ -62,7 +61,7 @@ def _section(record: dict[str, Any], out: Path) -> str:
 {_claims(record)}
 <details><summary>Settings, versions, time</summary>
 <p>Settings: {_text(settings)}.</p>
-<p>{_text(versions)}; {_text(record["processor"])}. It took {_text(_time(record["seconds"]))}.</p>
+<p>{_text(versions)}; {_text(record["processor"])}. {_text(_took(record))}</p>
 <p>Again, in another folder: <code>{_text(record["command"])} --out FOLDER</code></p>
 </details>
 </section>"""
@@ -111,6 +110,12 @@ def _number(value: float | None) -> str:
 def _score(record: dict[str, Any]) -> str:
     claims = record["claims"]
     return f"({sum(c['holds'] for c in claims)} of {len(claims)} claims hold)" if claims else ""
+
+
+def _took(record: dict[str, Any]) -> str:
+    trained = record["trained"]
+    of = f"; the training that it rests on, shared with other experiments, took {_time(trained)}" if trained else ""
+    return f"It took {_time(record['seconds'])}{of}."
 
 
 def _time(seconds: float) -> str:

@@ -5,6 +5,7 @@ import json
 import math
 import time
 import tomllib
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,13 @@ import filelock
 import tomli_w
 
 from motorgrad._errors import unknown
-from motorgrad._files import write_atomically
+from motorgrad._files import read_json, write_atomically
 from motorgrad._settings import table
 from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment
+from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._style import STYLE
 from motorgrad.experiments._workspace import Workspace, read_arrays, write_arrays
-from motorgrad.training import provenance
+from motorgrad.training import RunWarning, provenance, what_changed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,17 +29,26 @@ class Reproduction:
 
     - `experiment`, with its settings; `folder`, where everything is.
     - `claims`: each judged.
-    - `seconds`: that the run took, over all sessions; `versions` that made it, and `processor`.
+    - `sessions`: of the run, as `motorgrad.training.provenance` has them: versions, processor, command; `seconds`; and,
+      as `trained`, of every training run that was used, shared ones too, the seconds that it took.
     - `quick`: whether this was a smoke size, whose claims mean nothing.
     """
 
     experiment: Experiment
     folder: Path
     claims: tuple[Claim, ...]
-    seconds: float
-    versions: dict[str, str]
-    processor: str
+    sessions: tuple[dict[str, Any], ...]
     quick: bool
+
+    @property
+    def seconds(self) -> float:
+        """That the sessions took together."""
+        return sum(session["seconds"] for session in self.sessions)
+
+    @property
+    def trained(self) -> float:
+        """Seconds of training in the runs that were used, in these sessions or in others."""
+        return sum({name: took for session in self.sessions for name, took in session["trained"].items()}.values())
 
     @property
     def figure(self) -> Path:
@@ -66,8 +76,9 @@ class Reproduction:
             "command": self.command,
             "claims": [_plain(dataclasses.asdict(claim)) for claim in self.claims],
             "seconds": self.seconds,
-            "versions": self.versions,
-            "processor": self.processor,
+            "trained": self.trained,
+            "versions": _every([session["versions"] for session in self.sessions]),
+            "processor": " and ".join(dict.fromkeys(session["processor"] for session in self.sessions)),
             "figure": str(self.figure),
         }
 
@@ -100,24 +111,31 @@ def reproduce(
 def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool) -> Reproduction:
     _settle(experiment, folder)
     stored, about = folder / "values.npz", folder / "provenance.json"
+    sessions = read_json(about)["sessions"] if about.exists() else []
+    if sessions and (changes := list(what_changed(sessions[-1], provenance()))):
+        warnings.warn(f"{folder}: goes on with what was made otherwise: {'; '.join(changes)}", RunWarning, stacklevel=4)
     if not stored.exists():
-        before = json.loads(about.read_text())["seconds"] if about.exists() else 0.0
-        started, where = time.monotonic(), provenance()
-        try:
-            values = experiment.run(work)
-        finally:
-            # a session that is stopped counts as well
-            spent = before + time.monotonic() - started
-            write_atomically(about, json.dumps({"seconds": spent, **where}, indent=2).encode())
-        write_arrays(stored, values)
+        write_arrays(stored, _session(experiment, work, about, sessions))
     # read back, so that a figure made now and one made later show the same
     values = read_arrays(stored)
-    made = json.loads(about.read_text())
-    _draw(experiment, values, folder)
-    claims = tuple(experiment.claims(values))
-    done = Reproduction(experiment, folder, claims, made["seconds"], made["versions"], made["processor"], quick)
+    try:
+        _draw(experiment, values, folder)
+        claims = tuple(experiment.claims(values))
+    except KeyError as error:
+        raise ValueError(f"{stored}: holds no {error}: made by another version; delete the folder {folder}") from None
+    done = Reproduction(experiment, folder, claims, tuple(read_json(about)["sessions"]), quick)
     write_atomically(folder / "record.json", json.dumps(done.record(), indent=2, allow_nan=False).encode())
     return done
+
+
+def _session(experiment: Experiment, work: Workspace, about: Path, sessions: list[dict[str, Any]]) -> Values:
+    """Run the experiment, and note when, where, by which versions and for how long, also where it is stopped."""
+    session, started = provenance(), time.monotonic()
+    try:
+        return experiment.run(work)
+    finally:
+        session |= {"seconds": time.monotonic() - started, "trained": work.trained}
+        write_atomically(about, json.dumps({"sessions": [*sessions, session]}, indent=2).encode())
 
 
 def _settle(experiment: Experiment, folder: Path) -> None:
@@ -143,6 +161,12 @@ def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
         figure = experiment.figure(values)
         figure.savefig(folder / "figure.svg", metadata={"Date": None})
         figure.savefig(folder / "figure.png", dpi=160)
+
+
+def _every(versions: Sequence[dict[str, str]]) -> dict[str, str]:
+    """The versions of all sessions: of a library that changed, each."""
+    names = dict.fromkeys(name for each in versions for name in each)
+    return {name: ", ".join(dict.fromkeys(each[name] for each in versions if name in each)) for name in names}
 
 
 def _plain(value: Any) -> Any:

@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import sys
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ class Workspace:
 
     def __init__(self, path: Path, shared: Path, threads: int = 0, progress: bool = True):
         self.path, self.shared, self.threads, self.progress = path, shared, threads, progress
+        self.trained: dict[str, float] = {}
+        """Of every run that was asked for, the seconds that its training took, in whatever session."""
 
     def train(self, task: Task, settings: AgentSettings, steps: int, seeds: int) -> Run:
         """A trained run, from the shared folder where another experiment has asked for the same.
@@ -37,6 +40,7 @@ class Workspace:
         run = train(task, settings, steps, seeds, out, threads=self.threads, progress=self.progress)
         if not run.complete:
             raise KeyboardInterrupt
+        self.trained[out.name] = float(run.metrics["wall_time"][-1].as_py())
         return run
 
     def part(self, name: str, make: Callable[[], Mapping[str, Any]]) -> dict[str, np.ndarray]:
@@ -67,6 +71,9 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file of `write_arrays`."""
-    with np.load(path, allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
+    """The arrays of a file of `write_arrays`. **Raises** `ValueError` for a damaged file."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: damaged: {error}; delete it, and it is made again") from None

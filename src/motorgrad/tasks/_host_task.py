@@ -4,10 +4,15 @@ import abc
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad.tasks._task import Task
+
+# On the host every decision is a compiled call, which takes less time than waking another thread for it, as
+# asynchronous dispatch does. The setting is the whole process's, and has no effect where JAX is already at work.
+jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
 class HostBatch(Protocol):
@@ -44,11 +49,6 @@ class HostTask(Task):
     @abc.abstractmethod
     def batch(self, seeds: Sequence[int], threads: int = 0) -> HostBatch:
         """The dynamics, one row for each seed, at the start of an episode; `threads`, where they can use them."""
-
-    @property
-    def action_numbers(self) -> int:
-        """Numbers in one seed's action, as `HostBatch.step` takes it."""
-        return self.action_size if self.actions == "binary" else 1
 
     @property
     def no_resume(self) -> str | None:

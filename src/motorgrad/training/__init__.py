@@ -8,8 +8,8 @@ from motorgrad.training._host_stepper import HostStepper
 from motorgrad.training._plot import learning_curves
 from motorgrad.training._plot_curves import Curve
 from motorgrad.training._plot_labels import folders_of
-from motorgrad.training._provenance import provenance
-from motorgrad.training._resume import check_settings, resume
+from motorgrad.training._provenance import provenance, what_changed
+from motorgrad.training._resume import resume, settings_in
 from motorgrad.training._run import Run, load
 from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for
 from motorgrad.training._stepper import Stepper
@@ -29,7 +29,6 @@ __all__ = [
     "RunWarning",
     "Stepper",
     "WorldStepper",
-    "check_settings",
     "check_tensorboard",
     "check_training",
     "evaluate",
@@ -39,7 +38,9 @@ __all__ = [
     "provenance",
     "resume",
     "settings_for",
+    "settings_in",
     "stepper_of",
     "train",
+    "what_changed",
     "write_tensorboard",
 ]

@@ -53,7 +53,8 @@ def check_training(
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
     check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
-    check(checkpoint_every >= 0, "checkpoint_every", checkpoint_every, "at least 0 seconds")
+    timed = isinstance(checkpoint_every, int | float | np.number) and checkpoint_every >= 0
+    check(timed, "checkpoint_every", checkpoint_every, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MOST_THREADS
     check(valid, "threads", threads, f"0 for all processors, or their number, at most {MOST_THREADS}")
     settings = settings_for(task) if agent is None else agent if isinstance(agent, AgentSettings) else None

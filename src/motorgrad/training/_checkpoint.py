@@ -76,8 +76,3 @@ def into(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.n
         return arrays[name]
 
     return jax.tree_util.tree_map_with_path(find, template)
-
-
-def _alike(one: np.dtype, other: np.dtype) -> bool:
-    """Whether two types are the same; strings of bytes, such as saved environments, are as long as they need to be."""
-    return one == other or one.kind == other.kind == "S"

@@ -25,10 +25,10 @@ import tomli_w
 from jaxtyping import PyTree
 
 from motorgrad._errors import check
-from motorgrad._files import read_toml, write_atomically
+from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build
 from motorgrad.training._checkpoint import CorruptCheckpoint, load, save
-from motorgrad.training._provenance import changed, provenance
+from motorgrad.training._provenance import provenance, what_changed
 
 
 class RunDirectoryError(RuntimeError):
@@ -105,9 +105,9 @@ class RunDirectory:
     def note_session(self, seeds: list[int], going_on: bool = False) -> None:
         """Add the present process to the run's provenance; where it goes on, say what is not as it was before."""
         file = self.path / "provenance.json"
-        sessions = json.loads(file.read_text())["sessions"] if file.exists() else []
+        sessions = read_json(file)["sessions"] if file.exists() else []
         sessions.append(provenance())
-        changes = list(changed(*sessions[-2:])) if going_on and len(sessions) > 1 else []
+        changes = list(what_changed(*sessions[-2:])) if going_on and len(sessions) > 1 else []
         if changes:
             warnings.warn(f"{self.path} goes on, but not bit for bit: {'; '.join(changes)}", RunWarning, stacklevel=2)
         write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())

@@ -16,10 +16,6 @@ from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper, fits
 
-# A decision takes less time than waking another thread for it, as asynchronous dispatch does. The setting is the whole
-# process's, and has no effect where JAX is already at work.
-jax.config.update("jax_cpu_enable_async_dispatch", False)
-
 Numbers = dict[str, Float[Array, " size"]]
 
 

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-LIBRARIES = ("motorgrad", "jax", "jaxlib", "equinox", "optax", "mujoco", "numpy", "numba", "pyarrow")
+LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle numpy scipy numba pyarrow"
 
 
 def provenance() -> dict[str, Any]:
     """Versions, processor, command and time. Bit-for-bit promises hold where `versions` and `processor` are equal."""
     return {
-        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES}
+        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES.split()}
         | {"python": platform.python_version()},
         "processor": _processor(),
         "system": platform.platform(),
@@ -25,7 +25,7 @@ def provenance() -> dict[str, Any]:
     }
 
 
-def changed(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
+def what_changed(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
     """What differs between two sessions, in words, that bit-for-bit promises depend on."""
     were, are = ({"processor": each["processor"], **each["versions"]} for each in (before, now))
     for name in were.keys() & are.keys():

@@ -10,11 +10,18 @@ from motorgrad.training._settings import AgentSettings
 from motorgrad.training._train import train
 
 
-def resume(path: Path | str, steps: int | None = None, **options: Any) -> Run:
+def resume(
+    path: Path | str,
+    steps: int | None = None,
+    *,
+    checkpoint_every: float = 30.0,
+    threads: int = 0,
+    progress: bool = True,
+) -> Run:
     """Go on with the run in a directory: its task, its learner's settings, its seeds.
 
-    **Arguments:** `path`; `steps`, decisions per seed, by default as many as were asked for before; `options`, those of
-    `train` that change no number: `checkpoint_every`, `threads`, `progress`.
+    **Arguments:** `path`; `steps`, decisions per seed, by default as many as were asked for before; the others as
+    in `train`: they change no number.
 
     **Returns** the `Run`; a finished one is given back.
 
@@ -22,13 +29,22 @@ def resume(path: Path | str, steps: int | None = None, **options: Any) -> Run:
     these to `train` with `out=path`.
     """
     config = RunDirectory(path).read_config()
-    settings = check_settings(config["agent"], f"the agent of {path}")
+    settings = settings_in(config["agent"], f"the agent of {path}")
     run: dict[str, Any] = config["run"]
     asked = run["steps"] if steps is None else steps
-    return train(task_of(config), settings, asked, run["seeds"], path, **options)
+    return train(
+        task_of(config),
+        settings,
+        asked,
+        run["seeds"],
+        path,
+        checkpoint_every=checkpoint_every,
+        threads=threads,
+        progress=progress,
+    )
 
 
-def check_settings(agent: dict[str, Any], where: str) -> AgentSettings:
+def settings_in(agent: dict[str, Any], where: str) -> AgentSettings:
     """The learner's settings in a run's configuration. **Raises** `RunDirectoryError` where it was made by hand."""
     if isinstance(agent["policy"], dict):
         raise RunDirectoryError(

@@ -143,7 +143,9 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     if found is None:
         raise RunDirectoryError(f"{path} has no whole checkpoint yet")
     arrays, about = found
-    shapes = rebuild((directory.learner() or config["agent"])["policy"])
+    if (learner := directory.learner()) is None:
+        raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; going on with training puts it back")
+    shapes = rebuild(learner["policy"])
 
     def filled(arrays: dict[str, np.ndarray], prefix: str, part: Policy = shapes) -> Policy:
         return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], part)

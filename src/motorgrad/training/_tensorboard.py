@@ -7,7 +7,6 @@ as it is added to, not replaced, a TensorBoard that is open follows.
 
 import importlib.util
 import io
-import json
 import math
 import time
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from motorgrad._files import write_atomically
+from motorgrad._files import read_json, write_atomically
 from motorgrad.training._plot_curves import Plotted
 
 FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
@@ -115,5 +114,5 @@ def _beginning(run: Plotted) -> float:
 
 def began(path: Path) -> float:
     """When the first session in a run directory began, in seconds since 1970."""
-    first = json.loads((path / "provenance.json").read_text())["sessions"][0]
+    first = read_json(path / "provenance.json")["sessions"][0]
     return datetime.fromisoformat(first["started"]).timestamp()

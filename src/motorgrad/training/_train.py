@@ -114,12 +114,14 @@ class _Training:
         self.events: EventFiles | None = None
         if directory is not None:
             self._open(directory, window)
-            if tensorboard:
+            if tensorboard or (directory.path / "tensorboard").is_dir():
+                check_tensorboard()
                 self.events = EventFiles(directory.path / "tensorboard", seeds, began(directory.path))
                 self.events.add(directory.metrics())
 
     def _open(self, directory: RunDirectory, window: int | None) -> None:
         """Take up the run that the directory holds, or begin one."""
+        learner = None
         if directory.started:
             before = directory.read_config()
             if window is None:
@@ -133,9 +135,10 @@ class _Training:
         found = directory.latest()
         self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
         directory.write_config(self.config)
+        if learner is None:
+            directory.save_initial(self.initial, self.learner)
         if found is None:
             directory.roll_back(0)
-            directory.save_initial(self.initial, self.learner)
         else:
             arrays, about = found
             directory.roll_back(about["decision"], about["recorded"])

@@ -68,6 +68,14 @@ def shared_rewards(decay: float, lengths: np.ndarray) -> np.ndarray:
     return -summed[np.asarray(lengths, int) - 1] / lengths
 
 
+UNBIASED = 0.05
+"""A bias within this, of the gradient, counts as none; the whole interval must lie there."""
+
+
+def _within(bias: Measured) -> bool:
+    return bias.low > -UNBIASED and bias.high < UNBIASED
+
+
 def _bias_claims(values: Values) -> list[Claim]:
     length, decay = values["length"], float(values["bias decay"])
     thousand, last = int(np.flatnonzero(length == 1_000)[0]), len(length) - 1
@@ -79,18 +87,18 @@ def _bias_claims(values: Values) -> list[Claim]:
         Claim(
             f"A constant baseline leaves what the estimate averages to as it is ({about}).",
             SOURCE,
-            "0",
+            f"between {-UNBIASED} and {UNBIASED}",
             constant,
-            constant.low <= 0 <= constant.high,
+            _within(constant),
             unit,
             "The baseline is the average reward; pairs of estimates on the same trajectory, with it and without any.",
         ),
         Claim(
             f"The running mean leaves what the estimate averages to as it is ({about}).",
             SOURCE,
-            "0",
+            f"between {-UNBIASED} and {UNBIASED}",
             early,
-            early.low <= 0 <= early.high,
+            _within(early),
             unit,
             "Compared with the constant on the same trajectory. The running mean contains the rewards of the very "
             "actions that the trace holds. To first order the estimate is smaller by the part "
@@ -99,9 +107,9 @@ def _bias_claims(values: Values) -> list[Claim]:
         Claim(
             f"In long runs the running mean leaves it as it is (β = {decay:g}, {int(length[last]):,} decisions).",
             SOURCE,
-            "between -0.05 and 0.05",
+            f"between {-UNBIASED} and {UNBIASED}",
             late,
-            late.low > -0.05 and late.high < 0.05,
+            _within(late),
             unit,
             f"To first order {foretold[last]:.3g}; it vanishes like (ln T)/T.",
         ),

@@ -34,7 +34,7 @@ NAMES = {"none": "no baseline", "mean": "running mean"}
 HEAD, MENDED = "#3b6fb6", "#c8452f"
 
 
-def draw_estimates(values: "Values", published: Mapping[str, Mapping[int, float]], good: float) -> "Figure":
+def draw_estimates(values: "Values", independent: Mapping[str, Mapping[int, float]], good: float) -> "Figure":
     """The listing, and four panels: bias, error against the run's length and against the decay, learning."""
     from matplotlib.figure import Figure
 
@@ -44,7 +44,7 @@ def draw_estimates(values: "Values", published: Mapping[str, Mapping[int, float]
     )
     _listing(panels["listing"])
     _bias(panels["bias"], values)
-    _length(panels["length"], values, published)
+    _length(panels["length"], values, independent)
     _decay(panels["decay"], values)
     _learning(panels["learning"], values, good)
     return figure
@@ -87,7 +87,7 @@ def _bias(axes: "Axes", values: "Values") -> None:
     axes.legend()
 
 
-def _length(axes: "Axes", values: "Values", published: Mapping[str, Mapping[int, float]]) -> None:
+def _length(axes: "Axes", values: "Values", independent: Mapping[str, Mapping[int, float]]) -> None:
     row = list(values["decay"]).index(0.95)
     for colour, (name, (line, marker, face)) in zip(("C1", "C0"), LOOKS.items(), strict=True):
         errors = values[f"error {name}"][row]
@@ -102,10 +102,10 @@ def _length(axes: "Axes", values: "Values", published: Mapping[str, Mapping[int,
             label=NAMES[name],
         )
         axes.plot(
-            *zip(*published[name].items(), strict=True),
+            *zip(*independent[name].items(), strict=True),
             "kx",
             markersize=9,
-            label="published" if name == "mean" else None,
+            label="independent" if name == "mean" else None,
         )
     axes.set(xscale="log", yscale="log", xlabel="decisions $T$", ylabel="mean relative error")
     axes.set_title(r"error of the estimate, $\beta = 0.95$", loc="left")

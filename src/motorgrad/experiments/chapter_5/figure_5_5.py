@@ -99,9 +99,9 @@ class HopperWeights(HopperStudy):
                     Claim(
                         f"Learning comes to the same sign of the weight from {SENSORS[sensor]} to {muscle}.",
                         "section 5.2.2",
-                        "the same in every run: in most runs",
+                        "the same in every run: more than chance, for all four jointly",
                         share,
-                        share.low > 0.5,
+                        beyond_chance(share, 4),
                         note=f"The common sign is {'positive' if sign > 0 else 'negative'}.",
                     )
                 )
@@ -123,6 +123,15 @@ def common(weights: np.ndarray) -> tuple[Measured, int]:
     """The share of seeds that have the sign which most of them have, and that sign."""
     sign = 1 if np.sum(weights > 0) >= np.sum(weights < 0) else -1
     return share_of(sign * weights > 0), sign
+
+
+def beyond_chance(share: Measured, tests: int) -> bool:
+    """Whether so many signs agree as random ones would in less than 5 % of cases, for one of `tests` claims or more.
+
+    Which sign is the common one is seen afterwards, so the test is two-sided."""
+    from scipy import stats
+
+    return bool(stats.binomtest(round(share.value * share.count), share.count).pvalue < 0.05 / tests)
 
 
 def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
