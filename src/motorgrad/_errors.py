@@ -26,11 +26,11 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
-def unknown(kind: str, name: Any, known: Iterable[str]) -> ValueError:
-    """The error for a name that is not among `known`: it lists them and puts the nearest one first."""
+def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = ()) -> ValueError:
+    """The error for a name that is not among `known`: it lists them, first what may be `meant` or is nearest."""
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else []
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    near = list(meant) or (difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else [])
+    hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
     return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {', '.join(names) or 'none'}")
 
 

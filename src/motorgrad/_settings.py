@@ -14,6 +14,7 @@ from motorgrad._errors import check, shown, unknown
 T = TypeVar("T")
 LARGEST = 3.4e38  # of single precision
 WHOLE = 2**63 - 1
+EXACT = 2**53  # the largest up to which a float is the one whole number that was written
 
 
 def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | None = None) -> T:
@@ -40,10 +41,22 @@ def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = N
     hints, fields, given = typing.get_type_hints(cls), fields_of(cls), {}
     for key, value in values.items():
         if key not in fields:
-            raise unknown(f"setting of {where or cls.__name__.lower()}", key, fields)
+            raise unknown(f"setting of {where or cls.__name__.lower()}", key, fields, _deeper(cls, key, base))
         default = default_of(fields[key]) if base is None else getattr(base, key)
         given[key] = as_hinted(hints[key], value, _place(where, key), default)
     return given
+
+
+def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
+    """Where tables within the table have a setting of this name."""
+    hints, found = typing.get_type_hints(cls), []
+    for name, field in fields_of(cls).items():
+        default = default_of(field) if base is None else getattr(base, name)
+        inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
+        if dataclasses.is_dataclass(inner):
+            found += [f"{name}.{key}"] if key in fields_of(inner) else []
+            found += [f"{name}.{deeper}" for deeper in _deeper(typing.cast(type, inner), key)]
+    return found
 
 
 def table(instance: Any) -> dict[str, Any]:
@@ -96,6 +109,8 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         check(number and -LARGEST <= value <= LARGEST, where, value, "a finite number in single precision")
         return float(value)
     if hint is int:
+        if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:  # 1e5
+            return int(value)
         check(isinstance(value, int) and not isinstance(value, bool), where, value, "an integer")
         check(-WHOLE <= value <= WHOLE, where, value, f"an integer of at most {WHOLE}")
         return value
@@ -113,7 +128,7 @@ def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default
     for option in options:
         if dataclasses.is_dataclass(option) and isinstance(value, Mapping):  # what is wrong in it is worth saying
             return as_hinted(option, value, where, default)
-    for option in options:
+    for option in sorted(options, key=lambda option: option is not type(value)):  # 10.0 stays a float
         try:
             return as_hinted(option, value, where, default)
         except ValueError:

@@ -1,10 +1,10 @@
 """The command line. Thin: every command is a typed dataclass and one call of the library."""
 
-import signal
+import os
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+
+from motorgrad._signals import interrupt_when_asked
 
 COMMANDS = {
     "list": "every task, policy, estimator and experiment",
@@ -33,30 +33,19 @@ def main(arguments: list[str] | None = None) -> int:
 
     try:
         choice("command", name, COMMANDS)
-        with _terminated_as_interrupted():
-            return _command(name)(rest)
+        with interrupt_when_asked():
+            status = _command(name)(rest)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # whoever was reading, such as head, has enough; the interpreter's last flush must not fail
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (ValueError, OSError, RuntimeError) as error:
         print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print(f"motorgrad {name}: stopped", file=sys.stderr)
         return 130
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Make of SIGTERM what Ctrl-C is. Training, which has safe points to stop at, has its own way with both."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL if previous is None else previous)
 
 
 def _command(name: str) -> Callable[[list[str]], int]:

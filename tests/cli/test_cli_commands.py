@@ -220,7 +220,7 @@ REFUSED = [
     (["train", "chain", "--task.variant", "rest"], "reset"),
     (["train", "chain", "--agent.policy", "softmx"], "softmax"),
     (["train", "chain", "--agent.policy", "hyperplanes"], "policy Hyperplanes"),
-    (["train", "chain", "--agent.policy", "motoneurons"], "inputs = 6"),
+    (["train", "chain", "--agent.policy", "motoneurons"], "task 'chain' has 6 observed numbers"),
     (["train", "chain", "--agent.estimator", "olgarp"], "olgarb"),
     (["train", "chain", "--agent.decay", 1], "decay = 1.0"),
     (["train", "chain", "--agent.rate", "nan"], "rate"),

@@ -150,7 +150,7 @@ REFUSED = [
     ("train chain", "checkpoint-every = 5", "did you mean 'checkpoint_every'?"),
     ("train chain", "steps = 0", "a.toml: steps = 0: must be an integer from 1"),
     ("train chain", 'steps = "many"', "a.toml: steps = 'many': must be an integer"),
-    ("train chain", "seeds = 1e3", "a.toml: seeds = 1000.0: must be an integer or a list"),
+    ("train chain", "seeds = 1000.5", "a.toml: seeds = 1000.5: must be an integer or a list"),
     ("train chain", "seeds = 1000000000000", "seeds = 1000000000000: must be from 1 to 1000000"),
     ("train chain", "seeds = [1, 1]", "seeds = [1, 1]: must be all different"),
     ("train chain", "seeds = [1, 2]\nfirst_seed = 3", "first_seed = 3"),

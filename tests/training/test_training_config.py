@@ -205,7 +205,7 @@ def test_a_polite_end_saves_everything(number, process_environment, tmp_path):
 
 
 def test_a_second_request_interrupts_at_once():
-    from motorgrad.training._signals import stop_when_asked
+    from motorgrad._signals import stop_when_asked
 
     before = signal.getsignal(signal.SIGTERM)
     with stop_when_asked() as stopped:

@@ -15,6 +15,7 @@ import tomli_w
 import tyro
 
 from motorgrad._commands._help import description_of, descriptions
+from motorgrad._commands._words import REGISTRY, reader, shown_as
 from motorgrad._errors import check
 from motorgrad._files import check_writable, read_toml
 from motorgrad._settings import build, convert, default_of, fields_of, table
@@ -102,7 +103,8 @@ def fill(cls: type, given: Given, prog: str) -> dict[str, Any]:
         raise ValueError(f"{given.file}: {error}") from None
     if not given.rest:  # a form of all that could be said takes a while to make
         return values
-    return _values(tyro.cli(_form(cls, values, COMMON), args=given.rest, prog=f"motorgrad {prog}"), cls)
+    form = _form(cls, values, COMMON)
+    return _values(tyro.cli(form, args=given.rest, prog=f"motorgrad {prog}", registry=REGISTRY), cls)
 
 
 def _values(form: Any, cls: type) -> dict[str, Any]:
@@ -123,8 +125,9 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any
             default = hint()
         elif "choices" in field.metadata:
             hint = typing.Literal[tuple(field.metadata["choices"])]
-        if name in helps:
-            hint = Annotated[hint, tyro.conf.arg(help=helps[name])]
+        missing = "(required)" if default is dataclasses.MISSING else None  # of no words tyro makes an empty default
+        argument = tyro.conf.arg(help=helps.get(name), metavar=shown_as(hint), help_behavior_hint=missing)
+        hint = Annotated[(hint, argument, *reader(hint))]
         given = () if default is dataclasses.MISSING else (dataclasses.field(default_factory=lambda d=default: d),)
         entries.append((name, hint, *given))
     space = {"__doc__": description_of(cls), "__post_init__": lambda self: None}

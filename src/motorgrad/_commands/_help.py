@@ -4,6 +4,7 @@ import inspect
 import re
 
 FIELD = re.compile(r"^- `(\w+)`([^`:]*): (.*?)(?=\n- |\n\n|\Z)", re.DOTALL | re.MULTILINE)
+WORD = re.compile(r"[a-z]+(?=[\s,:;-]|$)")  # not a symbol or a name, such as ρ, k_SE and motorgrad.make
 
 
 def description_of(cls: type) -> str:
@@ -21,7 +22,8 @@ def descriptions(cls: type) -> dict[str, str]:
         for name, more, text in FIELD.findall(_doc(base)):
             unit = more if more.startswith(" (") else ""
             said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".replace("`", "").split())
-            found.setdefault(name, f"{said[:1].upper()}{said[1:].rstrip('.')}{unit}.")
+            said = said[:1].upper() + said[1:] if WORD.match(said) else said
+            found.setdefault(name, f"{said.rstrip('.')}{unit}.")
     return found
 
 

@@ -34,7 +34,7 @@ class Evaluate:
     seed: int | None = None
     """The seed to film; by default the first."""
     video: Path | None = None
-    """Where the film goes, by default figures/evaluation.mp4 of the run. Only bodies are filmed."""
+    """Where the film goes, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 and the like."""
     film: bool = True
     """Whether to film."""
     seconds: float = 10.0
@@ -47,13 +47,17 @@ class Evaluate:
         trained.policy(self.seed)  # refuses a seed that the run does not have
         check(1 <= self.steps <= MOST, "steps", self.steps, f"from 1 to {MOST} decisions")
         check(0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
-        if self.film and isinstance(trained.task, BodyTask):
+        body = isinstance(trained.task, BodyTask)
+        check(body or self.video is None, "video", str(self.video), f"left out: task {trained.task.name!r} has no body")
+        if self.film and body:
             check(self.film_path.suffix == ".mp4", "video", str(self.film_path), "a path that ends in .mp4")
             check_writable("video", self.film_path)
 
     @property
     def film_path(self) -> Path:
-        return self.video or self.run / "figures" / "evaluation.mp4"
+        what = {"untrained": self.untrained, "mode": self.mode == "mode", f"seed-{self.seed}": self.seed is not None}
+        name = "-".join(["evaluation", *(word for word, chosen in what.items() if chosen)])
+        return self.video or self.run / "figures" / f"{name}.mp4"
 
 
 def run(arguments: list[str]) -> int:
@@ -82,7 +86,10 @@ def run(arguments: list[str]) -> int:
         made = film([motion], path)
         found |= {"video": str(path), "renderer": made.renderer}
         if not quiet:
-            print(f"filmed seed {seed}: {path}")
+            short = (
+                "" if made.seconds > options.seconds - 0.05 else f" of {options.seconds:g}, for more take more --steps"
+            )
+            print(f"filmed seed {seed}, {made.seconds:.1f} s{short}: {path}")
             if made.note:
                 print(made.note)
     write_json(options.json, found)

@@ -16,14 +16,15 @@ from motorgrad.experiments import EXPERIMENTS, Reproduction, chosen, reproduce, 
 @dataclasses.dataclass(frozen=True)
 class Reproduce:
     """Run experiments, draw their figures and judge their claims; then write a report of one page about all that the
-    folder holds. What is finished there is not run again; what was interrupted goes on."""
+    folder holds. What is finished there is not run again; what was interrupted goes on. motorgrad reproduce NAME --help
+    shows the settings of one experiment."""
 
     experiments: tyro.conf.Positional[tuple[str, ...]]
     """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
     out: Path | None = None
     """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke size."""
     quick: bool = False
-    """A smoke size: everything happens, in seconds, and the numbers mean nothing."""
+    """A smoke size: everything happens, in a minute or two for all, and the numbers mean nothing."""
     strict: bool = False
     """Exit with status 1 where a claim does not hold."""
     threads: int = 0
@@ -83,6 +84,8 @@ def _command(given: Given) -> type[Reproduce]:
 
 
 def _say(done: list[Reproduction], report: Path) -> None:
+    if any(each.quick for each in done):
+        print("A smoke size: everything has run, and its numbers and verdicts mean nothing.")
     for each in done:
         held = sum(claim.holds for claim in each.claims)
         judged = f": {held} of {len(each.claims)} claims hold" if each.claims else ""
@@ -91,6 +94,4 @@ def _say(done: list[Reproduction], report: Path) -> None:
             print(f"  {'✓' if claim.holds else '✗'} {claim.statement}")
             unit = f" ({claim.unit})" if claim.unit else ""
             print(f"      expected {claim.expected}; measured {claim.measured}{unit}")
-    if any(each.quick for each in done):
-        print("\nA smoke size: everything has run, and its numbers mean nothing.")
     print(f"\nreport: {report}")

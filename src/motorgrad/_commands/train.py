@@ -117,6 +117,8 @@ def _resumed(arguments: list[str]) -> list[str]:
     path, rest = take("resume", arguments)
     if path is None:
         return arguments
+    if rest and not rest[0].startswith("-"):
+        raise ValueError(f"--resume {path}: says which task, so leave out {rest[0]!r}")
     for option in ("config", "out"):
         if take(option, rest)[0] is not None:
             raise ValueError(f"--resume {path}: says what --{option} would")

@@ -23,6 +23,7 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
     """The page about these records; figures are read from their folders in `out`, and become part of it."""
     claims = [claim for record in records for claim in record["claims"]]
     held = sum(claim["holds"] for claim in claims)
+    took = _time(sum(record["seconds"] for record in records))
     quick = any(record["quick"] for record in records)
     contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
     warning = '<p class="quick">A smoke size: everything has run, and its numbers mean nothing.</p>' if quick else ""
@@ -38,7 +39,7 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
 <main>
 <h1>Experiments reproduced</h1>
 <p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {held} of {len(claims)} claims hold.
-Brackets are 95 % intervals over seeds. All of it took {_time(sum(record["seconds"] for record in records))}.</p>
+Brackets are 95 % intervals over seeds, or over runs where there are no seeds. All took {took}.</p>
 {warning}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}

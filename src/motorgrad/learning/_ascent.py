@@ -31,8 +31,8 @@ class sgd:
     arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of several pools a
     name stands for that field in every pool.
 
-    **Raises:** `ValueError` for a negative or infinite rate; from `init`, for a field without a rate, a rate without a
-    field, or one whose shape does not fit its field.
+    **Raises:** `ValueError` for a rate that is negative, infinite or no number; from `init`, for a field without a
+    rate, a rate without a field, or one whose shape does not fit its field.
 
     It is an optax transformation: it goes where one goes, into `optax.chain` too.
     """
@@ -40,10 +40,12 @@ class sgd:
     rate: float | Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        rates = self.rate if isinstance(self.rate, Mapping) else {"rate": self.rate}
-        for name, rate in rates.items():
-            valid = np.all((np.asarray(rate) >= 0) & np.isfinite(rate))
-            check(valid, f"step size {name}", rate, "finite numbers of at least 0")
+        allowed = "a finite number of at least 0, an array of them"
+        if not isinstance(self.rate, Mapping):
+            check(_possible(self.rate), "step size rate", self.rate, f"{allowed}, or a table of them by group")
+            return
+        for name, rate in self.rate.items():
+            check(_possible(rate), f"step size {name}", rate, allowed)
 
     def init(self, params: PyTree[Array]) -> SgdState:
         if not isinstance(self.rate, Mapping):
@@ -98,6 +100,15 @@ class adam:
 
     def __iter__(self) -> Iterator[Any]:  # as in `sgd`
         return iter((self.init, self.update))
+
+
+def _possible(rate: Any) -> bool:
+    try:
+        numbers = np.asarray(rate)
+    except (TypeError, ValueError):  # lists of different lengths
+        return False
+    real = jnp.issubdtype(numbers.dtype, jnp.floating) or jnp.issubdtype(numbers.dtype, jnp.integer)
+    return bool(real and np.all((numbers >= 0) & np.isfinite(numbers)))
 
 
 def _fitting(name: str, rate: Any, parameter: Array) -> Array:

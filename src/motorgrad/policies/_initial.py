@@ -52,6 +52,9 @@ def motoneurons(
 ) -> Callable[[jax.Array], Motoneurons]:
     """Motoneurons of gain 0 whose thresholds are drawn from U[`low`, `high`] (section 4.3.1 of the thesis)."""
     inputs, outputs = _sizes(task, units)
+    if inputs != 1 and not isinstance(task, int):
+        named = f"task {getattr(task, 'name', type(task).__name__)!r} has {inputs} observed numbers"
+        raise ValueError(f"policy = 'motoneurons': {named}, a motoneuron has a single input")
     check(inputs == 1, "inputs", inputs, "1: a motoneuron has a single input")
     check(low < high, "low, high", (low, high), "an interval, low < high")
 

@@ -21,8 +21,13 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
         return gymnasium.make(env_id, **kwargs)
     except gymnasium.error.UnregisteredEnv as error:
         raise ValueError(f"env_id = {env_id!r}: {_line(error)}") from None
-    except (gymnasium.error.DependencyNotInstalled, ImportError) as error:
+    except gymnasium.error.DependencyNotInstalled as error:
         raise ValueError(f"env_id = {env_id!r}: something that it needs is not installed: {_line(error)}") from None
+    except ImportError as error:  # as Gymnasium's MuJoCo environments raise, which name no remedy
+        raise ValueError(
+            f"env_id = {env_id!r}: something that it needs is not installed: {_line(error)}; "
+            "for those of Gymnasium: pip install 'gymnasium[mujoco]', or another of its extras"
+        ) from None
     except Exception as error:  # an environment's own code may raise anything
         given = f" with {dict(kwargs)}" if kwargs else ""
         raise ValueError(

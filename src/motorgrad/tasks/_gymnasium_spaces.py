@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import numpy as np
 from jaxtyping import Bool, Float
 
-from motorgrad._errors import choice
+from motorgrad._errors import choice, shown
 
 if TYPE_CHECKING:
     from gymnasium import Space
@@ -138,5 +138,6 @@ def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> Observ
 
 def refuse(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:
     """Refuse a space by name."""
-    shown = type(space).__name__ + (f"{space.shape}" if isinstance(getattr(space, "shape", None), tuple) else "")
-    raise ValueError(f"{env_id} has {what} in a {shown} space: must be {wanted}")
+    shape = getattr(space, "shape", None)
+    kind = shown(space) if shape == () else type(space).__name__ + (f"{shape}" if isinstance(shape, tuple) else "")
+    raise ValueError(f"{env_id} has {what} in a {kind} space: must be {wanted}")

@@ -19,7 +19,7 @@ FRESH = 1_000_000_000
 """Added to a seed for its evaluation, so that a policy is not judged on the random numbers that it learnt from."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evaluation:
     """How the policies of a run behave without learning.
 
@@ -37,6 +37,12 @@ class Evaluation:
     position: np.ndarray | None = None
     sensors: dict[str, np.ndarray] | None = None
     activation: np.ndarray | None = None
+
+    def __repr__(self) -> str:
+        means = {"reward": self.reward, **self.readings}
+        seen = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
+        said = [f"median {name} {np.median(values):.4g}" for name, values in seen.items() if len(values)]
+        return f"Evaluation({len(self.reward)} seeds, {len(self.time):,} decisions, {', '.join(said)})"
 
 
 def evaluate(

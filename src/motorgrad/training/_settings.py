@@ -25,7 +25,7 @@ from motorgrad.learning import (
     adam,
     sgd,
 )
-from motorgrad.tasks import Task
+from motorgrad.tasks import Task, make
 
 LARGEST = 100_000_000  # weights of a policy
 ESTIMATORS: dict[str, dict[str, Any]] = {
@@ -138,8 +138,13 @@ class AgentSettings:
         }
 
 
-def settings_for(task: Task, **changes: Any) -> AgentSettings:
-    """The settings that go with a task, some of them changed."""
+def settings_for(task: Task | str, **changes: Any) -> AgentSettings:
+    """The settings that go with a task, or with the one of this name, some of them changed.
+
+    **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
+    """
+    task = make(task) if isinstance(task, str) else task
+    check(isinstance(task, Task), "task", task, "a task, or the name of one")
     return build(AgentSettings, {**task.learner, **changes}, "agent")
 
 

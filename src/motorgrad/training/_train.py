@@ -7,10 +7,12 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from motorgrad._errors import check
 from motorgrad._settings import table
+from motorgrad._signals import stop_when_asked
 from motorgrad.learning import Agent, RunningMean
 from motorgrad.tasks import BodyTask, HostTask, Task
 from motorgrad.training._arguments import Asked, check_training
@@ -23,7 +25,6 @@ from motorgrad.training._progress import Report
 from motorgrad.training._records import Records
 from motorgrad.training._run import Run, memory_in
 from motorgrad.training._settings import AgentSettings, describe_agent
-from motorgrad.training._signals import stop_when_asked
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import EventFiles, began, check_tensorboard
 from motorgrad.training._world_stepper import WorldStepper
@@ -121,7 +122,7 @@ class _Training:
 
     def _open(self, directory: RunDirectory, window: int | None) -> None:
         """Take up the run that the directory holds, or begin one."""
-        learner = None
+        learner, found = None, directory.latest() if directory.started else None
         if directory.started:
             before = directory.read_config()
             if window is None:
@@ -132,7 +133,8 @@ class _Training:
                 _same({**before, "agent": learner}, {**self.config, "agent": self.learner}, directory.path)
                 if self.config["agent"] is self.learner:
                     self.config["agent"] = before["agent"]  # which may be the settings that it was made from
-        found = directory.latest()
+            if found is not None:
+                _refuse_less(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
         self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
         directory.write_config(self.config)
         if learner is None:
@@ -178,8 +180,8 @@ class _Training:
                 self.wall += took
                 # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
                 count = max(1, min(2 * count, round(made * SLICE / took)))
-                reward = None if stepper.decision % window else self._record()
-                report.update(stepper.decision, made / took, reward)
+                latest = {} if stepper.decision % window else self._record()
+                report.update(stepper.decision, made / took, latest)
                 if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
                     self._commit()
                     saved = time.monotonic()
@@ -201,10 +203,15 @@ class _Training:
             memory_in(by_name(state)),
         )
 
-    def _record(self) -> float:
-        mean = self.records.add(self.stepper.harvest(), self.stepper.decision, self.recorded, self.wall)
+    def _record(self) -> dict[str, float]:
+        """Add a record; its means over the seeds: of the reward, and of the first of the task's readings."""
+        record = self.stepper.harvest()
+        latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall)}
+        for name in self.task.reports[:1]:
+            seen = record[name][np.isfinite(record[name])]
+            latest |= {name: float(seen.mean())} if len(seen) else {}
         self.recorded = self.stepper.decision
-        return mean
+        return latest
 
     def _commit(self) -> None:
         """Save everything, where there is a directory.
@@ -225,6 +232,15 @@ class _Training:
         if self.events is not None:
             for part in records:
                 self.events.add(part)
+
+
+def _refuse_less(path: Path, asked: int, before: int, made: int) -> None:
+    """An unfinished run keeps its goal, which would else be lost without a word. A finished one is given back."""
+    if asked < before and made < before:
+        raise RunDirectoryError(
+            f"{path} holds a run of {before:,} decisions, of which {made:,} are made; {asked:,} were asked for now: "
+            f"ask for {before:,} or more, or choose another directory"
+        )
 
 
 def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:

@@ -23,8 +23,13 @@ class Wrapping(Experiment):
     """How a muscle from A to B passes a joint's capsule with centre C: around it while the angle θ is less than θ_c, on
     tangents to the points where it touches; straight beyond. Only the angle β of the wrapped part depends on θ.
 
-    **Arguments:** `origin_distance`, `insertion_distance`, from C to A and B, and `radius` of the capsule, in m, as
-    drawn; `geometries`, further ones, drawn at random with `seed`, over which the claims are checked.
+    **Arguments:**
+
+    - `origin_distance` (m): from C to A, as drawn.
+    - `insertion_distance` (m): from C to B, as drawn.
+    - `radius` (m): of the capsule, as drawn.
+    - `geometries`: further ones, drawn at random, over which the claims are checked.
+    - `seed`: of the further geometries.
     """
 
     name: ClassVar[str] = "fig-a.1"

@@ -42,8 +42,14 @@ class HillClimbing(Experiment):
     optimum to which climbing from there leads. Exact gradients, and learning from rewards alone. The reward drawn is
     an example of ours; what is claimed of wide and narrow starts is counted over random rewards too.
 
-    **Arguments:** `columns` and `rows`, starts in the grid of the surface; `runs` that learn from rewards alone, of
-    each kind of start, and `decisions` of each; `rewards`, random functions; `seed`.
+    **Arguments:**
+
+    - `columns`: starts in the grid of the surface along the Gaussian's mean.
+    - `rows`: starts in the grid of the surface along its standard deviation.
+    - `runs`: learners from rewards alone, of each kind of start.
+    - `decisions`: for which each of these learners learns.
+    - `rewards`: random rewards over which wide and narrow starts are counted.
+    - `seed`: of the learners and of the random rewards.
     """
 
     name: ClassVar[str] = "fig-2.2"

@@ -42,8 +42,13 @@ class Learner(Experiment):
     against the decay of the trace and the length of the run, with and without a baseline; and how it learns when it
     moves at every decision (OLGARB).
 
-    **Arguments:** `runs`, over which errors are averaged; `longest`, decisions of each, from 1,000; `seeds` that
-    learn, and their `steps`; `decays` of the traces, 0 and 0.95 among them.
+    **Arguments:**
+
+    - `runs`: over which errors of estimates are averaged.
+    - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
+    - `seeds`: learners that move at every decision.
+    - `steps` (decisions): for which each learner learns.
+    - `decays`: those of the traces, per decision, 0 and 0.95 among them.
     """
 
     name: ClassVar[str] = "fig-3.1"

@@ -34,8 +34,15 @@ class Baselines(Experiment):
     to learning. Which constant is the best baseline. And how bias and variance depend on the decay of the trace, the
     former by the time in which the world mixes.
 
-    **Arguments:** `runs` at fixed parameters, and `longest`, decisions of each; `decays` of their traces, 0.95 among
-    them; `constants`, baselines swept, and for which `swept` decays; `seeds` that learn, and their `steps`.
+    **Arguments:**
+
+    - `runs`: those at fixed parameters, over which estimates are averaged.
+    - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
+    - `decays`: those of the traces at fixed parameters, per decision, 0.95 among them.
+    - `constants`: baselines that are swept, in units of reward.
+    - `swept`: decays of the traces, per decision, for which the constants are swept.
+    - `seeds`: learners with each estimator.
+    - `steps` (decisions): for which each learner learns.
     """
 
     name: ClassVar[str] = "sec-3.2.1"

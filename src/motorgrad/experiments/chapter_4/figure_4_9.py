@@ -40,7 +40,11 @@ class ChainExploration(Experiment):
     wait grows like a square; it grows exponentially where a wrong move leads back to the start, or where episodes are
     no longer than the shortest way.
 
-    **Arguments:** `longest`, the longest chain; `runs`, walks over which each wait is averaged; `seed`.
+    **Arguments:**
+
+    - `longest` (states): length of the longest chain.
+    - `runs`: walks over which each wait is averaged.
+    - `seed`: of the walks.
     """
 
     name: ClassVar[str] = "fig-4.9"

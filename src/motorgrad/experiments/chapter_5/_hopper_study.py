@@ -24,8 +24,15 @@ Paid = Literal["apex", "landing"]
 class HopperStudy(Experiment):
     """An experiment on hoppers that have practised, by default with the thesis's own numbers.
 
-    **Arguments:** `seconds` of simulated practice, `seeds`; `paid`, `decay`, `rate`, `action_period`, as of the task
-    and its learner; `watched`, simulated seconds for which the frozen policies are watched.
+    **Arguments:**
+
+    - `seconds` (simulated s): length of every hopper's practice.
+    - `seeds`: hoppers that practise, each by itself.
+    - `paid`: when the task pays for a hop: at its first `"apex"`, or at its `"landing"`.
+    - `decay`: of the eligibility trace, per decision.
+    - `rate`: the step size of all parameters.
+    - `action_period` (simulated s): from one decision to the next.
+    - `watched` (simulated s): for which the frozen policies are watched.
     """
 
     seconds: float = 1500.0

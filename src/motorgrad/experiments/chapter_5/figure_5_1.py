@@ -39,7 +39,10 @@ class MusclePair(Experiment):
     """A flexor and an extensor of the hopper's knee, drawn at several angles: straight, or wrapped around the joint's
     capsule. Below, their lengths and moment arms over the knee's range, by the closed formula and as MuJoCo has them.
 
-    **Arguments:** `angles`, at which they are drawn, in degrees; `points`, angles at which MuJoCo is asked.
+    **Arguments:**
+
+    - `angles` (degrees): of the knee, at which the muscles are drawn.
+    - `points`: angles at which MuJoCo is asked.
     """
 
     name: ClassVar[str] = "fig-5.1"

@@ -28,7 +28,10 @@ class HopperBody(Experiment):
     """The hopper: four links in a closed loop under a load that slides on an upright harness, with a foot, and at each
     knee a flexor in front and an extensor behind. What is observed is written in green.
 
-    **Arguments:** `angle` of the knees in degrees, as drawn large; `others`, as drawn beside it.
+    **Arguments:**
+
+    - `angle` (degrees): of the knees, as drawn large.
+    - `others` (degrees): angles of the knees, as drawn beside it.
     """
 
     name: ClassVar[str] = "fig-5.2"

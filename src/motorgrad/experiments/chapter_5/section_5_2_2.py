@@ -29,10 +29,17 @@ class ActionPeriod(Experiment):
     A short period makes learning slow, because many decisions in a row must agree on a jump; with a long one the
     muscles cannot answer in time to what the body does.
 
-    **Arguments:** `periods`, in s, rising; `seconds` of simulated practice and `seeds` for each; `paid`, `decay`,
-    `rate`, as of the task and its learner; `constant`: what stays the same when the period changes. With `"decision"`
-    all numbers do, and so the decay of the trace and the penalty of a muscle per decision; with `"second"` their effect
-    per second does, and 10 ms has the numbers given.
+    **Arguments:**
+
+    - `periods` (simulated s): from one decision to the next, at least three, rising.
+    - `seconds` (simulated s): length of every hopper's practice.
+    - `seeds`: hoppers that practise at each period, at least 2.
+    - `paid`: when the task pays for a hop: at its first `"apex"`, or at its `"landing"`.
+    - `decay`: of the eligibility trace, per decision.
+    - `rate`: the step size of all parameters.
+    - `constant`: what stays the same when the period changes. With `"decision"` all numbers do, and so the decay of the
+      trace and the penalty of a muscle per decision; with `"second"` their effect per second does, and 10 ms has the
+      numbers given.
     """
 
     name: ClassVar[str] = "sec-5.2.2"

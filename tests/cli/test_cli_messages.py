@@ -1,0 +1,205 @@
+"""What a user is told who asks for help, or asks for something that cannot be."""
+
+import dataclasses
+import tomllib
+
+import pytest
+
+import motorgrad as mg
+from motorgrad._commands._help import descriptions
+from motorgrad._settings import as_hinted, default_of, fields_of
+from motorgrad.cli import main
+from motorgrad.experiments import EXPERIMENTS
+from motorgrad.learning import adam, sgd
+from motorgrad.policies import motoneurons
+from motorgrad.tasks import TASKS, from_gymnasium
+from motorgrad.training import AgentSettings, settings_for
+
+
+def said(capsys, *arguments: str) -> tuple[int, str]:
+    """The status of a command and its words, without the frames around them."""
+    capsys.readouterr()
+    try:
+        status = main(list(arguments))
+    except SystemExit as end:
+        status = int(end.code or 0)
+    captured = capsys.readouterr()
+    return status, " ".join((captured.out + captured.err).replace("│", " ").split())
+
+
+def tables(cls: type) -> list[type]:
+    """A class of settings, and those of the tables within it."""
+    inner = [type(default_of(field)) for field in fields_of(cls).values()]
+    return [cls, *(found for kind in inner if dataclasses.is_dataclass(kind) for found in tables(kind))]
+
+
+SETTINGS = {found: None for cls in (*EXPERIMENTS.values(), *TASKS.values(), AgentSettings) for found in tables(cls)}
+
+
+@pytest.mark.parametrize("cls", SETTINGS, ids=lambda cls: cls.__qualname__)
+def test_every_setting_that_help_shows_is_described(cls):
+    described = descriptions(cls)
+    assert [name for name in fields_of(cls) if len(described.get(name, "")) <= 10] == []
+
+
+def test_the_help_of_an_experiment_says_what_its_settings_are(capsys):
+    status, text = said(capsys, "reproduce", "fig-5.5", "--help")
+    assert status == 0
+    assert "The step size of all parameters. (default: 0.0005)" in text
+    assert "Length of every hopper's practice (simulated s)." in text
+
+
+def test_symbols_keep_their_letters():
+    body = descriptions(mg.bodies.Hopper)
+    assert body["capsule_radius"].startswith("ρ of")
+    assert body["muscle_damping"].startswith("k_SE of")
+    assert body["load_mass"].startswith("Of the load")
+
+
+def test_the_help_of_several_words_is_short(capsys):
+    _, text = said(capsys, "train", "gymnasium", "--help")
+    for option in ("--task.kwargs", "--agent.policy-settings", "--agent.rates"):
+        assert f"{option} NAME VALUE ... " in text
+    assert "--seeds INT ... " in text
+    assert "{[" not in text
+
+
+def test_what_is_required_has_no_empty_default(capsys):
+    _, text = said(capsys, "reproduce", "--help")
+    assert "or all. (required)" in text
+    assert "(default: )" not in text
+
+
+@pytest.mark.parametrize(
+    ("words", "wrong"),
+    [
+        ((), "nothing is given; must be names and values in turn"),
+        (("weights",), "'weights' has no value; must be names and values in turn"),
+        (("weights", "0.1", "bias"), "'bias' has no value; must be names and values in turn"),
+        (("weights", "fast"), "weights = 'fast': must be a finite number"),
+    ],
+)
+def test_names_without_values_are_refused_by_option(words, wrong, capsys):
+    status, text = said(capsys, "train", "hopper", "--check", "--agent.rates", *words)
+    assert status == 2
+    assert f"Error parsing --agent.rates: {wrong}" in text
+
+
+def test_names_and_values_are_read_as_what_they_are(capsys):
+    checked = ("train", "gymnasium", "--check", "--task.env-id")
+    words = ("g", "1e1", "render_mode", "rgb_array", "max_episode_steps", "30")
+    with pytest.raises(SystemExit, match="0"):
+        main([*checked, "Pendulum-v1", "--task.kwargs", *words])
+    found = tomllib.loads(capsys.readouterr().out)["task"]["kwargs"]
+    assert found == {"g": 10.0, "render_mode": "rgb_array", "max_episode_steps": 30}
+    assert [type(value) for value in found.values()] == [float, str, int]
+    with pytest.raises(SystemExit, match="0"):
+        main([*checked, "CartPole-v1", "--task.kwargs", "sutton_barto_reward", "True"])
+    assert tomllib.loads(capsys.readouterr().out)["task"]["kwargs"]["sutton_barto_reward"] is True
+
+
+def test_none_takes_the_names_and_values_of_a_file_back(capsys, tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text("[agent]\nrates = {weights = 0.1, bias = 0.2}\n", encoding="utf-8")
+    command = ("train", "hopper", "--config", str(file), "--check")
+    assert "[agent.rates]" in said(capsys, *command, "--steps", "5")[1]
+    assert "[agent.rates]" not in said(capsys, *command, "--agent.rates", "None")[1]
+
+
+# ---- a setting at the wrong level
+
+
+def test_a_setting_at_the_wrong_level_of_a_file_is_shown_its_place(capsys, tmp_path):
+    file = tmp_path / "a.toml"
+    for line, place in (
+        ("penalty = 0.1", "'task.penalty'"),
+        ("load_mass = 3", "'task.body.load_mass'"),
+        ("[task]\nload_mass = 3", "'body.load_mass'"),
+        ("decay = 0.5", "'agent.decay'"),
+    ):
+        file.write_text(line, encoding="utf-8")
+        status, text = said(capsys, "train", "hopper", "--config", str(file))
+        assert status == 2
+        assert f"did you mean {place}? known are" in text
+
+
+def test_a_setting_that_could_stand_in_two_tables_is_shown_both(capsys, tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text("length = 4", encoding="utf-8")
+    assert "did you mean 'task.length' or 'agent.length'?" in said(capsys, "train", "chain", "--config", str(file))[1]
+
+
+def test_a_bodys_setting_given_to_its_task_is_shown_its_place():
+    with pytest.raises(ValueError, match=r"unknown setting of hopper 'load_mass': did you mean 'body\.load_mass'\?"):
+        mg.make("hopper", load_mass=3)
+
+
+# ---- whole numbers
+
+
+def test_a_whole_number_may_be_written_with_an_exponent(capsys, tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text("steps = 2e5\nseeds = 1e1", encoding="utf-8")
+    found = said(capsys, "train", "hopper", "--config", str(file), "--check")[1]
+    assert "steps = 200000 seeds = 10 " in found
+    assert (
+        "steps = 100000 seeds = 20 "
+        in said(capsys, "train", "hopper", "--steps", "1e5", "--seeds", "2e1", "--check")[1]
+    )
+    made = as_hinted(int, 1e5, "steps")
+    assert (made, type(made)) == (100_000, int)
+
+
+@pytest.mark.parametrize("value", [0.5, 2.0**53 * 4, float("inf"), float("nan"), True, "3"])
+def test_what_is_no_exact_whole_number_is_refused(value):
+    with pytest.raises(ValueError, match=r"steps = .*: must be an integer"):
+        as_hinted(int, value, "steps")
+
+
+def test_a_number_that_may_be_either_stays_what_it_is():
+    either = as_hinted(bool | int | float | str, 10.0, "kwargs.g")
+    assert (either, type(either)) == (10.0, float)
+
+
+@pytest.mark.parametrize(
+    ("word", "wrong"),
+    [("100,000", "'100,000' is not an integer: write 100000"), ("1.5", "'1.5' is not an integer"), ("nan", "'nan' is")],
+)
+def test_a_word_that_is_no_integer_is_refused_by_option(word, wrong, capsys):
+    status, text = said(capsys, "train", "hopper", "--steps", word, "--check")
+    assert status == 2
+    assert f"Error parsing --steps: {wrong}" in text
+
+
+# ---- in Python
+
+
+def test_settings_go_by_a_tasks_name():
+    assert settings_for("hopper", decay=0.5) == settings_for(mg.make("hopper"), decay=0.5)
+    with pytest.raises(ValueError, match="unknown task 'hoper': did you mean 'hopper'"):
+        settings_for("hoper")
+    with pytest.raises(ValueError, match="task = 3: must be a task, or the name of one"):
+        settings_for(3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rule", [sgd, adam])
+@pytest.mark.parametrize("rate", ["a", None, [[1.0], [1.0, 2.0]], 1j, True], ids=str)
+def test_a_step_size_that_is_no_number_is_refused_by_name(rule, rate):
+    with pytest.raises(ValueError, match=r"step size rate = .*: must be a finite number.* or a table of them by group"):
+        rule(rate)
+    with pytest.raises(ValueError, match=r"step size bias = .*: must be a finite number of at least 0"):
+        rule({"weights": 0.1, "bias": rate})
+
+
+def test_motoneurons_name_the_task_that_they_do_not_go_with(capsys):
+    status, text = said(capsys, "train", "hopper", "--agent.policy", "motoneurons", "--check")
+    wanted = "policy = 'motoneurons': task 'hopper' has 3 observed numbers, a motoneuron has a single input"
+    assert status == 2
+    assert wanted in text
+    with pytest.raises(ValueError, match="inputs = 3: must be 1: a motoneuron has a single input"):
+        motoneurons(3, 2)
+
+
+def test_a_space_is_refused_with_its_size():
+    with pytest.raises(ValueError, match=r"observations in a Discrete\(500\) space"):
+        from_gymnasium("Taxi-v3")

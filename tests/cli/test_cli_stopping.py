@@ -1,0 +1,95 @@
+"""Being stopped, and being read by half: what a shell may do to a command."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import motorgrad as mg
+from motorgrad import _signals
+from motorgrad.cli import main
+from motorgrad.training import RunDirectoryError
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def start(environment, *arguments):
+    command = [sys.executable, "-m", "motorgrad", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("after", [0.7, 1.5])
+def test_a_signal_during_the_start_up_stops_the_command(number, after, process_environment):
+    child = start(process_environment, "train", "hopper", "--steps", "1000000")
+    time.sleep(after)
+    child.send_signal(number)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "stopped" in said
+
+
+def test_an_interrupt_that_a_library_swallowed_is_remembered():
+    with _signals.interrupt_when_asked():
+        with contextlib.suppress(KeyboardInterrupt):  # as a callback of another library may
+            signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt), _signals.stop_when_asked():
+            pass
+    with _signals.interrupt_when_asked(), _signals.stop_when_asked() as stopped:
+        assert not stopped()
+
+
+@pytest.mark.parametrize("arguments", [["train", "hopper", "--help"], ["train", "chain", "--check"], ["list"]])
+def test_a_reader_that_has_enough_is_no_error(arguments, process_environment):
+    child = start(process_environment, *arguments)
+    child.stdout.close()  # as head does once it has its lines
+    said = child.stderr.read()
+    assert child.wait(60) == 0
+    assert said == ""
+    child.stderr.close()
+
+
+def test_an_unfinished_run_keeps_its_goal(tmp_path, monkeypatch):
+    def stopped(self, decisions):
+        advance(self, decisions)
+        if self.decision >= 40:
+            signal.raise_signal(signal.SIGINT)
+
+    advance = mg.training.WorldStepper.advance
+    monkeypatch.setattr(mg.training.WorldStepper, "advance", stopped)
+    run = mg.train("chain", steps=400, window=20, out="run", progress=False)
+    assert not run.complete
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        RunDirectoryError, match=rf"run of 400 decisions, of which {run.decision} are made; 60 were asked"
+    ):
+        mg.train("chain", steps=60, window=20, out="run", progress=False)
+    assert mg.resume("run", progress=False).decision == 400
+    assert mg.train("chain", steps=60, window=20, out="run", progress=False).decision == 400  # finished: given back
+
+
+def test_films_of_other_evaluations_do_not_take_each_others_place(capsys):
+    mg.train("hopper", steps=40, seeds=2, out="run", progress=False)
+    for options in ([], ["--untrained"], ["--mode", "mode", "--seed", "1"]):
+        assert main(["evaluate", "run", "--steps", "20", *options]) == 0
+    films = {path.name for path in (mg.load("run").path / "figures").glob("*.mp4")}
+    assert films == {"evaluation.mp4", "evaluation-untrained.mp4", "evaluation-mode-seed-1.mp4"}
+    assert "0.2 s of 10, for more take more --steps" in capsys.readouterr().out
+
+
+def test_a_film_of_what_has_no_body_is_refused(capsys):
+    mg.train("chain", steps=40, out="run", progress=False)
+    assert main(["evaluate", "run", "--video", "film.mp4"]) == 2
+    assert "task 'chain' has no body" in capsys.readouterr().err
+
+
+def test_an_evaluation_says_itself_in_a_line():
+    run = mg.train("chain", steps=40, seeds=2, progress=False)
+    assert repr(mg.evaluate(run, 30)).startswith("Evaluation(2 seeds, 30 decisions, median reward ")
