@@ -30,7 +30,8 @@ def test_a_notebook_has_been_run_from_top_to_bottom(path):
 @pytest.mark.ci
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_leaves_what_it_holds(path, tmp_path):
+def test_a_notebook_runs_and_leaves_what_it_holds(path, tmp_path, monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # or no figure would be shown in the notebook
     held = nbformat.read(path, 4)
     run = nbformat.read(path, 4)
     nbclient.NotebookClient(

@@ -1,7 +1,5 @@
 """`python -m motorgrad` is the same as `motorgrad`."""
 
-import sys
+from motorgrad.cli import run
 
-from motorgrad.cli import main
-
-sys.exit(main())
+run()

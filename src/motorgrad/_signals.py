@@ -10,6 +10,11 @@ STOPS = (signal.SIGINT, signal.SIGTERM)
 _asked = threading.Event()  # since a command began
 
 
+def asked() -> bool:
+    """Whether the command was asked to stop."""
+    return _asked.is_set()
+
+
 @contextmanager
 def interrupt_when_asked() -> Iterator[None]:
     """Raise `KeyboardInterrupt` for either. Libraries that are being loaded may swallow it: it is remembered."""

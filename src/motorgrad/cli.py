@@ -3,8 +3,9 @@
 import os
 import sys
 from collections.abc import Callable
+from typing import NoReturn
 
-from motorgrad._signals import interrupt_when_asked
+from motorgrad._signals import asked, interrupt_when_asked
 
 COMMANDS = {
     "list": "every task, policy, estimator and experiment",
@@ -37,15 +38,24 @@ def main(arguments: list[str] | None = None) -> int:
             status = _command(name)(rest)
         sys.stdout.flush()
         return status
-    except BrokenPipeError:  # whoever was reading, such as head, has enough; the interpreter's last flush must not fail
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except (ValueError, OSError, RuntimeError) as error:
-        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
+    except BaseException as error:
+        return _answer(name, error)
+
+
+def _answer(name: str, error: BaseException) -> int:
+    """The exit status for what ended a command early, and a line about it."""
+    # a library that is interrupted while it is loaded may raise an error of its own
+    if isinstance(error, KeyboardInterrupt) or asked():
         print(f"motorgrad {name}: stopped", file=sys.stderr)
         return 130
+    if isinstance(error, BrokenPipeError):
+        # whoever was reading, such as head, has enough; the interpreter's last flush must not fail
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if isinstance(error, ValueError | OSError | RuntimeError):
+        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        return 2
+    raise error
 
 
 def _command(name: str) -> Callable[[list[str]], int]:
@@ -70,5 +80,16 @@ def _help() -> str:
     )
 
 
+def run() -> NoReturn:
+    """The command line as a process of its own."""
+    status = main()
+    if status == 130:
+        # all is saved, and libraries that were stopped half loaded may crash where they are taken down
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

@@ -166,7 +166,7 @@ def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
     assert len(frames) >= 10
     assert (frames[1:] != frames[0]).any()
     assert frames[0].std() > 5  # there is something to be seen
-    assert "filmed seed 4: deep/in/hop.mp4" in capsys.readouterr().out
+    assert "filmed seed 4, 0.5 s: deep/in/hop.mp4" in capsys.readouterr().out
     found = read("e.json")
     assert found["renderer"] in ("gl", "drawn")
 
