@@ -1,23 +1,32 @@
-"""Traces, baselines, estimators and ascent rules, and the learner that they make up."""
+"""Traces, baselines, estimators, metrics and ascent rules, and the learner that they make up."""
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
-from motorgrad.learning._agent import Agent, AgentState
+from motorgrad.learning._agent import Agent, AgentState, Decision
 from motorgrad.learning._ascent import SgdState, adam, sgd
 from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
+from motorgrad.learning._input_baselines import BinnedBaseline, InputBaseline, LinearBaseline, LinearState
+from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 
 __all__ = [
     "Agent",
     "AgentState",
     "Baseline",
+    "BinnedBaseline",
     "Constant",
+    "Decision",
     "Episodic",
     "Estimator",
     "Exponential",
+    "FisherMetric",
+    "FisherState",
     "FixedStep",
     "Gpomdp",
+    "InputBaseline",
     "LaggedGaussian",
+    "LinearBaseline",
+    "LinearState",
     "MeanReward",
     "NoBaseline",
     "Olgarb",

@@ -21,7 +21,16 @@ from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._ascent import adam, sgd
 from motorgrad.learning._estimator import Estimator, Olgarb
+from motorgrad.learning._input_baselines import InputBaseline
+from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.policies import Policy, split, trainable
+
+
+class Decision(NamedTuple):
+    """What an action was taken on, and the action."""
+
+    observation: Float[Array, " inputs"]
+    action: Array
 
 
 class AgentState(NamedTuple):
@@ -30,7 +39,8 @@ class AgentState(NamedTuple):
     `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the running
     mean of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
-    $\gamma^t$ within the episode, `None` without discounting.
+    $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
+    the decision whose reward is awaited, `None` where neither metric nor baseline asks for it.
     """
 
     policy: Policy
@@ -39,6 +49,8 @@ class AgentState(NamedTuple):
     gradient: PyTree[Array] | RunningMean | None
     ascent: Any
     weight: Float[Array, ""] | None
+    metric: FisherState | None = None
+    last: Decision | None = None
 
 
 Flag = Bool[Array, ""] | bool
@@ -53,11 +65,14 @@ class Agent:
     - `policy`: the initial policy, or a function from a key to one, so that every seed starts from its own.
     - `estimator`: traces, baseline and batch (see `Estimator`, `Olgarb`).
     - `ascent`: an optax transformation (see `sgd`); it receives minus the gradient.
+    - `metric`: `None` for the plain gradient; a `FisherMetric` for the natural gradient of each unit, which the ascent
+      rule then receives in its place.
     """
 
     policy: Policy | Callable[[jax.Array], Policy]
     estimator: Estimator = dataclasses.field(default_factory=Olgarb)
     ascent: optax.GradientTransformation | sgd | adam = dataclasses.field(default_factory=lambda: sgd(1e-3))
+    metric: FisherMetric | None = None
 
     def __post_init__(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
@@ -65,6 +80,8 @@ class Agent:
         check(isinstance(self.estimator, Estimator), "estimator", self.estimator, "an Estimator, such as Olgarb()")
         rule = hasattr(self.ascent, "init") and hasattr(self.ascent, "update")
         check(rule, "ascent", self.ascent, "an optax transformation, such as motorgrad.learning.sgd(1e-3)")
+        known = self.metric is None or isinstance(self.metric, FisherMetric)
+        check(known, "metric", self.metric, "None or a FisherMetric, such as FisherMetric(rate=1e-3)")
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
@@ -74,13 +91,17 @@ class Agent:
         check(len(leaves) > 0, "policy", type(policy).__name__, "a policy with trainable parameters")
         dtype = leaves[0].dtype
         zeros = jax.tree.map(jnp.zeros_like, parameters)
+        baseline = self.estimator.baseline
+        sees = isinstance(baseline, InputBaseline)
         return AgentState(
             policy=policy,
             trace=self.estimator.trace.init(parameters),
-            baseline=self.estimator.baseline.init(dtype),
+            baseline=baseline.init(dtype, policy.inputs) if sees else baseline.init(dtype),
             gradient=None if self.estimator.online else running_mean(zeros),
             ascent=self.ascent.init(parameters),  # type: ignore[arg-type]
             weight=None if self.estimator.discount is None else jnp.ones((), dtype),
+            metric=None if self.metric is None else self.metric.init(policy),
+            last=_no_decision(policy, dtype) if sees or self.metric is not None else None,
         )
 
     def act(
@@ -89,7 +110,8 @@ class Agent:
         r"""Sample an action from `uniforms` and take its score into the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
         action = state.policy.sample(observation, uniforms)
         score = state.policy.score(observation, action)
-        return state._replace(trace=self.estimator.trace.update(state.trace, score)), action
+        last = None if state.last is None else Decision(observation.astype(state.last.observation.dtype), action)
+        return state._replace(trace=self.estimator.trace.update(state.trace, score), last=last), action
 
     def reinforce(
         self,
@@ -102,24 +124,25 @@ class Agent:
     ) -> AgentState:
         r"""Turn a reward into a gradient sample: $\delta \leftarrow r - b$, $g \leftarrow \delta z$, then update $b$.
 
+        An `InputBaseline` adds to the sample what it knows about the newest action's observation. A metric takes the
+        decision in.
+
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped (gradient and baseline stay as they were) and the trace restarts.
+        sample is dropped (gradient, baseline and metric stay as they were) and the trace restarts.
         """
         del next_observation  # for critics, which bootstrap from it
         estimator = self.estimator
-        delta = reward - estimator.baseline.value(state.baseline)
-        if state.weight is not None:
-            delta = state.weight * delta
-        sample = jax.tree.map(lambda z: delta * z, estimator.trace.value(state.trace))
+        sample, baseline = self._compare(state, reward)
         after = state._replace(
-            baseline=estimator.baseline.update(state.baseline, reward),
+            baseline=baseline,
             gradient=sample if estimator.online else add_sample(_running(state), sample),
             weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
+            metric=self._measure(state),
         )
         if diverged is not False:
             dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient
-            without = after._replace(baseline=state.baseline, gradient=dropped)
+            without = after._replace(baseline=state.baseline, gradient=dropped, metric=state.metric)
             after = _where(diverged, without, after)
         ended = _any(terminated, truncated, diverged)
         return after if ended is False else self.restart(after, ended)
@@ -150,11 +173,42 @@ class Agent:
             return state
         due = jnp.logical_and(full, running.count > 0)
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
-        moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean))
+        moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return _where(due, moved._replace(gradient=running_mean(running.mean)), state)
 
-    def _step(self, state: AgentState, gradient: PyTree[Array]) -> AgentState:
+    def _compare(self, state: AgentState, reward: Float[Array, ""]) -> tuple[PyTree[Array], Any]:
+        """The gradient sample of a reward, and the baseline afterwards."""
+        trace, baseline = self.estimator.trace, self.estimator.baseline
+
+        def credit(eligibility: PyTree[Array], worth: Float[Array, ""]) -> PyTree[Array]:
+            worth = worth if state.weight is None else state.weight * worth
+            return jax.tree.map(lambda z: worth * z, eligibility)
+
+        level = baseline.value(state.baseline)
+        sample = credit(trace.value(state.trace), reward - level)
+        if not isinstance(baseline, InputBaseline):
+            return sample, baseline.update(state.baseline, reward)
+        observation, action = _last(state)
+        score = state.policy.score(observation, action)
+        newest = trace.value(trace.update(trace.init(trainable(state.policy)), score))
+        expected = credit(newest, level - baseline.value_at(state.baseline, observation))
+        return jax.tree.map(jnp.add, sample, expected), baseline.update(state.baseline, observation, reward)
+
+    def _measure(self, state: AgentState) -> FisherState | None:
+        if self.metric is None or state.metric is None:
+            return None
+        return self.metric.update(state.metric, state.policy, *_last(state))
+
+    def _step(self, state: AgentState, gradient: PyTree[Array], due: Flag = True) -> AgentState:
         parameters, settings = split(state.policy)
+        if self.metric is not None and state.metric is not None:
+            metric, measured = self.metric, state.metric
+
+            def direction(g: PyTree[Array]) -> PyTree[Array]:
+                # The barrier keeps the compiler from solving ahead of the loop in `_where_any`.
+                return metric.precondition(*jax.lax.optimization_barrier((measured, state.policy, g)))
+
+            gradient = _where_any(due, direction, gradient)
         descent = jax.tree.map(jnp.negative, gradient)
         updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
         moved = eqx.apply_updates(parameters, updates)
@@ -164,6 +218,27 @@ class Agent:
 def _running(state: AgentState) -> RunningMean:
     assert isinstance(state.gradient, RunningMean)
     return state.gradient
+
+
+def _last(state: AgentState) -> Decision:
+    assert state.last is not None
+    return state.last
+
+
+def _no_decision(policy: Policy, dtype: Any) -> Decision:
+    observation = jnp.zeros(policy.inputs, dtype)
+    return Decision(observation, jnp.zeros_like(policy.mode(observation)))
+
+
+def _where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
+    """`function(value)` where it is `due`. Over many seeds a condition computes both branches, but a loop's body is
+    passed over while no seed is due: what is costly is paid once a batch and not at every decision."""
+    if due is True:
+        return function(value)
+    due = jnp.asarray(due)
+    return jax.lax.while_loop(
+        lambda todo: todo[0], lambda todo: (jnp.zeros_like(due), function(todo[1])), (due, value)
+    )[1]
 
 
 def _any(*flags: Flag) -> Flag:

@@ -9,12 +9,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
-import numpy as np
 import optax
 from jaxtyping import Array, PyTree
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check
+from motorgrad.learning._groups import by_group, check_groups
 
 
 class SgdState(NamedTuple):
@@ -40,32 +39,10 @@ class sgd:
     rate: float | Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        allowed = "a finite number of at least 0, an array of them"
-        if not isinstance(self.rate, Mapping):
-            check(_possible(self.rate), "step size rate", self.rate, f"{allowed}, or a table of them by group")
-            return
-        for name, rate in self.rate.items():
-            check(_possible(rate), f"step size {name}", rate, allowed)
+        check_groups("step size", "rate", self.rate)
 
     def init(self, params: PyTree[Array]) -> SgdState:
-        if not isinstance(self.rate, Mapping):
-            rate = self.rate
-            return SgdState(jax.tree.map(lambda p: _fitting("rate", rate, p), params))
-        rates = dict(self.rate)
-        used = set()
-
-        def look_up(path: tuple[Any, ...], parameter: Array) -> Array:
-            name = _field(path)
-            if name not in rates:
-                raise unknown("group of parameters without a step size:", name, rates)
-            used.add(name)
-            return _fitting(name, rates[name], parameter)
-
-        found = jax.tree_util.tree_map_with_path(look_up, params)
-        for name in rates:
-            if name not in used:
-                raise unknown("group of parameters in the step sizes:", name, used)
-        return SgdState(found)
+        return SgdState(by_group("step size", "rate", self.rate, params))
 
     def update(self, updates: PyTree[Array], state: SgdState, params: Any = None) -> tuple[PyTree[Array], SgdState]:
         del params
@@ -100,29 +77,3 @@ class adam:
 
     def __iter__(self) -> Iterator[Any]:  # as in `sgd`
         return iter((self.init, self.update))
-
-
-def _possible(rate: Any) -> bool:
-    try:
-        numbers = np.asarray(rate)
-    except (TypeError, ValueError):  # lists of different lengths
-        return False
-    real = jnp.issubdtype(numbers.dtype, jnp.floating) or jnp.issubdtype(numbers.dtype, jnp.integer)
-    return bool(real and np.all((numbers >= 0) & np.isfinite(numbers)))
-
-
-def _fitting(name: str, rate: Any, parameter: Array) -> Array:
-    """A step size as data, in the parameter's type; one that would change the parameter's shape is refused."""
-    shape = np.shape(rate)
-    try:
-        fits = np.broadcast_shapes(shape, parameter.shape) == parameter.shape
-    except ValueError:
-        fits = False
-    check(fits, f"step size {name}", shape, f"one number or of a shape that broadcasts to {parameter.shape}")
-    return jnp.asarray(rate, parameter.dtype)
-
-
-def _field(path: tuple[Any, ...]) -> str:
-    """The name of the field that a leaf belongs to: the last attribute on the way to it."""
-    names = [key.name for key in path if isinstance(key, jax.tree_util.GetAttrKey)]
-    return names[-1] if names else ""

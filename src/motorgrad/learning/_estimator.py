@@ -5,6 +5,7 @@ from typing import Literal
 
 from motorgrad._errors import check
 from motorgrad.learning._baselines import Baseline, MeanReward, NoBaseline
+from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._traces import Exponential, Trace
 
 
@@ -15,7 +16,7 @@ class Estimator:
     **Arguments:**
 
     - `trace`: the eligibility filter.
-    - `baseline`: what rewards are compared with.
+    - `baseline`: what rewards are compared with; an `InputBaseline` sees the observation.
     - `discount`: `None` for the average reward; $\gamma \in (0, 1]$ for the discounted return of an episode,
       $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$.
     - `improve`: after how many samples the parameters move; `"episode"` for once at each episode's end, `"never"` for
@@ -24,16 +25,16 @@ class Estimator:
     """
 
     trace: Trace = dataclasses.field(default_factory=Exponential)
-    baseline: Baseline = dataclasses.field(default_factory=MeanReward)
+    baseline: Baseline | InputBaseline = dataclasses.field(default_factory=MeanReward)
     discount: float | None = None
     improve: int | Literal["episode", "never"] = 1
     batch: Literal["mean", "sum"] = "mean"
 
     def __post_init__(self) -> None:
-        for name, kind in (("trace", Trace), ("baseline", Baseline)):
+        for name, kind in (("trace", Trace), ("baseline", Baseline | InputBaseline)):
             part = getattr(self, name)
             right = isinstance(part, kind) and dataclasses.is_dataclass(part)
-            check(right, name, part, f"a {kind.__name__} that is a dataclass of its settings")
+            check(right, name, part, f"a {name.capitalize()} that is a dataclass of its settings")
         valid = self.improve in ("episode", "never") or (isinstance(self.improve, int) and 1 <= self.improve < 2**31)
         check(valid, "improve", self.improve, "a positive number of samples, 'episode' or 'never'")
         check(self.discount is None or 0 < self.discount <= 1, "discount", self.discount, "None or in (0, 1]")
@@ -45,7 +46,7 @@ class Estimator:
         return self.improve == 1
 
 
-def Olgarb(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
+def Olgarb(decay: float = 0.9, baseline: Baseline | InputBaseline | None = None) -> Estimator:
     """OLGARB: online, exponential trace, average reward as the baseline (Weaver & Tao, 2001)."""
     return Estimator(Exponential(decay), baseline or MeanReward())
 
@@ -55,6 +56,6 @@ def Olpomdp(decay: float = 0.9) -> Estimator:
     return Estimator(Exponential(decay), NoBaseline())
 
 
-def Gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
+def Gpomdp(decay: float = 0.9, baseline: Baseline | InputBaseline | None = None) -> Estimator:
     r"""GPOMDP: the mean of $\delta z$ at fixed parameters, by default without a baseline (Baxter & Bartlett, 2001)."""
     return Estimator(Exponential(decay), baseline or NoBaseline(), improve="never")

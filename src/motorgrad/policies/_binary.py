@@ -1,14 +1,14 @@
 """Pools of independent stochastic binary units: each decides whether it fires."""
 
 import abc
-from typing import Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
-from motorgrad.policies._policy import Policy, in_structure
+from motorgrad.policies._policy import Policy, in_structure, outer, rows, trainable
 
 
 class BinaryUnits(Policy):
@@ -30,6 +30,25 @@ class BinaryUnits(Policy):
     def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
         p = self.prob(observation)
         return jnp.sum(jnp.where(action > 0, jnp.log(p), jnp.log1p(-p)))
+
+    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+        """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
+        own = all(leaf.shape[:1] == (self.outputs,) for leaf in jax.tree.leaves(trainable(self)))
+        return (rows(gradient, self.outputs if own else 1),)
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        r"""Exact, $p\,s_1s_1' + (1 - p)\,s_0s_0'$ of the scores for firing and for silence.
+
+        Where several units share parameters it is the sample $ss'$.
+        """
+        p = self.prob(observation)
+        (fire,), (silent,) = (self.blocks(self.score(observation, jnp.full_like(p, a))) for a in (1.0, 0.0))
+        if fire.shape[0] != self.outputs:
+            return super().fisher(observation, action)
+        p = p[:, None, None]
+        return (p * outer(fire) + (1 - p) * outer(silent),)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         p = self.prob(observation)

@@ -1,7 +1,7 @@
 """A policy made of pools of units of any kinds."""
 
 import itertools
-from typing import Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -51,6 +51,25 @@ class Factored(BinaryUnits):
         parts = zip(self.pools, self._parts(action), strict=True)
         scores = tuple(pool.score(observation, part) for pool, part in parts)
         return eqx.tree_at(lambda policy: policy.pools, trainable(self), scores)
+
+    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+        """The pools' blocks, in the order of the pools."""
+        parts = zip(self.pools, gradient.pools, strict=True)
+        return tuple(block for pool, part in parts for block in pool.blocks(part))
+
+    def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
+        rest, gradients = iter(blocks), []
+        for pool in self.pools:
+            count = len(pool.blocks(trainable(pool)))
+            gradients.append(pool.from_blocks(tuple(itertools.islice(rest, count))))
+        return eqx.tree_at(lambda policy: policy.pools, trainable(self), tuple(gradients))
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        """The pools' Fisher matrices: between independent units the Fisher matrix is zero."""
+        parts = zip(self.pools, self._parts(action), strict=True)
+        return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))

@@ -1,10 +1,12 @@
 """What every policy is: a distribution over actions that can be sampled and differentiated."""
 
 import abc
+import itertools
 from typing import Any, Self, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
@@ -59,6 +61,28 @@ class Policy(eqx.Module):
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         r"""The analytic $\nabla_\theta \log \pi(a \mid y, \theta)$, in the structure of `trainable(self)`."""
 
+    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+        """A gradient's numbers as matrices, a row for each unit that has parameters of its own.
+
+        By default it is one row of all. A pool of binary units whose every parameter has a leading axis of units has a
+        row for each, a policy of several pools a matrix for each.
+        """
+        return (rows(gradient, 1),)
+
+    def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
+        """The inverse of `blocks`: a gradient in the structure of `trainable(self)`."""
+        return from_rows(trainable(self), blocks[0])
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Array
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        r"""The Fisher matrix of each row of `blocks`, $\mathbb E[ss']$ of the row's score $s$ at one observation.
+
+        The mean is over the unit's own action, exactly, where that is cheap: binary units and softmax. Otherwise, as
+        here, it is the sample $ss'$ of the `action` that was drawn, whose mean it is.
+        """
+        return tuple(outer(block) for block in self.blocks(self.score(observation, action)))
+
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """Entropy of the action's distribution, in nats."""
@@ -99,3 +123,23 @@ def in_structure(policy: P, **values: Array) -> P:
     return eqx.tree_at(
         lambda node: tuple(getattr(node, name) for name in names), trainable(policy), tuple(values.values())
     )
+
+
+def rows(gradient: Any, units: int) -> Float[Array, "units parameters"]:
+    """Arrays that lead with `units`, side by side; for one unit, whatever their shape."""
+    parts = [leaf.reshape(units, leaf.size // units) for leaf in jax.tree.leaves(gradient)]
+    return jnp.concatenate(parts, axis=1) if parts else jnp.zeros((units, 0))
+
+
+def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
+    """The inverse of `rows`, in the structure, shapes and types of `like`."""
+    leaves, structure = jax.tree.flatten(like)
+    widths = [leaf.size // matrix.shape[0] for leaf in leaves]
+    ends = itertools.accumulate(widths, initial=0)
+    parts = [matrix[:, start:end] for start, end in itertools.pairwise(ends)]
+    shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree.unflatten(structure, shaped)
+
+
+def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:
+    return block[:, :, None] * block[:, None, :]

@@ -63,6 +63,14 @@ class Softmax(Policy):
         chosen = (jnp.arange(self.outputs) == action).astype(self.weights.dtype)
         return in_structure(self, weights=(chosen - self.prob(observation))[:, None] * observation)
 
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Int[Array, ""]
+    ) -> tuple[Float[Array, "one parameters parameters"], ...]:
+        r"""Exact, $(\operatorname{diag}\pi - \pi\pi')\otimes yy'$ in the order of `weights`. It is singular."""
+        p = self.prob(observation)
+        among = jnp.diag(p) - p[:, None] * p
+        return (jnp.kron(among, observation[:, None] * observation)[None],)
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         log_p = jax.nn.log_softmax(self._logits(observation))
         return -jnp.sum(jnp.exp(log_p) * log_p)

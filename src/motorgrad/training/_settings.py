@@ -12,12 +12,16 @@ from motorgrad._settings import as_hinted, build, table
 from motorgrad.learning import (
     Agent,
     Baseline,
+    BinnedBaseline,
     Constant,
     Episodic,
     Estimator,
     Exponential,
+    FisherMetric,
     FixedStep,
+    InputBaseline,
     LaggedGaussian,
+    LinearBaseline,
     MeanReward,
     NoBaseline,
     Trace,
@@ -52,14 +56,23 @@ class AgentSettings:
     - `lag` (decisions): of the lagged-gaussian trace.
     - `width` (decisions): of the lagged-gaussian trace.
     - `baseline`: what rewards are compared with; `"default"` for the estimator's own.
-    - `baseline_rate`: of the fixed-step baseline.
+    - `baseline_rate`: of the fixed-step, linear and binned baselines.
     - `baseline_level`: of the constant baseline, in units of reward.
+    - `baseline_input`: which observed number the binned baseline depends on, from 0.
+    - `baseline_low`: the lower bound of the binned baseline, in units of the observed number.
+    - `baseline_high`: the upper bound of the binned baseline, in units of the observed number.
+    - `baseline_bins`: number of bins of the binned baseline.
     - `discount`: none for the average reward, or γ for the discounted return of an episode.
     - `improve`: samples per step, `"episode"` or `"never"`; by default the estimator's own.
     - `batch`: whether a step of several samples uses their mean or their sum.
     - `ascent`: how a gradient sample moves the parameters.
     - `rate`: the step size of all parameters.
     - `rates`: the step size of each group of parameters, by name, in place of `rate`.
+    - `metric`: the plain gradient, or the natural gradient of each unit by a running Fisher matrix.
+    - `metric_rate`: of the running Fisher matrix, per decision.
+    - `metric_initial`: what the Fisher matrix's diagonal starts from.
+    - `damping`: what is added to the diagonal of every Fisher matrix.
+    - `dampings`: the damping of each group of parameters, by name, in place of `damping`; those left out have none.
 
     **Raises** `ValueError` for what is unknown or impossible, by name; from `agent` for what does not go with the task.
     """
@@ -73,26 +86,37 @@ class AgentSettings:
     length: int = 10
     lag: float = 5.0
     width: float = 2.0
-    baseline: Literal["default", "mean", "fixed-step", "constant", "none"] = "default"
+    baseline: Literal["default", "mean", "fixed-step", "constant", "none", "linear", "binned"] = "default"
     baseline_rate: float = 0.01
     baseline_level: float = 0.0
+    baseline_input: int = 0
+    baseline_low: float = 0.0
+    baseline_high: float = 1.0
+    baseline_bins: int = 10
     discount: float | None = None
     improve: int | Literal["episode", "never"] | None = None
     batch: Literal["mean", "sum"] = "mean"
     ascent: Literal["sgd", "adam"] = "sgd"
     rate: float = 1e-3
     rates: Mapping[str, float] | None = None
+    metric: Literal["euclidean", "fisher"] = "euclidean"
+    metric_rate: float = 1e-3
+    metric_initial: float = 1.0
+    damping: float = 0.01
+    dampings: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         choice("policy", self.policy, policies.INITIAL)
         choice("estimator", self.estimator, ESTIMATORS)
         choice("trace", self.trace, ("exponential", "episodic", "window", "lagged-gaussian"))
-        choice("baseline", self.baseline, ("default", "mean", "fixed-step", "constant", "none"))
+        choice("baseline", self.baseline, ("default", "mean", "fixed-step", "constant", "none", "linear", "binned"))
         choice("ascent", self.ascent, ("sgd", "adam"))
+        choice("metric", self.metric, ("euclidean", "fisher"))
         self._start()
         # making them refuses impossible numbers at once
         self.estimate()
         self.rule()
+        self.measure()
 
     def estimate(self) -> Estimator:
         """The estimator that the settings stand for."""
@@ -108,9 +132,15 @@ class AgentSettings:
             "fixed-step": lambda: FixedStep(self.baseline_rate),
             "constant": lambda: Constant(self.baseline_level),
             "none": NoBaseline,
+            "linear": lambda: LinearBaseline(self.baseline_rate),
+            "binned": lambda: BinnedBaseline(
+                self.baseline_low, self.baseline_high, self.baseline_bins, self.baseline_input, self.baseline_rate
+            ),
         }
         trace: Trace = traces[self.trace]()
-        baseline: Baseline = baselines[named["baseline"] if self.baseline == "default" else self.baseline]()
+        baseline: Baseline | InputBaseline = baselines[
+            named["baseline"] if self.baseline == "default" else self.baseline
+        ]()
         improve = named["improve"] if self.improve is None else self.improve
         return Estimator(trace, baseline, self.discount, improve, self.batch)
 
@@ -118,12 +148,20 @@ class AgentSettings:
         """The ascent rule that the settings stand for."""
         return {"sgd": sgd, "adam": adam}[self.ascent](self.rate if self.rates is None else self.rates)
 
+    def measure(self) -> FisherMetric | None:
+        """The metric that the settings stand for."""
+        if self.metric == "euclidean":
+            return None
+        damping = self.damping if self.dampings is None else self.dampings
+        return FisherMetric(self.metric_rate, damping, self.metric_initial)
+
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
         units = {} if self.units is None else {"units": self.units}
         inputs = task.observation_size
         check((self.units or 1) * inputs <= LARGEST, "units", self.units, f"at most {LARGEST // inputs} here")
-        return Agent(policies.initial(self.policy, task, **units, **self._start()), self.estimate(), self.rule())
+        start = policies.initial(self.policy, task, **units, **self._start())
+        return Agent(start, self.estimate(), self.rule(), self.measure())
 
     def _start(self) -> dict[str, Any]:
         """`policy_settings` as the initial policy's function takes them."""
@@ -152,14 +190,18 @@ def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
     """An agent as a table: enough to tell two apart, and to rebuild the policy's structure."""
     rule = agent.ascent
     if isinstance(rule, sgd | adam):
-        fields = {field.name: _numbers(getattr(rule, field.name)) for field in dataclasses.fields(rule)}
-        ascent: dict[str, Any] = {"kind": type(rule).__name__, **fields}
+        ascent: dict[str, Any] = {"kind": type(rule).__name__, **_fields(rule)}
     else:
         ascent = {"kind": "optax", "state": str(_shape_of(rule, policy)), "steps": _first_steps(rule, policy)}
     estimator = table(agent.estimator)
     for part in ("trace", "baseline"):
         estimator[part] = {"kind": type(getattr(agent.estimator, part)).__name__, **estimator[part]}
-    return {"policy": policies.describe(policy), "estimator": estimator, "ascent": ascent}
+    metric = {} if agent.metric is None else {"metric": {"kind": type(agent.metric).__name__, **_fields(agent.metric)}}
+    return {"policy": policies.describe(policy), "estimator": estimator, "ascent": ascent, **metric}
+
+
+def _fields(part: Any) -> dict[str, Any]:
+    return {field.name: _numbers(getattr(part, field.name)) for field in dataclasses.fields(part)}
 
 
 def _numbers(rate: Any) -> Any:

@@ -65,6 +65,30 @@ def biased_gradient(mdp: FiniteMDP, policy: P, decay: float) -> P:
     return _contract(mdp, policy, _stationary(matrix), _quality(mdp, policy, matrix, decay))
 
 
+def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters parameters"]:
+    r"""The Fisher matrix $\sum_s \pi_s \sum_a \pi(a \mid s)\,\nabla\log\pi\,(\nabla\log\pi)'$, rows as in `flat`.
+
+    Between parameters of independent units it is zero.
+    """
+    with jax.enable_x64(True):
+        parameters, settings = split(_double(policy))
+        vector, build = ravel_pytree(parameters)
+        score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
+        weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
+        return np.einsum("sa,sai,saj->ij", weight, *[np.where(weight[..., None] > 0, score, 0)] * 2)
+
+
+def natural_gradient(mdp: FiniteMDP, policy: P) -> P:
+    r"""$F^{+}\nabla\eta$: the gradient by the inverse of the `fisher` matrix, its pseudo-inverse where it is singular.
+
+    It is the steepest ascent per change of the policy itself (Kakade, 2001), whatever the parameters are.
+    """
+    with jax.enable_x64(True):
+        vector, build = ravel_pytree(jax.tree.map(jnp.asarray, gradient(mdp, policy)))
+        direction = np.linalg.pinv(fisher(mdp, policy), rcond=1e-12, hermitian=True) @ np.asarray(vector)
+        return jax.tree.map(np.asarray, build(jnp.asarray(direction)))
+
+
 def discounted_return(mdp: FiniteMDP, policy: Policy, discount: float) -> float:
     r"""$\mathbb E \sum_{t \ge 0} \gamma^t r_{t+1}$ from the start state, with `discount` $\gamma \in [0, 1)$."""
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")

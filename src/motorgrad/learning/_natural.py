@@ -1,0 +1,119 @@
+r"""The natural gradient of each unit: a step of a given size in what a unit does, not in the numbers that describe it.
+
+The Fisher matrix $F = \mathbb E[ss']$ of the score $s$ says how far a change of parameters changes a policy. The
+natural gradient $F^{-1}\nabla\eta$ (Amari, 1998; Kakade, 2001) is the steepest ascent by that measure. Units that draw
+their actions independently have scores that are uncorrelated, so the matrix of a pool falls apart in a block for each
+unit.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad.learning._groups import by_group, check_groups
+from motorgrad.policies import Policy, trainable
+
+P = TypeVar("P", bound=Policy)
+Blocks = tuple[Float[Array, "units parameters parameters"], ...]
+
+
+class FisherState(NamedTuple):
+    """`fisher`: the running matrices, as `Policy.fisher` gives them; `damping`: what is added to their diagonals."""
+
+    fisher: Blocks
+    damping: tuple[Float[Array, "units parameters"], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class FisherMetric:
+    r"""A running Fisher matrix of each unit's own parameters, by whose inverse a gradient is multiplied.
+
+    After every decision $F \leftarrow F + \rho\,(\mathbb E[ss' \mid y_t] - F)$, the mean being over the unit's own
+    action where that is cheap (see `Policy.fisher`). Every step of the parameters takes the direction
+    $(F + \operatorname{diag}\,d)^{-1} g$ in place of $g$. Units, and pools of units, keep out of each other's matrices.
+
+    $F$ starts as `initial` times the identity and forgets that as $(1 - \rho)^t$, so that the first steps are those of
+    the plain gradient. The first estimates themselves would be singular, and their inverse without bounds.
+
+    **Arguments:**
+
+    - `rate` $\rho \in (0, 1]$: the matrix is a mean over some $1/\rho$ decisions.
+    - `damping` $d \ge 0$: one number, or one for every group of parameters by the name of the policy's field (groups
+      left out have 0), each a number or an array that broadcasts to the field. In the units of $F$, one over the square
+      of the parameter's. It bounds the step along parameters that the actions hardly depend on.
+    - `initial` $\ge 0$, in the same units.
+
+    A parameter with neither information nor damping does not move. A matrix that is singular otherwise is inverted with
+    as much damping, relative to its own diagonal, as rounding errors are worth, so that nothing is infinite.
+
+    **Raises:** `ValueError` for what is out of its range; from `init`, for a damping without a field, or one whose
+    shape does not fit its field.
+    """
+
+    rate: float = 1e-3
+    damping: float | Mapping[str, Any] = 0.01
+    initial: float = 1.0
+
+    def __post_init__(self) -> None:
+        check(0 < self.rate <= 1, "rate", self.rate, "in (0, 1]")
+        check_groups("damping" if isinstance(self.damping, Mapping) else "", "damping", self.damping)
+        check(0 <= self.initial < math.inf, "initial", self.initial, "a finite number of at least 0")
+
+    def init(self, policy: Policy) -> FisherState:
+        """The state before any decision."""
+        parameters = trainable(policy)
+        given = by_group("damping", "of all", self.damping, parameters, default=0.0)
+        damping = policy.blocks(jax.tree.map(lambda d, p: jnp.broadcast_to(d, p.shape), given, parameters))
+        return FisherState(tuple(_identities(block, self.initial) for block in damping), damping)
+
+    def update(
+        self, state: FisherState, policy: Policy, observation: Float[Array, " inputs"], action: Array
+    ) -> FisherState:
+        """Take in one decision: what was seen, and the action that was drawn."""
+        now = policy.fisher(observation, action)
+        fisher = tuple(f + self.rate * (x - f) for f, x in zip(state.fisher, now, strict=True))
+        return state._replace(fisher=fisher)
+
+    def precondition(self, state: FisherState, policy: P, gradient: P) -> P:
+        r"""$(F + \operatorname{diag}\,d)^{-1} g$, in the structure of the gradient."""
+        parts = zip(state.fisher, state.damping, policy.blocks(gradient), strict=True)
+        return policy.from_blocks(tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
+
+
+def _identities(block: Float[Array, "units parameters"], scale: float) -> Float[Array, "units parameters parameters"]:
+    units, size = block.shape
+    return jnp.broadcast_to(scale * jnp.eye(size, dtype=block.dtype), (units, size, size))
+
+
+def _solve(
+    fisher: Float[Array, "units parameters parameters"],
+    damping: Float[Array, "units parameters"],
+    gradient: Float[Array, "units parameters"],
+    roundings: float,
+) -> Float[Array, "units parameters"]:
+    """Solve every unit's system, each parameter in units in which the diagonal is 1.
+
+    So scaled, what is singular is so whatever the units of the parameters, and needs the same small damping: as much as
+    the entries of a running mean may be wrong by, when so many `roundings` of them have added up.
+    """
+    size = gradient.shape[1]
+    diagonal = jnp.diagonal(fisher, axis1=1, axis2=2) + damping
+    informed = diagonal > 0
+    scale = jnp.where(informed, jax.lax.rsqrt(jnp.where(informed, diagonal, 1)), 0)
+    if size <= 1:
+        return scale * (scale * gradient)
+    one = 1 + roundings * size * jnp.finfo(gradient.dtype).eps
+    right = scale * gradient
+    if size == 2:
+        across = (scale[:, 0] * fisher[:, 0, 1] * scale[:, 1])[:, None]
+        factor = 1 / (one * one - across * across)
+        return scale * factor * (one * right - across * right[:, ::-1])
+    scaled = scale[:, :, None] * fisher * scale[:, None, :]
+    scaled = jnp.where(jnp.eye(size, dtype=bool), one, scaled)
+    return scale * jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(scaled), True), right[:, :, None])[:, :, 0]
