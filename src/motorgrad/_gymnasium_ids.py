@@ -9,9 +9,11 @@ from importlib.util import find_spec
 from typing import Any, cast
 
 TASK_OF = {
+    "motorgrad/ArmRecruitment-v0": "arm-recruitment",
     "motorgrad/CallAdmission-v0": "call-admission",
     "motorgrad/Chain-v0": "chain",
     "motorgrad/Hopper-v0": "hopper",
+    "motorgrad/LinearRecruitment-v0": "linear-recruitment",
     "motorgrad/ThreeState-v0": "three-state",
 }
 """The task behind each id, by its name in `motorgrad.tasks.TASKS`; a test holds the two together."""

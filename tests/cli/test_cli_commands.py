@@ -205,7 +205,7 @@ def test_plot_draws_a_reading_that_never_occurred(runs):
 REFUSED = [
     (["tran"], "unknown command 'tran': did you mean 'train'?"),
     (["train", "hoper"], "unknown task 'hoper': did you mean 'hopper'?"),
-    (["train"], "tasks: call-admission, chain"),
+    (["train"], "tasks: arm-recruitment, call-admission, chain"),
     (["train", "chain", "--stps", 5], "--steps"),
     (["train", "chain", "--task.lenght", 5], "--task.length"),
     (["train", "chain", "--steps", "many"], "--steps"),

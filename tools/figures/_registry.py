@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, hopper, parts, tasks, units
+from tools.figures import bodies, estimators, foreign, hopper, natural, parts, recruitment, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -15,10 +15,13 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "muscle": bodies.muscle,
+    "body-arm": recruitment.arm,
     "body-hopper": bodies.hopper,
     "task-three-state": tasks.three_state,
     "task-chain": tasks.chain,
     "task-call-admission": tasks.call_admission,
+    "task-linear-recruitment": recruitment.mapping,
+    "task-arm-recruitment": recruitment.height,
 }
 """Figures of formulas and numbers."""
 
@@ -29,9 +32,12 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "traces": parts.traces,
     "baselines": parts.baselines,
     "ascent": parts.ascent,
+    "natural": natural.natural,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,
+    "learning-linear-recruitment": recruitment.linear_learning,
+    "learning-arm-recruitment": recruitment.arm_learning,
     "foreign-learning": foreign.learning,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,

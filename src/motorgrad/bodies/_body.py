@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -82,7 +83,9 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: st
         actuator = spec.add_actuator(name=muscle.name, ctrllimited=True, ctrlrange=(0.0, 1.0))
         actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
         actuator.target = muscle.name
-        if muscle_model == "native":
+        if math.isinf(muscle.shape):  # one force at every length needs no law: MuJoCo's plain gain
+            actuator.gainprm[0] = -muscle.strength
+        elif muscle_model == "native":
             set_native_gain(actuator, muscle)
         else:
             actuator.gaintype = mujoco.mjtGain.mjGAIN_USER

@@ -89,7 +89,7 @@ class Muscle:
     - `strength`: greatest contractile force $f_{max}$, N, > 0.
     - `rest_length`: $r$, m, > 0.
     - `damping`: $k_{SE}$, N s/m, ≥ 0.
-    - `shape`: $k_{CE}$, > 0.
+    - `shape`: $k_{CE}$, > 0; infinite for a contractile force that is the same at every length.
     - `wrap`: the joint capsule that the path may not cut, or None for a straight muscle.
 
     **Raises:** `ValueError` naming the field and its range. The law is `tension`.
@@ -109,8 +109,10 @@ class Muscle:
         check(isinstance(self.name, str) and self.name, "Muscle.name", self.name, "a name that is not empty")
         where = f"Muscle {self.name!r} "
         check(isinstance(self.group, str) and self.group, where + "group", self.group, "a name that is not empty")
-        for field in ("strength", "rest_length", "shape"):
+        for field in ("strength", "rest_length"):
             positive(where + field, getattr(self, field))
+        if self.shape != math.inf:
+            positive(where + "shape", self.shape)
         not_negative(where + "damping", self.damping)
 
 

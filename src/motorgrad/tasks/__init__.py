@@ -1,19 +1,25 @@
 """Tasks: an observation, a reward and an episode's rule over a world or a body."""
 
+from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._body_task import BodyTask
+from motorgrad.tasks._drift import Drift
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
+from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
+from motorgrad.tasks._recruitment import Pull, Recruitment
 from motorgrad.tasks._registry import TASKS, make
 from motorgrad.tasks._task import Reading, Task
 
 __all__ = [
     "TASKS",
+    "ArmRecruitment",
     "BodyTask",
     "CallAdmission",
     "Chain",
+    "Drift",
     "EnvironmentBatch",
     "EnvironmentMemory",
     "EnvironmentState",
@@ -23,9 +29,13 @@ __all__ = [
     "Hopper",
     "HostBatch",
     "HostTask",
+    "LinearRecruitment",
+    "Pull",
     "Reading",
+    "Recruitment",
     "Task",
     "ThreeState",
     "from_gymnasium",
     "make",
+    "spacing_error",
 ]

@@ -4,12 +4,16 @@ from typing import Any
 
 from motorgrad._errors import unknown
 from motorgrad._settings import build
+from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._finite import CallAdmission, Chain, ThreeState
 from motorgrad.tasks._gymnasium import Gymnasium
 from motorgrad.tasks._hopper import Hopper
+from motorgrad.tasks._linear_recruitment import LinearRecruitment
 from motorgrad.tasks._task import Task
 
-TASKS: dict[str, type[Task]] = {task.name: task for task in (CallAdmission, Chain, Gymnasium, Hopper, ThreeState)}
+TASKS: dict[str, type[Task]] = {
+    task.name: task for task in (ArmRecruitment, CallAdmission, Chain, Gymnasium, Hopper, LinearRecruitment, ThreeState)
+}
 """The class of every task, by name; a task of your own may be added."""
 
 

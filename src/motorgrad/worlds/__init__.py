@@ -4,6 +4,8 @@ from motorgrad.worlds import oracle
 from motorgrad.worlds._admission import AdmissionThresholds, call_admission
 from motorgrad.worlds._chain import CHAIN_VARIANTS, chain
 from motorgrad.worlds._finite import FiniteMDP, action_index
+from motorgrad.worlds._immediate import immediate_gradient, immediate_reward, mean_field
+from motorgrad.worlds._recruitment import SweepingLoads, UniformLoads
 from motorgrad.worlds._three_state import three_state
 from motorgrad.worlds._world import World
 
@@ -11,10 +13,15 @@ __all__ = [
     "CHAIN_VARIANTS",
     "AdmissionThresholds",
     "FiniteMDP",
+    "SweepingLoads",
+    "UniformLoads",
     "World",
     "action_index",
     "call_admission",
     "chain",
+    "immediate_gradient",
+    "immediate_reward",
+    "mean_field",
     "oracle",
     "three_state",
 ]

@@ -1,0 +1,192 @@
+"""How high an arm lifts its load: by simulation, and from a table of simulations."""
+
+import dataclasses
+import functools
+import io
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad._settings import table
+from motorgrad.bodies._arm import Arm
+from motorgrad.bodies._batch import BodyBatch
+
+STORED = Path(__file__).with_name("arm_lift.npz")
+HEAVIEST = 20.0  # kg
+LOADS, SHARES = 41, 81
+SECONDS = 2.0
+_ROWS, _ROUNDS = 17, 3
+
+
+def greatest_flexion(
+    arm: Arm, activation: Sequence[float] | np.ndarray, seconds: float = SECONDS, threads: int = 0
+) -> Float[np.ndarray, " rows"]:
+    """The greatest flexion of the elbow within `seconds`, from rest under a constant activation, by simulation.
+
+    **Arguments:** the arm with its load; `activation` (rows,), from 0 to 1, each a simulation of its own; `seconds`, a
+    simulated time; `threads` as in `BodyBatch`.
+
+    **Returns:** in rad, from 0 to the stop (which gives way a little under a blow: that is cut off).
+
+    **Raises:** `RuntimeError` if a simulation diverges.
+    """
+    active: Any = np.asarray(activation, float)
+    check(active.ndim == 1 and len(active) > 0, "activation.shape", active.shape, "(rows,), at least one")
+    check(((active >= 0) & (active <= 1)).all(), "activation", active.tolist(), "from 0 to 1")
+    check(arm.timestep <= seconds < math.inf, "seconds", seconds, f"at least one time step, {arm.timestep} s")
+    batch = BodyBatch(arm, len(active), substeps=1, threads=threads)
+    action, most = active[:, None], np.zeros(len(active), np.float32)
+    for _ in range(round(seconds / arm.timestep)):
+        batch.step(action)
+        np.maximum(most, batch.packed[:, 0], out=most)
+    if batch.diverged.any():
+        raise RuntimeError(f"the arm's simulation diverged {batch.diverged.sum()} times: {arm}")
+    return np.minimum(most.astype(float), arm.most_flexion)
+
+
+def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
+    """The greatest height that a load is lifted to within 2 s from rest by a constant force, by simulation.
+
+    **Arguments:** the arm, whose own `load` and `strength` do not matter; `load` in kg, at least 0, and `force` in N,
+    at least 0, which broadcast.
+
+    **Returns:** the height as a part of the full lift, from 0 to 1.
+    """
+    loads, forces = np.broadcast_arrays(np.asarray(load, float), np.asarray(force, float))
+    found = np.zeros(loads.shape)
+    for each in np.unique(loads):
+        rows = loads == each
+        found[rows] = _lift(dataclasses.replace(arm, load=float(each)), forces[rows])
+    return found
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LiftTable:
+    r"""`lift` of one arm, simulated on a grid once and interpolated from then on.
+
+    Without friction the height depends on the force only through its ratio to `Arm.throw`, the force that just reaches
+    the top. So the grid is one of load and of force as a share of the force that just reaches the top with that load:
+    what is tabulated is then smooth, and has its kink at the border. The loads are the squares of equally spaced
+    numbers, as friction matters most to the lightest.
+
+    **Arguments:**
+
+    - `arm`: whose lift it is, for any load and strength.
+    - `effort` (loads,): the force that just reaches the top, divided by `Arm.throw` to there.
+    - `height` (loads, shares): the height as a part of the full lift, for shares from 0 to 1 of that force.
+    """
+
+    arm: Arm
+    effort: Float[np.ndarray, " loads"]
+    height: Float[np.ndarray, "loads shares"]
+
+    def lift(self, load: Any, force: Any) -> Float[Array, "..."]:
+        """As the function `lift`, interpolated linearly; a JAX function of arrays, which broadcast.
+
+        Loads are taken to be from 0 to 20 kg: what is outside counts as the nearest.
+        """
+        load = jnp.clip(jnp.asarray(load, jnp.result_type(float)), 0.0, HEAVIEST)
+        row, down = _place(jnp.sqrt(load / HEAVIEST), len(self.effort))
+        effort, height = (jnp.asarray(part, load.dtype) for part in (self.effort, self.height))
+        light, heavy = (self.arm_with(mass).throw(self.arm.most_flexion) for mass in (0.0, HEAVIEST))
+        throw = light + (heavy - light) * load / HEAVIEST
+        top = throw * ((1 - down) * effort[row] + down * effort[row + 1])
+        column, right = _place(jnp.clip(force / top, 0.0, 1.0), height.shape[1])
+        above = (1 - right) * height[row, column] + right * height[row, column + 1]
+        below = (1 - right) * height[row + 1, column] + right * height[row + 1, column + 1]
+        return (1 - down) * above + down * below
+
+    def top_force(self, load: float) -> float:
+        """The force in N that just takes a load to the top."""
+        effort = np.interp(math.sqrt(load), np.sqrt(_loads(len(self.effort))), self.effort)
+        return float(effort * self.arm_with(load).throw(self.arm.most_flexion))
+
+    def arm_with(self, load: float) -> Arm:
+        """The arm with that load in its hand."""
+        return dataclasses.replace(self.arm, load=float(load))
+
+    def save(self, path: Path) -> None:
+        """Store the table, and from what it was made."""
+        made = {"arm": table(self.arm), "seconds": SECONDS, "heaviest": HEAVIEST, "mujoco": mujoco.__version__}
+        content = io.BytesIO()
+        np.savez_compressed(content, effort=self.effort, height=self.height, made=json.dumps(made))
+        path.write_bytes(content.getvalue())
+
+    @classmethod
+    def load(cls, path: Path) -> "LiftTable":
+        """A table that was stored."""
+        with np.load(path) as file:
+            made = json.loads(str(file["made"]))
+            return cls(Arm(**made["arm"]), file["effort"], file["height"])
+
+
+def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:
+    """Simulate the table of an arm: some thousand lifts of 2 s, about a minute on one core.
+
+    **Arguments:** the arm, whose own `load` and `strength` do not matter; the numbers of loads and of forces, ≥ 2.
+    """
+    check(loads >= 2, "loads", loads, "at least 2")
+    check(shares >= 2, "shares", shares, "at least 2")
+    effort, height = np.zeros(loads), np.zeros((loads, shares))
+    for row, load in enumerate(_loads(loads)):
+        one = dataclasses.replace(arm, load=float(load))
+        throw = float(one.throw(one.most_flexion))
+        effort[row] = _top_force(one, throw) / throw
+        height[row] = _lift(one, np.linspace(0.0, 1.0, shares) * effort[row] * throw)
+    height[:, -1] = 1.0
+    return LiftTable(arm, effort, height)
+
+
+def lift_table(arm: Arm) -> LiftTable:
+    """The table of an arm: the stored one if it is that arm's, else one that is simulated when it is first asked for.
+
+    Two arms that differ in load, strength or height above the floor alone lift alike, and share a table.
+    """
+    default = Arm()
+    return _table(
+        dataclasses.replace(arm, load=default.load, strength=default.strength, elbow_height=default.elbow_height)
+    )
+
+
+@functools.cache
+def _table(arm: Arm) -> LiftTable:
+    stored = LiftTable.load(STORED)
+    return stored if stored.arm == arm else tabulate_lift(arm)
+
+
+def _lift(arm: Arm, force: np.ndarray) -> np.ndarray:
+    """The heights, as parts of the full lift, to which an arm lifts its load under several forces in N."""
+    strength = max(float(np.max(force)), 1e-9)
+    most = greatest_flexion(dataclasses.replace(arm, strength=strength), force / strength)
+    return np.asarray(arm.rise(most)) / float(arm.rise(arm.most_flexion))
+
+
+def _top_force(arm: Arm, throw: float) -> float:
+    """The force in N that just reaches the top, which is no less than `throw`: by halving, many at once."""
+    low, high = throw, 1.1 * throw
+    while _lift(arm, np.array([high]))[0] < 1.0:
+        low, high = high, 2.0 * high
+    for _ in range(_ROUNDS):
+        tried = np.linspace(low, high, _ROWS)
+        first = max(1, int(np.argmax(_lift(arm, tried) >= 1.0)))
+        low, high = tried[first - 1], tried[first]
+    return high
+
+
+def _loads(count: int) -> np.ndarray:
+    return HEAVIEST * np.linspace(0.0, 1.0, count) ** 2
+
+
+def _place(share: Array, count: int) -> tuple[Array, Array]:
+    """Between which of `count` places from 0 to 1 a number lies: the first of the two, and how far on from it."""
+    place = share * (count - 1)
+    first = jnp.clip(jnp.floor(place), 0, count - 2)
+    return first.astype(jnp.int32), place - first

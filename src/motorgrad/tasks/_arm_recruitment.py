@@ -1,0 +1,103 @@
+"""Recruitment for an arm that lifts loads (section 4.3.2 of the thesis)."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from motorgrad._errors import check, choice
+from motorgrad.bodies import Arm, lift, lift_table
+from motorgrad.tasks._recruitment import Pull, Recruitment
+from motorgrad.tasks._task import Reading
+from motorgrad.worlds import SweepingLoads
+
+HEAVIEST = 20.0  # kg: of the table
+
+
+@dataclasses.dataclass(frozen=True)
+class ArmRecruitment(Recruitment):
+    """Lift each load as high as that is worth, with as few units as that takes.
+
+    Observed: the load, in kg; negative ones are no load at all. Actions: each unit of the flexor's pool fires or not.
+    Reward: the height of the lift, from 0 to `scale`, minus `cost` × the part of the pool that fires. An episode is a
+    sweep: the load starts at `low`, grows by U[`least`, `most`], and the sweep ends when it is above `high`.
+
+    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as of every recruitment task, and
+
+    - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` does not matter.
+    - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 a second).
+    - `scale`: the height of the full lift.
+    - `cost`: of the whole pool's firing.
+    - `unloaded`: the height that is paid for loads of 0 and below, whatever fires.
+    - `low`, `high` (kg): where a sweep begins, and above what it ends; at most 20.
+    - `least`, `most` (kg): how much the load grows at each decision.
+    """
+
+    name: ClassVar[str] = "arm-recruitment"
+    learner: ClassVar[Mapping[str, Any]] = {
+        "policy": "motoneurons",
+        "policy_settings": {"low": 0.0, "high": 10.0},
+        "decay": 0.0,
+        "improve": "episode",
+        "batch": "sum",
+        "rates": {"gain": 2e-4, "threshold": 4e-4},
+    }
+    reports: ClassVar[tuple[str, ...]] = ("height", "active")
+    episodic: ClassVar[bool] = True
+
+    body: Arm = dataclasses.field(default_factory=Arm)
+    height: Literal["table", "direct"] = "table"
+    scale: float = 10.0
+    cost: float = 4.0
+    unloaded: float = 0.0
+    low: float = -2.0
+    high: float = 14.0
+    least: float = 0.1
+    most: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        choice("height", self.height, ("table", "direct"))
+        for name in ("scale", "cost", "unloaded"):
+            check(abs(getattr(self, name)) < 1e6, name, getattr(self, name), "a number between -1e6 and 1e6")
+        check(-1e6 < self.low < self.high <= HEAVIEST, "low, high", (self.low, self.high), "low < high <= 20 kg")
+        check(0 < self.least <= self.most < 1e6, "least, most", (self.least, self.most), "positive, least <= most")
+
+    @property
+    def dynamics(self) -> SweepingLoads:
+        return SweepingLoads(self.low, self.least, self.most)
+
+    def over(self, state: Float[Array, ""]) -> Bool[Array, ""]:
+        return state > self.high
+
+    def effect(
+        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
+    ) -> Float[Array, ""]:
+        """H, the height to which a part of the pool lifts a load; JAX arrays, which broadcast."""
+        force = self.body.strength * strength * ratio
+        lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
+        part = lifted(load, force)
+        return jnp.where(load > 0, self.scale * part, self.unloaded)
+
+    def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
+        return effect - self.cost * ratio
+
+    def readings(self, memory: Pull, state: Float[Array, ""]) -> dict[str, Reading]:
+        """`height`: of the lift, where there was a load. `active`: the part of the pool that fired."""
+        return {"height": (memory.effect, memory.at > 0), "active": (memory.ratio, True)}
+
+
+def _simulated(body: Arm, load: Array, force: Array) -> Array:
+    """`motorgrad.bodies.lift` from within compiled code, for all seeds in one call."""
+
+    def host(load: Any, force: Any) -> np.ndarray:
+        return lift(body, np.maximum(load, 0.0), force).astype(np.float32)
+
+    load, force = jnp.broadcast_arrays(jnp.asarray(load, jnp.float32), jnp.asarray(force, jnp.float32))
+    shape = jax.ShapeDtypeStruct(load.shape, jnp.float32)
+    return jax.pure_callback(host, shape, load, force, vmap_method="broadcast_all")
