@@ -406,7 +406,7 @@ def test_settings_make_the_metric_and_the_plain_learner_has_none():
     [
         (lambda: FisherMetric(0.0), r"rate = 0.0: must be in \(0, 1\]"),
         (lambda: FisherMetric(float("nan")), "rate = nan"),
-        (lambda: FisherMetric(0.1, -1.0), "damping = -1.0: must be finite numbers of at least 0"),
+        (lambda: FisherMetric(0.1, -1.0), "damping = -1.0: must be a finite number of at least 0"),
         (lambda: FisherMetric(0.1, {"bias": float("inf")}), "damping bias = inf"),
         (lambda: FisherMetric(0.1, 0.1, -1.0), "initial = -1.0"),
         (lambda: Agent(POINT, metric=0.1), "metric = 0.1: must be None or a FisherMetric"),

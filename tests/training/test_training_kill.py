@@ -12,16 +12,37 @@ from training_examples import assert_same_run, checkpoints, final_state
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.training import RunDirectoryError
+from motorgrad.training import RunDirectoryError, settings_for
 
 RUNS = {
     # the windows fit no block of random numbers, and are longer than the slices of work between two checkpoints
     "three-state": {"task": "three-state", "steps": 1_000_000, "seeds": [0, 1, 2], "window": 199_999, "threads": 1},
     "hopper": {"task": "hopper", "steps": 3_000, "seeds": [0, 1, 2], "window": 1_499, "threads": 1},
+    "natural": {"task": "linear-recruitment", "steps": 400_000, "seeds": [0, 1, 2], "window": 79_999},
+}
+LEARNERS = {
+    "natural": {
+        "metric": "fisher",
+        "metric_rate": 3e-4,
+        "dampings": {"threshold": 0.05, "gain": 1e-6},
+        "baseline": "binned",
+        "baseline_rate": 0.02,
+        "advantages": "normalised",
+    }
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
-CHILD = "import json, sys, motorgrad as mg; mg.train(**json.loads(sys.argv[1]), progress=False)"
+CHILD = """
+import json, sys, motorgrad as mg
+from motorgrad.training import settings_for
+given, learner = map(json.loads, sys.argv[1:])
+mg.train(agent=settings_for(given["task"], **learner), **given, progress=False)
+"""
+
+
+def train(name, out, **changes):
+    learner = settings_for(RUNS[name]["task"], **LEARNERS.get(name, {}))
+    return mg.train(agent=learner, **{**RUNS[name], **changes}, out=out, progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +52,7 @@ def undisturbed(tmp_path_factory):
 
     def of(name):
         if name not in made:
-            made[name] = mg.train(**RUNS[name], out=tmp_path_factory.mktemp(name), progress=False)
+            made[name] = train(name, tmp_path_factory.mktemp(name))
         return made[name]
 
     return of
@@ -44,7 +65,8 @@ def begin(process_environment):
 
     def start(name, out, every=EVERY, **changes):
         options = json.dumps({**RUNS[name], "out": str(out), "checkpoint_every": every, **changes})
-        children.append(subprocess.Popen([sys.executable, "-c", CHILD, options], env=process_environment))
+        learner = json.dumps(LEARNERS.get(name, {}))
+        children.append(subprocess.Popen([sys.executable, "-c", CHILD, options, learner], env=process_environment))
         return children[-1]
 
     yield start
@@ -85,8 +107,10 @@ def kill_and_resume(name, path, begin, kills, random):
     [
         ("three-state", 2),
         ("hopper", 2),
+        ("natural", 2),
         pytest.param("three-state", 8, marks=pytest.mark.slow),
         pytest.param("hopper", 8, marks=pytest.mark.slow),
+        pytest.param("natural", 8, marks=pytest.mark.slow),
     ],
 )
 def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills, undisturbed, begin, tmp_path):
@@ -105,9 +129,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_again(appears, begin, t
     if (tmp_path / "killed" / "config.toml").exists():
         with pytest.raises(RunDirectoryError, match="has no whole checkpoint yet"):
             mg.load(tmp_path / "killed")
-    killed, whole = (
-        mg.train(**{**RUNS["hopper"], **short}, out=tmp_path / name, progress=False) for name in ("killed", "whole")
-    )
+    killed, whole = (train("hopper", tmp_path / name, **short) for name in ("killed", "whole"))
     assert_same_run(killed, whole)
 
 
@@ -150,7 +172,7 @@ def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed,
     assert not stopped.complete
     assert stopped.decision >= run["steps"] // 10
     assert stopped.metrics.num_rows == 3 * (stopped.decision // run["window"])
-    assert_same_run(mg.train(**run, out=tmp_path, progress=False), undisturbed(name))
+    assert_same_run(train(name, tmp_path), undisturbed(name))
 
 
 def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
@@ -158,7 +180,7 @@ def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     wait_until(lambda: reached(tmp_path) > 1, child)
     child.send_signal(signal.SIGSTOP)  # it holds the directory however long this takes
     with pytest.raises(RunDirectoryError, match=rf"in use by another process \(process {child.pid}\)"):
-        mg.train(**RUNS["three-state"], out=tmp_path, progress=False)
+        train("three-state", tmp_path)
     assert main(["train", "three-state", "--out", str(tmp_path)]) == 2
     assert f"in use by another process (process {child.pid})" in capsys.readouterr().err
     assert mg.load(tmp_path).decision == reached(tmp_path) > 0
@@ -166,5 +188,5 @@ def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     child.wait()
     # a dead process holds nothing; but what it was to make is more than is asked for now
     with pytest.raises(RunDirectoryError, match=r"of which [\d,]+ are made; 1 were asked for now"):
-        mg.train(**{**RUNS["three-state"], "steps": 1}, out=tmp_path, progress=False)
+        train("three-state", tmp_path, steps=1)
     assert reached(tmp_path) == final_state(tmp_path)["decision"] > 1

@@ -33,8 +33,9 @@ def run(arguments: list[str]) -> int:
     if str(options.json) != "-":
         for kind, entries in found.items():
             print(kind)
+            width = max(map(len, entries))
             for name, what in entries.items():
-                print(f"  {name:<16} {what}")
+                print(f"  {name:<{width}}  {what}")
     write_json(options.json, found)
     return 0
 

@@ -17,6 +17,7 @@ from motorgrad.training import (
     RunDirectoryError,
     check_tensorboard,
     check_training,
+    given_initial,
     settings_for,
     settings_in,
     train,
@@ -75,6 +76,8 @@ class Options:
 
 def run(arguments: list[str]) -> int:
     given = read(_resumed(arguments))
+    about = given.table.get("run")
+    begun = isinstance(about, dict) and "initial" in about
     name, given = _task_of(given)
     if name is None:
         asked = set(arguments) & {"-h", "--help"}
@@ -89,6 +92,10 @@ def run(arguments: list[str]) -> int:
     asked = fill(_command(TASKS[name]()), draft, f"train {name}").get("task", {})
     task = as_hinted(TASKS[name], asked, "task")
     options = resolve(_command(task), given, f"train {name}")
+    initial = given_initial(options.directory)
+    if begun and initial is None:
+        how = "go on with it by --resume, or begin another in Python, train(..., initial=...)"
+        raise ValueError(f"{given.file}: run.initial: this run began from policies that it was given: {how}")
     result = train(
         *options.learning,
         options.directory,
@@ -96,6 +103,7 @@ def run(arguments: list[str]) -> int:
         checkpoint_every=options.checkpoint_every,
         threads=options.threads,
         tensorboard=options.tensorboard,
+        initial=initial,
     )
     found = _result(result)
     if str(options.json) != "-":
@@ -153,7 +161,7 @@ def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     """The task's name in a file, and the options there."""
     values = dict(table)
     if isinstance(values.get("run"), dict):
-        run = values.pop("run")
+        run = {key: value for key, value in values.pop("run").items() if key != "initial"}
         for key in run:
             check(key not in values, key, run[key], "given once, here or in the table run")
         values |= run

@@ -22,7 +22,11 @@ def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
 
 
 def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
-    """The observation and the action space of a task."""
+    """The observation and the action space of a task.
+
+    **Raises** `ValueError` for a task that takes neither binary nor discrete actions.
+    """
+    check(task.actions in task.takes, f"task {task.name!r}", task.takes, "one that takes binary or discrete actions")
     most = np.full(task.observation_size, np.finfo(np.float32).max)
     low, high = -most, most
     # bounds that hold only if the world's own observations are shown as they are

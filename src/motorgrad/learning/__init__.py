@@ -2,11 +2,12 @@
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning._agent import Agent, AgentState, Decision
-from motorgrad.learning._ascent import SgdState, adam, sgd
+from motorgrad.learning._ascent import DecayState, SgdState, adam, decayed, sgd
 from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
 from motorgrad.learning._input_baselines import BinnedBaseline, InputBaseline, LinearBaseline, LinearState
 from motorgrad.learning._natural import FisherMetric, FisherState
+from motorgrad.learning._scale import RootMeanSquare, ScaleState
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Baseline",
     "BinnedBaseline",
     "Constant",
+    "DecayState",
     "Decision",
     "Episodic",
     "Estimator",
@@ -31,12 +33,15 @@ __all__ = [
     "NoBaseline",
     "Olgarb",
     "Olpomdp",
+    "RootMeanSquare",
     "RunningMean",
+    "ScaleState",
     "SgdState",
     "Trace",
     "Window",
     "adam",
     "add_sample",
+    "decayed",
     "running_mean",
     "sgd",
     "two_sum",

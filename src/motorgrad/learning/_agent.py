@@ -19,10 +19,11 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._ascent import adam, sgd
+from motorgrad.learning._ascent import adam, decayed, sgd
 from motorgrad.learning._estimator import Estimator, Olgarb
 from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._natural import FisherMetric, FisherState
+from motorgrad.learning._scale import ScaleState
 from motorgrad.policies import Policy, split, trainable
 
 
@@ -40,7 +41,8 @@ class AgentState(NamedTuple):
     mean of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
     $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
-    the decision whose reward is awaited, `None` where neither metric nor baseline asks for it.
+    the decision whose reward is awaited, `None` where neither metric nor baseline asks for it; `scale` that of the
+    advantages, `None` where they are not normalised.
     """
 
     policy: Policy
@@ -51,9 +53,11 @@ class AgentState(NamedTuple):
     weight: Float[Array, ""] | None
     metric: FisherState | None = None
     last: Decision | None = None
+    scale: ScaleState | None = None
 
 
 Flag = Bool[Array, ""] | bool
+Credit = Callable[[PyTree[Array], Float[Array, ""]], PyTree[Array]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -71,7 +75,7 @@ class Agent:
 
     policy: Policy | Callable[[jax.Array], Policy]
     estimator: Estimator = dataclasses.field(default_factory=Olgarb)
-    ascent: optax.GradientTransformation | sgd | adam = dataclasses.field(default_factory=lambda: sgd(1e-3))
+    ascent: optax.GradientTransformation | sgd | adam | decayed = dataclasses.field(default_factory=lambda: sgd(1e-3))
     metric: FisherMetric | None = None
 
     def __post_init__(self) -> None:
@@ -102,6 +106,7 @@ class Agent:
             weight=None if self.estimator.discount is None else jnp.ones((), dtype),
             metric=None if self.metric is None else self.metric.init(policy),
             last=_no_decision(policy, dtype) if sees or self.metric is not None else None,
+            scale=None if self.estimator.scale is None else self.estimator.scale.init(dtype),
         )
 
     def act(
@@ -124,25 +129,27 @@ class Agent:
     ) -> AgentState:
         r"""Turn a reward into a gradient sample: $\delta \leftarrow r - b$, $g \leftarrow \delta z$, then update $b$.
 
-        An `InputBaseline` adds to the sample what it knows about the newest action's observation. A metric takes the
-        decision in.
+        An `InputBaseline` adds to the sample what it knows about the newest action's observation. A scale divides the
+        sample by the usual size of the advantages. A metric takes the decision in.
 
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped (gradient, baseline and metric stay as they were) and the trace restarts.
+        sample is dropped (gradient, baseline, scale and metric stay as they were) and the trace restarts.
         """
         del next_observation  # for critics, which bootstrap from it
         estimator = self.estimator
-        sample, baseline = self._compare(state, reward)
+        sample, baseline, scale = self._compare(state, reward)
         after = state._replace(
             baseline=baseline,
             gradient=sample if estimator.online else add_sample(_running(state), sample),
             weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
             metric=self._measure(state),
+            scale=scale,
         )
         if diverged is not False:
             dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient
-            without = after._replace(baseline=state.baseline, gradient=dropped, metric=state.metric)
+            kept = {"baseline": state.baseline, "metric": state.metric, "scale": state.scale}
+            without = after._replace(gradient=dropped, **kept)
             after = _where(diverged, without, after)
         ended = _any(terminated, truncated, diverged)
         return after if ended is False else self.restart(after, ended)
@@ -176,23 +183,38 @@ class Agent:
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return _where(due, moved._replace(gradient=running_mean(running.mean)), state)
 
-    def _compare(self, state: AgentState, reward: Float[Array, ""]) -> tuple[PyTree[Array], Any]:
-        """The gradient sample of a reward, and the baseline afterwards."""
+    def _compare(self, state: AgentState, reward: Float[Array, ""]) -> tuple[PyTree[Array], Any, ScaleState | None]:
+        """The gradient sample of a reward, and the baseline and the scale afterwards."""
         trace, baseline = self.estimator.trace, self.estimator.baseline
-
-        def credit(eligibility: PyTree[Array], worth: Float[Array, ""]) -> PyTree[Array]:
-            worth = worth if state.weight is None else state.weight * worth
-            return jax.tree.map(lambda z: worth * z, eligibility)
-
         level = baseline.value(state.baseline)
-        sample = credit(trace.value(state.trace), reward - level)
         if not isinstance(baseline, InputBaseline):
-            return sample, baseline.update(state.baseline, reward)
+            scale, credit = self._credit(state, reward - level)
+            return credit(trace.value(state.trace), reward - level), baseline.update(state.baseline, reward), scale
         observation, action = _last(state)
+        expected = baseline.value_at(state.baseline, observation)
+        scale, credit = self._credit(state, reward - expected)
         score = state.policy.score(observation, action)
         newest = trace.value(trace.update(trace.init(trainable(state.policy)), score))
-        expected = credit(newest, level - baseline.value_at(state.baseline, observation))
-        return jax.tree.map(jnp.add, sample, expected), baseline.update(state.baseline, observation, reward)
+        sample = jax.tree.map(
+            jnp.add, credit(trace.value(state.trace), reward - level), credit(newest, level - expected)
+        )
+        return sample, baseline.update(state.baseline, observation, reward), scale
+
+    def _credit(self, state: AgentState, advantage: Float[Array, ""]) -> tuple[ScaleState | None, Credit]:
+        """The scale, once it knows this advantage, and what then multiplies an eligibility by its worth."""
+        normal, scale, factors = self.estimator.scale, state.scale, []
+        if normal is not None and scale is not None:
+            scale = normal.update(scale, advantage)
+            factors.append(normal.factor(scale))
+        if state.weight is not None:
+            factors.append(state.weight)
+
+        def credit(eligibility: PyTree[Array], worth: Float[Array, ""]) -> PyTree[Array]:
+            for factor in factors:
+                worth = factor * worth
+            return jax.tree.map(lambda z: worth * z, eligibility)
+
+        return scale, credit
 
     def _measure(self, state: AgentState) -> FisherState | None:
         if self.metric is None or state.metric is None:

@@ -6,6 +6,7 @@ from typing import Literal
 from motorgrad._errors import check
 from motorgrad.learning._baselines import Baseline, MeanReward, NoBaseline
 from motorgrad.learning._input_baselines import InputBaseline
+from motorgrad.learning._scale import RootMeanSquare
 from motorgrad.learning._traces import Exponential, Trace
 
 
@@ -22,6 +23,7 @@ class Estimator:
     - `improve`: after how many samples the parameters move; `"episode"` for once at each episode's end, `"never"` for
       an estimate at fixed parameters.
     - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
+    - `scale`: `None` for advantages $\delta$ as they are; `RootMeanSquare` to normalise them.
     """
 
     trace: Trace = dataclasses.field(default_factory=Exponential)
@@ -29,6 +31,7 @@ class Estimator:
     discount: float | None = None
     improve: int | Literal["episode", "never"] = 1
     batch: Literal["mean", "sum"] = "mean"
+    scale: RootMeanSquare | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (("trace", Trace), ("baseline", Baseline | InputBaseline)):
@@ -39,6 +42,8 @@ class Estimator:
         check(valid, "improve", self.improve, "a positive number of samples, 'episode' or 'never'")
         check(self.discount is None or 0 < self.discount <= 1, "discount", self.discount, "None or in (0, 1]")
         check(self.batch in ("mean", "sum"), "batch", self.batch, "'mean' or 'sum'")
+        known = self.scale is None or isinstance(self.scale, RootMeanSquare)
+        check(known, "scale", self.scale, "None or a RootMeanSquare, such as RootMeanSquare(1e-3)")
 
     @property
     def online(self) -> bool:

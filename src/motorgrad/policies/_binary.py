@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
-from motorgrad.policies._policy import Policy, in_structure, outer, rows, trainable
+from motorgrad.policies._policy import Policy, in_structure, outer, unit_rows
 
 
 class BinaryUnits(Policy):
@@ -33,8 +33,7 @@ class BinaryUnits(Policy):
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
         """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
-        own = all(leaf.shape[:1] == (self.outputs,) for leaf in jax.tree.leaves(trainable(self)))
-        return (rows(gradient, self.outputs if own else 1),)
+        return (unit_rows(self, gradient),)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]

@@ -25,6 +25,8 @@ class Factored(BinaryUnits):
 
     def __check_init__(self) -> None:
         check(len(self.pools) > 0, "pools", self.pools, "at least one pool of units")
+        kinds = [type(pool).__name__ for pool in self.pools]
+        check(all(isinstance(pool, BinaryUnits) for pool in self.pools), "pools", kinds, "pools of binary units")
         sizes = {pool.inputs for pool in self.pools}
         check(len(sizes) == 1, "pools", sorted(sizes), "over observations of one length")
 

@@ -37,13 +37,20 @@ class Policy(eqx.Module):
         """Number of units (binary actions), or of alternatives (a discrete action)."""
 
     @property
+    def actions(self) -> str:
+        """What an action is: `"binary"`, a vector of zeros and ones; `"discrete"`, one of some integers; `"graded"`, a
+        vector of real numbers; `"querying"`, zeros and ones followed by an input that is asked for."""
+        seen = jax.ShapeDtypeStruct((self.inputs,), jnp.result_type(float))
+        return "binary" if jax.eval_shape(lambda policy, y: policy.mode(y), self, seen).ndim else "discrete"
+
+    @property
     def uniforms(self) -> int:
         """How many numbers from U[0, 1) one decision consumes: one a unit, unless a policy says otherwise."""
         return self.outputs
 
     @abc.abstractmethod
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
-        """Each unit's probability of firing, or each alternative's of being chosen."""
+        """Each unit's probability of firing, or mean activation; or each alternative's probability of being chosen."""
 
     @abc.abstractmethod
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
@@ -89,7 +96,8 @@ class Policy(eqx.Module):
 
     @abc.abstractmethod
     def enumerate(self) -> Array:
-        """Every action, along a leading axis: what an exact oracle sums over."""
+        """Every action, along a leading axis: what an exact oracle sums over. **Raises** `ValueError` where there are
+        infinitely many."""
 
 
 P = TypeVar("P", bound=Policy)
@@ -139,6 +147,12 @@ def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
     parts = [matrix[:, start:end] for start, end in itertools.pairwise(ends)]
     shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
     return jax.tree.unflatten(structure, shaped)
+
+
+def unit_rows(policy: Policy, gradient: Any) -> Float[Array, "units parameters"]:
+    """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
+    own = all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
+    return rows(gradient, policy.outputs if own else 1)
 
 
 def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:

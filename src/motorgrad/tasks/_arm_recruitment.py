@@ -34,8 +34,10 @@ class ArmRecruitment(Recruitment):
     - `scale`: the height of the full lift.
     - `cost`: of the whole pool's firing.
     - `unloaded`: the height that is paid for loads of 0 and below, whatever fires.
-    - `low`, `high` (kg): where a sweep begins, and above what it ends; at most 20.
-    - `least`, `most` (kg): how much the load grows at each decision.
+    - `low` (kg): where a sweep begins.
+    - `high` (kg): above what a sweep ends; at most 20.
+    - `least` (kg): by how much the load grows at least at each decision.
+    - `most` (kg): by how much it grows at most.
     """
 
     name: ClassVar[str] = "arm-recruitment"

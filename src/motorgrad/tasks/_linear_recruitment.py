@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from motorgrad._errors import check, choice
 from motorgrad.tasks._recruitment import Pull, Recruitment
 from motorgrad.tasks._task import Reading
-from motorgrad.worlds import UniformLoads
+from motorgrad.worlds import QueriedLoads, UniformLoads
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,12 +26,15 @@ class LinearRecruitment(Recruitment):
     **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as of every recruitment task, and
 
     - `output`: `"count"` or `"ratio"`. They differ by the factor `units`² in the reward, and so in the step size.
-    - `slope`, `intercept`: $c_1$ and $c_2$, for the output as a ratio; the slope positive.
-    - `low`, `high`: the range of the loads.
+    - `slope`: $c_1$, of the output as a ratio; above 0.
+    - `intercept`: $c_2$, of the output as a ratio.
+    - `low`: the least of the loads.
+    - `high`: the greatest of the loads.
+    - `loads`: `"uniform"`, as above; or `"queried"`: after the units' the action has one more number, the load that the
+      learner asks to see next (`motorgrad.policies.Querying`).
     """
 
     name: ClassVar[str] = "linear-recruitment"
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "motoneurons", "decay": 0.0, "rate": 2e-4}
     reports: ClassVar[tuple[str, ...]] = ("error",)
 
     output: Literal["count", "ratio"] = "count"
@@ -39,17 +42,32 @@ class LinearRecruitment(Recruitment):
     intercept: float = -0.1
     low: float = 0.0
     high: float = 1.0
+    loads: Literal["uniform", "queried"] = "uniform"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         choice("output", self.output, ("count", "ratio"))
+        choice("loads", self.loads, ("uniform", "queried"))
         check(0 < self.slope < 1e6, "slope", self.slope, "above 0 and below 1e6")
         check(abs(self.intercept) < 1e6, "intercept", self.intercept, "a number between -1e6 and 1e6")
         check(-1e6 < self.low < self.high < 1e6, "low, high", (self.low, self.high), "an interval, low < high")
 
     @property
-    def dynamics(self) -> UniformLoads:
-        return UniformLoads(self.low, self.high)
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        policy = "motoneurons" if self.loads == "uniform" else "querying-motoneurons"
+        return {"policy": policy, "decay": 0.0, "rate": 2e-4}
+
+    @property
+    def action_size(self) -> int:
+        return self.units + (self.loads == "queried")
+
+    @property
+    def takes(self) -> tuple[str, ...]:
+        return super().takes if self.loads == "uniform" else ("querying",)
+
+    @property
+    def dynamics(self) -> UniformLoads | QueriedLoads:
+        return (UniformLoads if self.loads == "uniform" else QueriedLoads)(self.low, self.high)
 
     def target(self, load: Any) -> Any:
         """The force that is wanted at a load, as a ratio; arrays of any shape."""

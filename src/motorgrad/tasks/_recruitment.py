@@ -60,6 +60,10 @@ class Recruitment(Task):
         return self.units
 
     @property
+    def takes(self) -> tuple[str, ...]:
+        return ("binary", "graded")
+
+    @property
     def episode_limit(self) -> int | None:
         return self.time_limit
 
@@ -80,7 +84,9 @@ class Recruitment(Task):
         """What that pays."""
 
     def ratio(self, action: Float[Array, " units"]) -> Float[Array, ""]:
-        """The part of the pool that fires, by size: from 0 to 1."""
+        """The part of the pool that fires, by size: from 0 to 1. Graded activations are clipped to that, each by
+        itself."""
+        action = jnp.clip(action[: self.units], 0, 1)
         if self.size_ratio == 1:
             return jnp.sum(action) / self.units
         return jnp.sum(action * jnp.asarray(self.sizes, action.dtype))

@@ -51,6 +51,11 @@ class Task(abc.ABC):
         """Number of binary actions, or of alternatives."""
 
     @property
+    def takes(self) -> tuple[str, ...]:
+        """The kinds of actions that will do, as `Policy.actions` has them: by default those of `actions` alone."""
+        return (self.actions,)
+
+    @property
     def period(self) -> float:
         """Simulated time from one decision to the next, in seconds; 1 where the dynamics know no time."""
         return 1.0

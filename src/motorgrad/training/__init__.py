@@ -2,6 +2,7 @@
 
 from motorgrad.training._arguments import check_training
 from motorgrad.training._body_stepper import BodyStepper
+from motorgrad.training._checkpoint import fingerprint
 from motorgrad.training._directory import RunDirectoryError, RunWarning
 from motorgrad.training._evaluate import Evaluation, evaluate
 from motorgrad.training._host_stepper import HostStepper
@@ -10,7 +11,7 @@ from motorgrad.training._plot_curves import Curve
 from motorgrad.training._plot_labels import folders_of
 from motorgrad.training._provenance import provenance, what_changed
 from motorgrad.training._resume import resume, settings_in
-from motorgrad.training._run import Run, load
+from motorgrad.training._run import Run, given_initial, load
 from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import check_tensorboard, write_tensorboard
@@ -32,7 +33,9 @@ __all__ = [
     "check_tensorboard",
     "check_training",
     "evaluate",
+    "fingerprint",
     "folders_of",
+    "given_initial",
     "learning_curves",
     "load",
     "provenance",

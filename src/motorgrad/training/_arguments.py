@@ -8,7 +8,9 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.learning import Agent
+from motorgrad.policies import Policy
 from motorgrad.tasks import Task, make
+from motorgrad.training._initial import stacked
 from motorgrad.training._settings import AgentSettings, settings_for
 from motorgrad.training._stepper import validate, validate_episodes
 
@@ -17,13 +19,15 @@ MOST_THREADS = 4096
 
 
 class Asked(NamedTuple):
-    """The arguments of a training, as they are meant; `settings`, where the agent was made from some."""
+    """The arguments of a training, as they are meant; `settings`, where the agent was made from some;
+    `initial`, the policies that seeds begin from, where they were given."""
 
     task: Task
     agent: Agent
     settings: AgentSettings | None
     steps: int
     seeds: list[int]
+    initial: Policy | None = None
 
 
 def check_training(
@@ -34,6 +38,7 @@ def check_training(
     window: int | None = None,
     checkpoint_every: float = 30.0,
     threads: int = 0,
+    initial: Policy | None = None,
 ) -> Asked:
     """The arguments as `train` takes them, checked. Nothing of a run's size is made.
 
@@ -59,9 +64,11 @@ def check_training(
     check(valid, "threads", threads, f"0 for all processors, or their number, at most {MOST_THREADS}")
     settings = settings_for(task) if agent is None else agent if isinstance(agent, AgentSettings) else None
     learner = agent if isinstance(agent, Agent) else (settings or settings_for(task)).agent(task)
-    validate(task, jax.eval_shape(learner.init, jax.random.key(0)).policy)
+    policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
+    validate(task, policy)
     validate_episodes(task, learner.estimator)
-    return Asked(task, learner, settings, int(steps), [int(seed) for seed in chosen])
+    own = None if initial is None else stacked(initial, policy, len(chosen))
+    return Asked(task, learner, settings, int(steps), [int(seed) for seed in chosen], own)
 
 
 def _whole(value: Any) -> TypeGuard[int]:

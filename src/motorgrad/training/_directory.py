@@ -46,6 +46,7 @@ class _Run:
     steps: int
     seeds: tuple[int, ...]
     window: int
+    initial: str | None = None
 
 
 class RunDirectory:
@@ -122,6 +123,11 @@ class RunDirectory:
         save(self._checkpoint(about["decision"]), state, about)
         for old in self._checkpoints()[:-2]:
             old.unlink()
+
+    @property
+    def begun(self) -> bool:
+        """Whether the policies before learning are kept here."""
+        return self._initial.is_file()
 
     def save_initial(self, policies: PyTree[np.ndarray], learner: dict[str, Any]) -> None:
         """Keep the policies as they were before learning, and a description of what learns."""

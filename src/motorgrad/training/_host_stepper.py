@@ -13,7 +13,7 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import HostTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
-from motorgrad.training._random import BLOCK, draw_block, key_of
+from motorgrad.training._random import BLOCK, draw_block
 from motorgrad.training._stepper import Record, Stepper, fits
 
 Numbers = dict[str, Float[Array, " size"]]
@@ -26,15 +26,24 @@ class HostStepper(Stepper):
     **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them.
     """
 
-    def __init__(self, task: HostTask, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0):
+    def __init__(
+        self,
+        task: HostTask,
+        agent: Agent,
+        seeds: Sequence[int],
+        mode: Mode = "learn",
+        threads: int = 0,
+        initial: Policy | None = None,
+    ):
         super().__init__(task, agent, seeds, mode, diverges=True)
         self.batch = task.batch(list(map(int, self.seeds)), threads)
-        self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0])))
+        own = jax.tree.map(lambda leaf: leaf[0], initial)
+        self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0]), own))
         self._compile()
         self._block, self._drawn = -1, np.empty(0)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
-        cycles = self._start(self.seeds, self.batch.packed)
+        cycles = self._start(self.seeds, self.batch.packed, initial)
         self._cycles, self._out = self._first(cycles, self._input())
 
     def advance(self, decisions: int) -> None:
@@ -123,15 +132,14 @@ class HostStepper(Stepper):
         self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
         self._draw = jax.jit(draw)
         self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
-        self._start = jax.jit(jax.vmap(lambda seed, packed: pack(self._begin(seed, packed))))
+        self._start = jax.jit(jax.vmap(lambda seed, packed, own: pack(self._begin(seed, packed, own))))
         self._first = over_seeds(self._act)
         self._next = over_seeds(self._settle_and_act)
         self._again = over_seeds(self._restart_and_act)
         self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
 
-    def _begin(self, seed: Array, packed: Array) -> CycleState:
-        agent = self.cycle.agent.init(key_of(seed, "initial"))
-        return self.cycle.begin(agent, self.batch.unpack(packed), *self._start_numbers(seed))
+    def _begin(self, seed: Array, packed: Array, own: Policy | None) -> CycleState:
+        return self.cycle.begin(self._fresh(seed, own), self.batch.unpack(packed), *self._start_numbers(seed))
 
     def _adopt(self, seed: Array, cycle: CycleState, packed: Array, memory: Any) -> CycleState:
         return self.cycle.adopt(cycle, memory, self.batch.unpack(packed), *self._start_numbers(seed))

@@ -13,10 +13,12 @@ LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle num
 
 
 def provenance() -> dict[str, Any]:
-    """Versions, processor, command and time. Bit-for-bit promises hold where `versions` and `processor` are equal."""
+    """Versions, processor, command and time. Bit-for-bit promises hold where `versions`, `compiler` and `processor` are
+    equal."""
     return {
         "versions": {name: importlib.metadata.version(name) for name in LIBRARIES.split()}
         | {"python": platform.python_version()},
+        "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")},
         "processor": _processor(),
         "system": platform.platform(),
         "cores": os.cpu_count(),
@@ -27,7 +29,9 @@ def provenance() -> dict[str, Any]:
 
 def what_changed(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
     """What differs between two sessions, in words, that bit-for-bit promises depend on."""
-    were, are = ({"processor": each["processor"], **each["versions"]} for each in (before, now))
+    were, are = (
+        {"processor": each["processor"], **each["versions"], **each.get("compiler", {})} for each in (before, now)
+    )
     for name in were.keys() & are.keys():
         if were[name] != are[name]:
             yield f"{name} was {were[name]} and is now {are[name]}"

@@ -5,7 +5,7 @@ from typing import Any
 
 from motorgrad._settings import build
 from motorgrad.training._directory import RunDirectory, RunDirectoryError
-from motorgrad.training._run import Run, task_of
+from motorgrad.training._run import Run, given_initial, task_of
 from motorgrad.training._settings import AgentSettings
 from motorgrad.training._train import train
 
@@ -41,6 +41,7 @@ def resume(
         checkpoint_every=checkpoint_every,
         threads=threads,
         progress=progress,
+        initial=given_initial(path),
     )
 
 

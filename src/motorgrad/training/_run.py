@@ -146,16 +146,30 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     if (learner := directory.learner()) is None:
         raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; going on with training puts it back")
     shapes = rebuild(learner["policy"])
-
-    def filled(arrays: dict[str, np.ndarray], prefix: str, part: Policy = shapes) -> Policy:
-        return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], part)
-
-    policies, initial = filled(arrays, "cycle.agent.policy."), filled(directory.initial(), "")
+    policies, initial = _filled(shapes, arrays, "cycle.agent.policy."), _filled(shapes, directory.initial())
     metrics = directory.metrics()
     metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
     mean = "cycle.agent.gradient.mean."
-    estimate = filled(arrays, mean, trainable(shapes)) if any(name.startswith(mean) for name in arrays) else None
+    estimate = _filled(trainable(shapes), arrays, mean) if any(name.startswith(mean) for name in arrays) else None
     return Run(config, about["decision"], metrics, policies, initial, estimate, Path(path), task, memory_in(arrays))
+
+
+def given_initial(path: Path | str) -> Policy | None:
+    """The policies that the run in a directory was given to begin from, seeds leading; `None` where it was given none,
+    or where there is no run. **Raises** `RunDirectoryError` where they are lost."""
+    directory = RunDirectory(path)
+    if not directory.started or "initial" not in directory.read_config()["run"]:
+        return None
+    learner = directory.learner() if directory.begun else None
+    if learner is None:
+        lost = "checkpoint/initial.policies is missing: give the initial policies again, train(..., initial=...)"
+        raise RunDirectoryError(f"{path}: {lost}")
+    return _filled(rebuild(learner["policy"]), directory.initial())
+
+
+def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") -> Policy:
+    """Stored arrays by name in the structure of a policy."""
+    return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
 
 
 def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -24,9 +24,11 @@ from motorgrad.learning import (
     LinearBaseline,
     MeanReward,
     NoBaseline,
+    RootMeanSquare,
     Trace,
     Window,
     adam,
+    decayed,
     sgd,
 )
 from motorgrad.tasks import Task, make
@@ -62,12 +64,16 @@ class AgentSettings:
     - `baseline_low`: the lower bound of the binned baseline, in units of the observed number.
     - `baseline_high`: the upper bound of the binned baseline, in units of the observed number.
     - `baseline_bins`: number of bins of the binned baseline.
+    - `advantages`: rewards above the baseline as they are, or divided by their running root mean square.
+    - `advantage_rate`: of that running mean, per reward.
     - `discount`: none for the average reward, or γ for the discounted return of an episode.
     - `improve`: samples per step, `"episode"` or `"never"`; by default the estimator's own.
     - `batch`: whether a step of several samples uses their mean or their sum.
     - `ascent`: how a gradient sample moves the parameters.
     - `rate`: the step size of all parameters.
     - `rates`: the step size of each group of parameters, by name, in place of `rate`.
+    - `weight_decay`: the share of themselves that all parameters lose at every step of the parameters.
+    - `weight_decays`: that of each group of parameters, by name, in place of `weight_decay`; those left out lose none.
     - `metric`: the plain gradient, or the natural gradient of each unit by a running Fisher matrix.
     - `metric_rate`: of the running Fisher matrix, per decision.
     - `metric_initial`: what the Fisher matrix's diagonal starts from.
@@ -93,12 +99,16 @@ class AgentSettings:
     baseline_low: float = 0.0
     baseline_high: float = 1.0
     baseline_bins: int = 10
+    advantages: Literal["plain", "normalised"] = "plain"
+    advantage_rate: float = 1e-3
     discount: float | None = None
     improve: int | Literal["episode", "never"] | None = None
     batch: Literal["mean", "sum"] = "mean"
     ascent: Literal["sgd", "adam"] = "sgd"
     rate: float = 1e-3
     rates: Mapping[str, float] | None = None
+    weight_decay: float = 0.0
+    weight_decays: Mapping[str, float] | None = None
     metric: Literal["euclidean", "fisher"] = "euclidean"
     metric_rate: float = 1e-3
     metric_initial: float = 1.0
@@ -110,6 +120,7 @@ class AgentSettings:
         choice("estimator", self.estimator, ESTIMATORS)
         choice("trace", self.trace, ("exponential", "episodic", "window", "lagged-gaussian"))
         choice("baseline", self.baseline, ("default", "mean", "fixed-step", "constant", "none", "linear", "binned"))
+        choice("advantages", self.advantages, ("plain", "normalised"))
         choice("ascent", self.ascent, ("sgd", "adam"))
         choice("metric", self.metric, ("euclidean", "fisher"))
         self._start()
@@ -142,11 +153,14 @@ class AgentSettings:
             named["baseline"] if self.baseline == "default" else self.baseline
         ]()
         improve = named["improve"] if self.improve is None else self.improve
-        return Estimator(trace, baseline, self.discount, improve, self.batch)
+        scale = RootMeanSquare(self.advantage_rate) if self.advantages == "normalised" else None
+        return Estimator(trace, baseline, self.discount, improve, self.batch, scale)
 
     def rule(self) -> Any:
         """The ascent rule that the settings stand for."""
-        return {"sgd": sgd, "adam": adam}[self.ascent](self.rate if self.rates is None else self.rates)
+        rule = {"sgd": sgd, "adam": adam}[self.ascent](self.rate if self.rates is None else self.rates)
+        decay = self.weight_decay if self.weight_decays is None else self.weight_decays
+        return decayed(rule, decay) if decay else rule
 
     def measure(self) -> FisherMetric | None:
         """The metric that the settings stand for."""
@@ -188,16 +202,24 @@ def settings_for(task: Task | str, **changes: Any) -> AgentSettings:
 
 def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
     """An agent as a table: enough to tell two apart, and to rebuild the policy's structure."""
-    rule = agent.ascent
-    if isinstance(rule, sgd | adam):
-        ascent: dict[str, Any] = {"kind": type(rule).__name__, **_fields(rule)}
-    else:
-        ascent = {"kind": "optax", "state": str(_shape_of(rule, policy)), "steps": _first_steps(rule, policy)}
     estimator = table(agent.estimator)
     for part in ("trace", "baseline"):
         estimator[part] = {"kind": type(getattr(agent.estimator, part)).__name__, **estimator[part]}
     metric = {} if agent.metric is None else {"metric": {"kind": type(agent.metric).__name__, **_fields(agent.metric)}}
-    return {"policy": policies.describe(policy), "estimator": estimator, "ascent": ascent, **metric}
+    return {
+        "policy": policies.describe(policy),
+        "estimator": estimator,
+        "ascent": _rule(agent.ascent, policy),
+        **metric,
+    }
+
+
+def _rule(rule: Any, policy: policies.Policy) -> dict[str, Any]:
+    if isinstance(rule, decayed):
+        return {**_rule(rule.rule, policy), "weight_decay": _numbers(rule.decay)}
+    if isinstance(rule, sgd | adam):
+        return {"kind": type(rule).__name__, **_fields(rule)}
+    return {"kind": "optax", "state": str(_shape_of(rule, policy)), "steps": _first_steps(rule, policy)}
 
 
 def _fields(part: Any) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """What every engine of training is: something that can be advanced, saved and restored."""
 
 import abc
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from motorgrad.learning import Agent, Episodic, Estimator
+from motorgrad.learning import Agent, AgentState, Episodic, Estimator
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
@@ -26,6 +27,8 @@ class Stepper(abc.ABC):
 
     **Arguments:** the task; the agent; the seeds, distinct integers from 0 to 2³¹ − 1; `mode`, whether to learn, or to
     act by the frozen policies that `restore` or `use` brought in.
+
+    Engines also take `initial`, the policies that the seeds begin from, along a leading axis; by default the agent's.
     """
 
     def __init__(self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", diverges: bool = False):
@@ -38,6 +41,11 @@ class Stepper(abc.ABC):
         validate(task, self.policy)
         if mode == "learn":
             validate_episodes(task, agent.estimator)
+
+    def _fresh(self, seed: Array, own: Policy | None) -> AgentState:
+        """One seed's learner before its first decision, which begins from its `own` policy where there is one."""
+        agent = self.cycle.agent if own is None else dataclasses.replace(self.cycle.agent, policy=own)
+        return agent.init(key_of(seed, "initial"))
 
     @abc.abstractmethod
     def advance(self, decisions: int) -> None:
@@ -91,12 +99,10 @@ def validate(task: Task, policy: Policy) -> None:
                 f"policy {type(policy).__name__}: {name} = {has}, but the task {task.name!r} has "
                 f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
             )
-    seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
-    one = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
-    kind = "binary" if one.ndim == 1 else "discrete"
-    if kind != task.actions:
+    if policy.actions not in task.takes:
+        takes = " or ".join(task.takes)
         raise ValueError(
-            f"policy {type(policy).__name__}: {kind} actions, but the task {task.name!r} takes {task.actions}"
+            f"policy {type(policy).__name__}: {policy.actions} actions, but the task {task.name!r} takes {takes}"
         )
 
 

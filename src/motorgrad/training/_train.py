@@ -14,6 +14,7 @@ from motorgrad._errors import check
 from motorgrad._settings import table
 from motorgrad._signals import stop_when_asked
 from motorgrad.learning import Agent, RunningMean
+from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
 from motorgrad.training._arguments import Asked, check_training
 from motorgrad.training._body_stepper import BodyStepper
@@ -32,13 +33,20 @@ from motorgrad.training._world_stepper import WorldStepper
 SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
 
 
-def stepper_of(task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", threads: int = 0) -> Stepper:
+def stepper_of(
+    task: Task,
+    agent: Agent,
+    seeds: Sequence[int],
+    mode: Mode = "learn",
+    threads: int = 0,
+    initial: Policy | None = None,
+) -> Stepper:
     """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments."""
     if isinstance(task, BodyTask):
-        return BodyStepper(task, agent, seeds, mode, threads)
+        return BodyStepper(task, agent, seeds, mode, threads, initial)
     if isinstance(task, HostTask):
-        return HostStepper(task, agent, seeds, mode, threads)
-    return WorldStepper(task, agent, seeds, mode)
+        return HostStepper(task, agent, seeds, mode, threads, initial)
+    return WorldStepper(task, agent, seeds, mode, initial)
 
 
 def train(
@@ -53,6 +61,7 @@ def train(
     threads: int = 0,
     progress: bool = True,
     tensorboard: bool = False,
+    initial: Policy | None = None,
 ) -> Run:
     """Let an agent learn a task, for many seeds at once.
 
@@ -72,13 +81,15 @@ def train(
     - `progress`: whether to show how far it is.
     - `tensorboard`: whether to keep TensorBoard event files in `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint, once, also where the run was killed and has gone on.
+    - `initial`: the policies that the seeds begin from, along a leading axis, such as the `policies` of a run, changed
+      or not; by default the agent's own. They are of the structure of the agent's policy, whose numbers they replace.
 
     **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and gives back the unfinished run (`complete` is `False`).
 
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
     before any work starts.
     """
-    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads)
+    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial)
     if tensorboard:
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory, or the run needs a directory")
         check_tensorboard()
@@ -98,13 +109,15 @@ class _Training:
         threads: int,
         tensorboard: bool,
     ):
-        task, agent, settings, steps, seeds = asked
+        task, agent, settings, steps, seeds, initial = asked
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
-        self.stepper = stepper_of(task, agent, seeds, threads=threads)
+        self.stepper = stepper_of(task, agent, seeds, threads=threads, initial=initial)
         self.config: dict[str, Any] = {
             "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
             "task": {"name": task.name, **table(task)},
         }
+        if initial is not None:
+            self.config["run"]["initial"] = fingerprint(initial)
         start = self.stepper.state["cycle"].agent
         mark = fingerprint((start.policy, start.ascent))
         self.learner = {**describe_agent(agent, self.stepper.policy), "initial": mark}
@@ -137,7 +150,7 @@ class _Training:
                 _refuse_less(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
         self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
         directory.write_config(self.config)
-        if learner is None:
+        if learner is None or not directory.begun:
             directory.save_initial(self.initial, self.learner)
         if found is None:
             directory.roll_back(0)

@@ -22,11 +22,13 @@ Carry = tuple[CycleState, Any]
 class WorldStepper(Stepper):
     """Learning in a JAX world. Inside the loop seeds sit last, where the processor's lanes are."""
 
-    def __init__(self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn"):
+    def __init__(
+        self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", initial: Policy | None = None
+    ):
         super().__init__(task, agent, seeds, mode)
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
-        self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds)
+        self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds, initial)
         self._run = jax.jit(self._decisions, donate_argnums=0)
         self._harvest = jax.jit(jax.vmap(self._look, in_axes=-1, out_axes=-1), donate_argnums=0)
 
@@ -62,10 +64,9 @@ class WorldStepper(Stepper):
             cycle = jax.jit(adopt)(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)
 
-    def _begin(self, seed: Array) -> Carry:
+    def _begin(self, seed: Array, own: Policy | None) -> Carry:
         state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))
-        agent = self.cycle.agent.init(key_of(seed, "initial"))
-        return self.cycle.begin(agent, state, *self._start_numbers(seed)), state
+        return self.cycle.begin(self._fresh(seed, own), state, *self._start_numbers(seed)), state
 
     def _adopt(self, seed: Array, cycle: CycleState, state: Any, memory: Any) -> CycleState:
         return self.cycle.adopt(cycle, memory, state, *self._start_numbers(seed))

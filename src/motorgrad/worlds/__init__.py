@@ -5,7 +5,7 @@ from motorgrad.worlds._admission import AdmissionThresholds, call_admission
 from motorgrad.worlds._chain import CHAIN_VARIANTS, chain
 from motorgrad.worlds._finite import FiniteMDP, action_index
 from motorgrad.worlds._immediate import immediate_gradient, immediate_reward, mean_field
-from motorgrad.worlds._recruitment import SweepingLoads, UniformLoads
+from motorgrad.worlds._recruitment import QueriedLoads, SweepingLoads, UniformLoads
 from motorgrad.worlds._three_state import three_state
 from motorgrad.worlds._world import World
 
@@ -13,6 +13,7 @@ __all__ = [
     "CHAIN_VARIANTS",
     "AdmissionThresholds",
     "FiniteMDP",
+    "QueriedLoads",
     "SweepingLoads",
     "UniformLoads",
     "World",

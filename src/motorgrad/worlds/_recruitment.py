@@ -1,4 +1,5 @@
-"""The loads that a pool of motoneurons is asked to lift: independent ones, and a sweep from light to heavy."""
+"""The loads that a pool of motoneurons is asked to lift: independent ones, those it asks for itself, and a sweep from
+light to heavy."""
 
 from typing import ClassVar
 
@@ -24,6 +25,18 @@ class UniformLoads(World):
 
     def step(self, state: Float[Array, ""], action: Array, uniforms: Float[Array, " 1"]) -> Float[Array, ""]:
         return self.reset(uniforms)
+
+
+class QueriedLoads(UniformLoads):
+    """Each load is the one that was asked for: the last number of the action, as far as it is within [`low`, `high`].
+
+    The first load is drawn from U[`low`, `high`]. The state is the load.
+    """
+
+    uniforms: ClassVar[int] = 0
+
+    def step(self, state: Float[Array, ""], action: Array, uniforms: Float[Array, " 0"]) -> Float[Array, ""]:
+        return jnp.clip(action[-1], self.low, self.high).astype(state.dtype)
 
 
 class SweepingLoads(World):

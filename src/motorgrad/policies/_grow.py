@@ -1,0 +1,43 @@
+"""Pools that grow."""
+
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+
+from motorgrad._errors import check
+from motorgrad.policies._policy import Policy
+
+P = TypeVar("P", bound=Policy)
+
+
+def grow(pool: P, more: P) -> P:
+    """A pool with the units of `more` after its own.
+
+    Arrays that lead with the units of both are joined. Others are settings that units share, such as a common height:
+    they are the pool's, and `more` must have the same. For the pools of many seeds, whose arrays have a leading axis,
+    map it: `jax.vmap(grow)`.
+
+    **Arguments:** two pools of one kind, over the same inputs.
+
+    **Raises:** `ValueError` for pools of other kinds, or that differ in what units share.
+    """
+    kinds = [type(each).__name__ for each in (pool, more)]
+    check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
+    plain = all(hasattr(part, "shape") for part in vars(pool).values())
+    check(plain, "pool", kinds[0], "a pool of one kind of units")
+    check(pool.inputs == more.inputs, "more.inputs", more.inputs, f"the pool's, {pool.inputs}")
+
+    def joined(name: str) -> jax.Array:
+        own, new = getattr(pool, name), getattr(more, name)
+        if own.shape[:1] == (pool.outputs,) and new.shape[:1] == (more.outputs,):
+            return jax.numpy.concatenate([own, new])
+        check(own.shape == new.shape, f"more.{name}.shape", new.shape, f"the pool's, {own.shape}")
+        if not isinstance(own, Tracer) and not isinstance(new, Tracer):  # while tracing there is no value to look at
+            check(np.array_equal(own, new), f"more.{name}", new.tolist(), f"the pool's, {own.tolist()}")
+        return own
+
+    names = tuple(vars(pool))
+    return eqx.tree_at(lambda each: [getattr(each, name) for name in names], pool, [joined(name) for name in names])
