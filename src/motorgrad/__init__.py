@@ -15,6 +15,7 @@ Names are loaded when first used, so that importing the package is quick.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._compiler import compile_small_loops_whole
 from motorgrad._gymnasium_ids import register_with_gymnasium
 
 __version__ = "0.1.0"
@@ -68,4 +69,5 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+compile_small_loops_whole()
 register_with_gymnasium()

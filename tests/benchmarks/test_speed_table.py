@@ -9,10 +9,12 @@ import pytest
 from motorgrad.benchmarks import Row
 from motorgrad.benchmarks._hopper import hopper_rows
 from motorgrad.benchmarks._measure import in_turn
+from motorgrad.benchmarks._recruitment_loop import recruitment_loop
 from motorgrad.benchmarks._three_state_loop import three_state_loop
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
-from motorgrad.tasks import ThreeState
+from motorgrad.tasks import LinearRecruitment, ThreeState
+from motorgrad.training import settings_for, train
 from motorgrad.worlds import oracle
 
 
@@ -51,6 +53,19 @@ def test_the_hand_written_loop_learns_the_best_policy():
     assert 0.6 < mean < 0.8
 
 
+def test_the_recruitment_loop_learns_as_the_library_does():
+    task, decisions, seeds = LinearRecruitment(units=2), 100_000, 20
+    rate = settings_for(task).rate
+    loops = [recruitment_loop(decisions, seed, 2, task.slope, task.intercept, rate) for seed in range(seeds)]
+    run = train(task, steps=decisions, seeds=seeds, progress=False)
+    gains, errors = np.array([loop[1].mean() for loop in loops]), np.array([loop[3] for loop in loops])
+    ours = np.asarray(run.policies.gain).mean(1), run.curve("error")[1].mean(1)
+    for found, expected in zip((gains, errors), ours, strict=True):
+        noise = np.hypot(found.std(ddof=1), expected.std(ddof=1)) / np.sqrt(seeds)
+        assert abs(found.mean() - expected.mean()) < 4 * noise
+    assert gains.mean() > 1  # something was learnt
+
+
 @pytest.mark.slow
 def test_bench_measures_every_row(tmp_path, capsys):
     assert main(["bench", "--quick", "--json", "bench.json"]) == 0
@@ -61,6 +76,8 @@ def test_bench_measures_every_row(tmp_path, capsys):
     for wanted in (
         "hopper, learning ÷ bare physics, 16 seeds",
         "three-state",
+        "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
+        "natural ÷ plain step",
         "import motorgrad",
         "peak memory",
         "apex",

@@ -13,6 +13,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._hopper import hopper_rows
     from motorgrad.benchmarks._learning import learning_rows
     from motorgrad.benchmarks._process import memory_row, start_row
+    from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
     from motorgrad.benchmarks._three_state import three_state_row
 
     pairs = 2 if quick else 7
@@ -20,6 +21,10 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield hopper_rows(1, 100 if quick else 8000, pairs, "≥ 0.6")
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
+    yield recruitment_row(1, 10_000 if quick else 1_000_000, pairs, "≥ 0.35")
+    yield recruitment_row(1024, 100 if quick else 2000, pairs, "≥ 0.8")
+    yield natural_row(1, 5_000 if quick else 300_000, pairs)
+    yield natural_row(1024, 50 if quick else 500, pairs)
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)

@@ -2,19 +2,17 @@
 
 import numpy as np
 
-from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.benchmarks._beside_loop import loop_row
+from motorgrad.benchmarks._measure import Row
 from motorgrad.benchmarks._three_state_loop import three_state_loop
 from motorgrad.tasks import ThreeState
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import settings_for
 
 
 def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """Updates per second in total, against the loop's on one core."""
     task = ThreeState()
-    settings = settings_for(task)
-    learner = stepper_of(task, settings.agent(task), range(seeds))
-    learner.advance(decisions)  # compiles
-    world, single = task.dynamics, np.float32
+    settings, world, single = settings_for(task), task.dynamics, np.float32
     inputs = (
         world.observations.astype(single),
         world._cumulative.astype(single),
@@ -23,16 +21,5 @@ def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = ""
         settings.decay,
         settings.rate,
     )
-    three_state_loop(10, 0, *inputs)  # compiles
-    loop_steps = 4_000_000
-    name = f"three-state OLGARB ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(
-        name,
-        "updates/s",
-        decisions * seeds,
-        lambda: learner.advance(decisions),
-        lambda: three_state_loop(loop_steps, 1, *inputs),
-        loop_steps,
-        pairs,
-        wanted,
-    )
+    name = "three-state OLGARB"
+    return loop_row(name, task, lambda steps: three_state_loop(steps, 1, *inputs), seeds, decisions, pairs, wanted)

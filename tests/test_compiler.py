@@ -1,0 +1,39 @@
+"""How loops are compiled: said before JAX compiles anything, beside what a user has said."""
+
+import json
+import os
+import subprocess
+import sys
+
+TELL = "import os, json; print(json.dumps(os.environ.get('XLA_FLAGS', '')))"
+
+
+def flags(code, environment, **changes):
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}; {TELL}"], capture_output=True, text=True, env={**environment, **changes}
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_small_loops_are_one_function(process_environment):
+    bare = {name: value for name, value in process_environment.items() if name != "XLA_FLAGS"}
+    said = flags("import motorgrad", bare)
+    assert "xla_cpu_small_while_loop_byte_threshold=" in said
+    # XLA ends the process for a flag that it does not know
+    assert flags("import motorgrad as mg; mg.train('three-state', steps=10, progress=False)", bare) == said
+
+
+def test_what_a_user_has_said_stays(process_environment):
+    own = "--xla_backend_extra_options=some_option=1"
+    assert flags("import motorgrad", process_environment, XLA_FLAGS=own) == own
+    other = "--xla_cpu_max_isa=AVX2"
+    assert flags("import motorgrad", process_environment, XLA_FLAGS=other).startswith(f"{other} --xla_backend")
+
+
+def test_a_run_says_how_it_was_compiled(tmp_path):
+    import motorgrad as mg
+
+    mg.train("three-state", steps=10, out=tmp_path, progress=False)
+    session = json.loads((tmp_path / "provenance.json").read_text())["sessions"][-1]
+    assert session["compiler"]["XLA_FLAGS"] == os.environ["XLA_FLAGS"]
