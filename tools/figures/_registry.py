@@ -4,24 +4,24 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, hopper, natural, parts, recruitment, tasks, units
+from tools.figures import bodies, estimators, foreign, hopper, parts, recruitment, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-motoneuron": units.motoneuron,
+    "unit-graded": units.graded,
     "unit-hyperplane": units.hyperplane,
     "unit-gaussian-local": units.gaussian_local,
     "unit-gaussian-free": units.gaussian_free,
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
+    "unit-querying": units.querying,
     "muscle": bodies.muscle,
-    "body-arm": recruitment.arm,
     "body-hopper": bodies.hopper,
     "task-three-state": tasks.three_state,
     "task-chain": tasks.chain,
     "task-call-admission": tasks.call_admission,
     "task-linear-recruitment": recruitment.mapping,
-    "task-arm-recruitment": recruitment.height,
 }
 """Figures of formulas and numbers."""
 
@@ -32,11 +32,9 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "traces": parts.traces,
     "baselines": parts.baselines,
     "ascent": parts.ascent,
-    "natural": natural.natural,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,
-    "learning-linear-recruitment": recruitment.linear_learning,
     "learning-arm-recruitment": recruitment.arm_learning,
     "foreign-learning": foreign.learning,
     "task-hopper": hopper.task,

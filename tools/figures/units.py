@@ -7,7 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from motorgrad.policies import Factored, FreeGaussians, Hyperplanes, LocalGaussians, Motoneurons, Softmax
+from motorgrad.policies import (
+    Factored,
+    FreeGaussians,
+    GradedMotoneurons,
+    Hyperplanes,
+    LocalGaussians,
+    Motoneurons,
+    Querying,
+    Softmax,
+)
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, inputs, over, panels, plane
 
 FIRES, SILENT = 1.0, 0.0
@@ -33,6 +42,55 @@ def motoneuron() -> Figure:
     fire.plot([], [], "-", color=FAINT, label="score when it fired")
     fire.plot([], [], "--", color=FAINT, label="when it did not")
     figure.legend(loc="outside lower center", ncols=6)
+    return figure
+
+
+def graded() -> Figure:
+    """Mean activations with their noise, and scores over the activation drawn."""
+    y = np.linspace(-0.2, 1.2, 201)
+    figure, (active, gain, deviation) = panels(3)
+    for k, s, colour in ((4.0, 0.2, GREEN), (12.0, 0.1, BLUE), (-6.0, 0.05, ORANGE)):
+        pool = GradedMotoneurons(threshold=[0.5], gain=[k], log_deviation=np.log([s - 0.02]))
+        mean, spread = over(pool.mean, y)[:, 0], float(pool.deviation[0])
+        active.fill_between(y, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
+        active.plot(y, mean, color=colour, label=f"$k$ = ${k:g}$, $s$ = {s:g}")
+    for level in (0, 1):
+        active.axhline(level, color=FAINT, linewidth=0.8, linestyle=":")
+    active.set(title="activation, $y^*$ = 0.5", xlabel="input $y$", ylim=(-0.3, 1.75))
+    active.legend(loc="upper center", fontsize=7, ncols=1)
+    drawn = np.linspace(-0.1, 1.3, 201)
+    for s, colour in ((0.3, GREEN), (0.2, BLUE), (0.1, RED)):
+        pool = GradedMotoneurons(threshold=[0.5], gain=[4.0], log_deviation=np.log([s - 0.02]))
+        scores = over(lambda a, pool=pool: pool.score(jnp.array([0.6]), a), drawn)
+        gain.plot(drawn, scores.gain[:, 0], color=colour, label=f"$s$ = {s:g}")
+        deviation.plot(drawn, scores.log_deviation[:, 0], color=colour)
+    for panel in (gain, deviation):
+        panel.axvline(float(pool.mean(jnp.array([0.6]))[0]), color=FAINT, linewidth=0.8, linestyle=":")
+    gain.set(title=r"score of the gain, $\partial_k$, at $y$ = 0.6", xlabel="activation drawn", ylim=(-0.8, 0.8))
+    gain.legend(loc="upper left")
+    deviation.set(title=r"score of the deviation, $\partial_\lambda$", xlabel="activation drawn", ylim=(-1.5, 6))
+    return figure
+
+
+def querying() -> Figure:
+    """The entropy of a pool over the load, and how often each cell is asked for."""
+    pool = Motoneurons([0.19, 0.4, 0.6, 0.81], [60.0, 25.0, 40.0, 15.0])
+    y = np.linspace(0, 1, 401)
+    figure, (fires, asked) = panels(2)
+    probability = over(pool.prob, y)
+    for unit in range(pool.outputs):
+        fires.plot(y, probability[:, unit], color=BLUE, linewidth=1, label="" if unit else "each unit fires")
+    entropy = over(lambda point: pool.entropy(point)[None], y)[:, 0]
+    fires.plot(y, entropy, color=RED, label="entropy of the action, nats")
+    fires.set(title="a pool of four units", xlabel="load", ylim=(0, 1.35))
+    fires.legend(loc="upper left", ncols=2)
+    for explore, colour in ((0.0, ORANGE), (0.1, RED), (1.0, FAINT)):
+        policy = Querying(pool, explore=jnp.asarray(explore))
+        density = policy.cells * np.asarray(policy.chances())
+        edges = np.linspace(0, 1, policy.cells + 1)
+        asked.stairs(density, edges, color=colour, label=rf"$\epsilon$ = {explore:g}")
+    asked.set(title="density of the loads asked for", xlabel="load", ylim=(0, None))
+    asked.legend(loc="upper right")
     return figure
 
 

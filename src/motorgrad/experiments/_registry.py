@@ -6,7 +6,25 @@ from motorgrad.experiments.chapter_2.figure_2_1 import Process
 from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
 from motorgrad.experiments.chapter_3.figure_3_1 import Learner
 from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines
+from motorgrad.experiments.chapter_4.figure_4_1 import ForceGrading
+from motorgrad.experiments.chapter_4.figure_4_2 import RecruitmentTask
+from motorgrad.experiments.chapter_4.figure_4_3 import LinearPolicies
+from motorgrad.experiments.chapter_4.figure_4_4 import LinearPerformance
+from motorgrad.experiments.chapter_4.figure_4_5 import ArmBody
+from motorgrad.experiments.chapter_4.figure_4_6 import HeightFunction
+from motorgrad.experiments.chapter_4.figure_4_7 import RewardSurface
+from motorgrad.experiments.chapter_4.figure_4_8 import ArmPolicies
 from motorgrad.experiments.chapter_4.figure_4_9 import ChainExploration
+from motorgrad.experiments.chapter_4.figure_4_10 import LocalEffect
+from motorgrad.experiments.chapter_4.natural_step import LargePools
+from motorgrad.experiments.chapter_4.section_4_4_1_active import ActiveLearning
+from motorgrad.experiments.chapter_4.section_4_4_1_baseline import ForgettingBaseline
+from motorgrad.experiments.chapter_4.section_4_4_1_decay import GainDecay
+from motorgrad.experiments.chapter_4.section_4_4_1_rate import RateModulation
+from motorgrad.experiments.chapter_4.section_4_4_1_sizes import SizePrinciple
+from motorgrad.experiments.chapter_4.section_4_4_growth import Growth
+from motorgrad.experiments.chapter_4.section_4_4_inputs import NegativeInputs
+from motorgrad.experiments.chapter_4.section_4_4_loads import LargeLoads
 from motorgrad.experiments.chapter_5.figure_5_1 import MusclePair
 from motorgrad.experiments.chapter_5.figure_5_2 import HopperBody
 from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
@@ -21,7 +39,25 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HillClimbing,
         Learner,
         Baselines,
+        ForceGrading,
+        RecruitmentTask,
+        LinearPolicies,
+        LinearPerformance,
+        ArmBody,
+        HeightFunction,
+        RewardSurface,
+        ArmPolicies,
         ChainExploration,
+        NegativeInputs,
+        LargeLoads,
+        Growth,
+        LocalEffect,
+        ForgettingBaseline,
+        GainDecay,
+        ActiveLearning,
+        RateModulation,
+        SizePrinciple,
+        LargePools,
         MusclePair,
         HopperBody,
         HopperBehaviour,

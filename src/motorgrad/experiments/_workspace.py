@@ -13,8 +13,9 @@ import numpy as np
 
 from motorgrad._files import write_atomically
 from motorgrad._settings import table
+from motorgrad.policies import Policy
 from motorgrad.tasks import Task
-from motorgrad.training import AgentSettings, Run, train
+from motorgrad.training import AgentSettings, Run, fingerprint, train
 
 
 class Workspace:
@@ -29,15 +30,17 @@ class Workspace:
         self.trained: dict[str, float] = {}
         """Of every run that was asked for, the seconds that its training took, in whatever session."""
 
-    def train(self, task: Task, settings: AgentSettings, steps: int, seeds: int) -> Run:
-        """A trained run, from the shared folder where another experiment has asked for the same.
+    def train(self, task: Task, settings: AgentSettings, steps: int, seeds: int, initial: Policy | None = None) -> Run:
+        """A trained run, from the shared folder where another experiment has asked for the same; `initial` as in
+        `motorgrad.train`.
 
         **Raises** `KeyboardInterrupt` where it was stopped by Ctrl-C: all is saved.
         """
         asked = {"task": table(task), "agent": table(settings), "steps": steps, "seeds": seeds}
+        asked |= {} if initial is None else {"initial": fingerprint(initial)}
         mark = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:8]
         out = self.shared / f"{task.name}-{mark}"
-        run = train(task, settings, steps, seeds, out, threads=self.threads, progress=self.progress)
+        run = train(task, settings, steps, seeds, out, threads=self.threads, progress=self.progress, initial=initial)
         if not run.complete:
             raise KeyboardInterrupt
         self.trained[out.name] = float(run.metrics["wall_time"][-1].as_py())

@@ -1,0 +1,137 @@
+"""Figure 4.1: a smoothly graded force from a few sigmoid units."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_4._pool_drawing import fires_at
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLOSE = 0.05  # of the full force: a response so near to the line is called near-linear
+STEEP = np.geomspace(0.5, 50, 61)  # gain times spacing
+NUMBERS = (5, 10, 20, 40, 80)  # units
+POINTS = np.linspace(0, 1, 2001)
+AMPLIFIERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "square": lambda y: y**2,
+    "square root": np.sqrt,
+    "S-shaped": lambda y: y**2 * (3 - 2 * y),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceGrading(Experiment):
+    """Sigmoid units with thresholds side by side, whose sum is a graded force. How near that is to a straight line,
+    what the gains have to do with it, and how the same units make other amplifiers.
+
+    **Arguments:**
+
+    - `units`: of the same force, with thresholds spaced evenly over inputs from 0 to 1.
+    - `steepness`: the gain of every unit times the spacing of the thresholds.
+    """
+
+    name: ClassVar[str] = "fig-4.1"
+    title: ClassVar[str] = "a graded force from a few units"
+    source: ClassVar[str] = "figure 4.1"
+
+    units: int = 5
+    steepness: float = 4.0
+
+    def __post_init__(self) -> None:
+        check(2 <= self.units <= 100, "units", self.units, "in 2 … 100")
+        check(0.1 <= self.steepness <= 1000, "steepness", self.steepness, "in 0.1 … 1000")
+
+    def run(self, work: Workspace) -> Values:
+        deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]
+        found: Values = {
+            "force": graded(self.units, self.steepness),
+            "deviation": np.array(deviations[0]),
+            "deviation by steepness": np.array(deviations[1:]),
+        }
+        for name, target in AMPLIFIERS.items():
+            forces = [amplifier(target, number, self.steepness).mean(1) for number in NUMBERS]
+            found[name] = np.array(forces)
+            found[f"deviation {name}"] = np.abs(found[name] - target(POINTS)).max(1)
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8, 5.6), layout="constrained")
+        ((single, total), (steep, others)) = figure.subplots(2, 2)
+        force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units
+        single.plot(POINTS, force, linewidth=1.4)
+        single.set(title=f"{self.units} units by themselves", ylabel="activation", xlabel="input")
+        total.plot(POINTS, POINTS, color="0.5", linestyle=":", label="straight line")
+        total.plot(POINTS, force.mean(1), color="black", label="all together")
+        total.axvspan(low, high, color="0.93", zorder=0)
+        total.set(title=f"their mean: off the line by {values['deviation']:.1%}")
+        total.text(0.5, 0.02, "first … last threshold", ha="center", fontsize=8, color="0.45")
+        total.set(ylabel="force, of the full one", xlabel="input")
+        total.legend(loc="upper left")
+        steep.plot(STEEP, 100 * values["deviation by steepness"], color="black")
+        steep.plot(self.steepness, 100 * values["deviation"], "o", color="#c0392b", label="drawn above")
+        steep.set(xscale="log", yscale="log", xlabel="gain × spacing", ylabel="greatest deviation (%)")
+        for axis in (steep.xaxis, steep.yaxis):
+            axis.set_major_formatter("{x:g}")
+        steep.set_title("too flat, and too steep")
+        steep.legend(loc="lower right")
+        for colour, (name, target) in zip(("C0", "C1", "C2"), AMPLIFIERS.items(), strict=True):
+            others.plot(POINTS, target(POINTS), color=colour, linestyle=":")
+            others.plot(POINTS, values[name][0], color=colour, label=name)
+        others.set(title=f"{NUMBERS[0]} units as other amplifiers (dotted)", ylabel="force", xlabel="input")
+        others.legend()
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        off = float(values["deviation"])
+        worth = np.array([values[f"deviation {name}"] for name in AMPLIFIERS]) * NUMBERS
+        return [
+            Claim(
+                f"{self.units} units combine to give a near-linear response.",
+                "figure 4.1",
+                f"within {CLOSE:.0%} of the full force, between the first and the last threshold",
+                exact(off),
+                off <= CLOSE,
+                "of the full force",
+                f"For a gain of {self.steepness:g} by the spacing.",
+            ),
+            Claim(
+                "Such units can approximate any increasing amplifier of the input.",
+                "figure 4.1, section 4.2",
+                "off by the force of one unit at most, for every number of units",
+                exact(worth.max()),
+                worth.max() <= 1,
+                "units, the worst",
+                f"Three amplifiers ({', '.join(AMPLIFIERS)}), by {', '.join(map(str, NUMBERS))} units. Each threshold "
+                "lies where the target is half a unit further, each gain goes with the target's slope there.",
+            ),
+        ]
+
+
+def graded(units: int, steepness: float) -> np.ndarray:
+    """The activation of evenly spaced units over `POINTS`, `(points, units)`."""
+    return amplifier(lambda y: y, units, steepness)
+
+
+def amplifier(target: Callable[[np.ndarray], np.ndarray], units: int, steepness: float) -> np.ndarray:
+    """Activations `(points, units)` over `POINTS`, of units whose mean follows an increasing `target` from 0 to 1."""
+    fine = np.linspace(0, 1, 200_001)
+    thresholds = np.interp((np.arange(units) + 0.5) / units, target(fine), fine)
+    step = 1e-6
+    slopes = (target(thresholds + step) - target(thresholds - step)) / (2 * step)
+    return fires_at(thresholds, steepness * units * slopes, POINTS)
+
+
+def off_line(activation: np.ndarray) -> float:
+    """The greatest deviation of the mean activation from the straight line, between the first and last threshold."""
+    edge = 0.5 / activation.shape[1]
+    inside = np.abs(POINTS - 0.5) <= 0.5 - edge
+    return float(np.abs(activation.mean(1) - POINTS)[inside].max())

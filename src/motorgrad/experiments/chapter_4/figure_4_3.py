@@ -1,0 +1,133 @@
+"""Figure 4.3: the policies that pools of several units learn for the linear mapping."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from motorgrad.experiments._claim import Claim, median_of, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_4._linear_study import RATE, SPACED, LinearStudy, off_place
+from motorgrad.experiments.chapter_4._pool_drawing import IDEAL, draw_pool, draw_thresholds
+from motorgrad.experiments.chapter_4._pools import parameters
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MEAN_FIELD = {2: 1_200_000, 4: 3_100_000, 8: 31_000_000}
+"""Decisions until a pool of so many units is equally spaced on average with the thesis's step size, by an independent
+calculation. A smaller step takes longer in proportion."""
+SOON = {2: 1_500_000, 4: 4_000_000}
+"""Decisions by which most pools should be, therefore."""
+SOFT, HARD = 2.0, 20.0
+"""Gains, times the spacing, between which they are called moderate. At the lower a unit is unsure over two spacings
+(between 10 % and 90 %), at the higher over a fifth of one."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearPolicies(LinearStudy):
+    """The policies that pools come to for the linear mapping. Colour: the exact probability of each number of active
+    units. Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above the pool in the middle of
+    all seeds, below the thresholds of every seed.
+    """
+
+    name: ClassVar[str] = "fig-4.3"
+    title: ClassVar[str] = "learnt linear policies"
+    source: ClassVar[str] = "figure 4.3"
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"units": np.array(self.units)}
+        for units in self.units:
+            task = self.task(units)
+            run = self.trained(work, task)
+            (threshold, gain), decision = parameters(run), run.curve()[0]
+            off = off_place(threshold, gain, task)
+            # the last record by then; where all are later, the first
+            soon = SOON[units] * RATE / self.rate if units in SOON else self.steps
+            at = max(0, int(np.searchsorted(decision, soon, "right")) - 1)
+            found |= {
+                f"threshold {units}": threshold[:, -1],
+                f"gain {units}": gain[:, -1],
+                f"off {units}": off[:, -1],
+                f"soon {units}": decision[at],
+                f"off soon {units}": off[:, at],
+            }
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        numbers = values["units"].tolist()
+        figure = Figure(figsize=(2.7 * len(numbers) + 0.8, 5.2), layout="constrained")
+        panels = figure.subplots(2, len(numbers), height_ratios=[1.5, 1], squeeze=False)
+        inputs = np.linspace(0, 1, 401)
+        mesh: Any = None
+        for (policy, seeds), units in zip(panels.T, numbers, strict=True):
+            task = self.task(units)
+            thresholds, gains, off = (values[f"{what} {units}"] for what in ("threshold", "gain", "off"))
+            order = np.argsort(off, kind="stable")
+            middle = order[len(order) // 2]
+            mesh = draw_pool(policy, thresholds[middle], gains[middle], inputs)
+            policy.plot(inputs, units * task.target(inputs), color=IDEAL, linestyle=":", linewidth=1.6)
+            policy.set_title(f"{units} units")
+            for ideal in task.ideal_thresholds():
+                seeds.axvline(ideal, color=IDEAL, linestyle=":", linewidth=1)
+            draw_thresholds(seeds, thresholds, gains, (0, 1), order)
+            seeds.set(xlabel="input $x$", title=f"equally spaced: {np.sum(off < SPACED)} of {len(off)}")
+            seeds.title.set_fontsize(9)
+        panels[0, 0].set_ylabel("active units")
+        panels[1, 0].set_ylabel("thresholds, every seed")
+        figure.colorbar(mesh, ax=panels[0], label="probability", aspect=14, pad=0.01)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        numbers, made = values["units"].tolist(), []
+        for units in numbers:
+            spaced, known = share_of(values[f"off {units}"] < SPACED), self._mean_field(units)
+            made.append(
+                Claim(
+                    f"{units} units come to the optimal policy, of equally spaced thresholds.",
+                    "section 4.3.1, figure 4.3",
+                    "in most seeds",
+                    spaced,
+                    spaced.low > 0.5,
+                    note=f"After {self.steps:,} decisions every threshold is within {SPACED:g} spacings of its ideal "
+                    "place, and every gain is positive."
+                    + (f" In the mean field that takes {known:.3g} million." if known else ""),
+                )
+            )
+        for units in (units for units in numbers if units in SOON):
+            at = int(values[f"soon {units}"])
+            spaced = share_of(values[f"off soon {units}"] < SPACED)
+            made.append(
+                Claim(
+                    f"{units} units are equally spaced by {at:,} decisions.",
+                    f"a mean-field calculation: after {self._mean_field(units):.3g} million",
+                    "in most seeds",
+                    spaced,
+                    spaced.low > 0.5,
+                )
+            )
+        for units in numbers:
+            spacing = 1 / (units * self.task(units).slope)
+            gain = median_of(np.median(values[f"gain {units}"], axis=1) * spacing)
+            positive = np.mean((values[f"gain {units}"] > 0).all(1))
+            made.append(
+                Claim(
+                    f"The gains of {units} units are moderate.",
+                    "section 4.3.1",
+                    f"between {SOFT:g} and {HARD:g}",
+                    gain,
+                    gain.low > SOFT and gain.high < HARD,
+                    "by the spacing",
+                    f"The middle unit of each pool after {self.steps:,} decisions; {positive:.0%} of the pools "
+                    "have positive gains only. Gains still grow, ever more slowly.",
+                )
+            )
+        return made
+
+    def _mean_field(self, units: int) -> float:
+        """Million decisions until so many units are equally spaced in the mean field; 0 where that is not known."""
+        return MEAN_FIELD.get(units, 0) * RATE / self.rate / 1e6

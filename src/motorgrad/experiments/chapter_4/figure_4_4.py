@@ -1,0 +1,140 @@
+"""Figure 4.4: how pools of several units get better at the linear mapping."""
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from motorgrad.experiments._claim import LEVEL, Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place
+from motorgrad.experiments.chapter_4._pools import final, parameters
+from motorgrad.tasks import LinearRecruitment
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LAST = 0.1  # of learning: over which final errors are averaged
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearPerformance(LinearStudy):
+    """The error of the force over learning, for pools of several units, as a part of the pool's full force; and how
+    many of the pools are equally spaced by then. The smallest pool learns in the ratio form too, which is slower.
+    """
+
+    name: ClassVar[str] = "fig-4.4"
+    title: ClassVar[str] = "learning the linear mapping"
+    source: ClassVar[str] = "figure 4.4"
+
+    def run(self, work: Workspace) -> Values:
+        few = self.units[0]
+        tasks = {str(units): self.task(units) for units in self.units}
+        tasks["ratio"] = LinearRecruitment(units=few, output="ratio")
+        found: Values = {"units": np.array(self.units)}
+        for name, task in tasks.items():
+            run = self.trained(work, task)
+            found["decision"], found[f"error {name}"] = run.curve("error")
+            found[f"final {name}"] = final(run, "error", LAST)
+            found[f"off {name}"] = off_place(*parameters(run), task)
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8, 6), layout="constrained")
+        error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+        numbers, decision = values["units"].tolist(), values["decision"] / 1e6
+        curves = [(str(units), f"{units} units", f"C{row}", "-") for row, units in enumerate(numbers)]
+        curves.append(("ratio", f"{numbers[0]} units, ratio form", "C0", "--"))
+        for name, label, colour, line in curves:
+            centre, half = interval(values[f"error {name}"])
+            error.plot(decision, centre, color=colour, linestyle=line, label=label)
+            error.fill_between(decision, centre - half, centre + half, color=colour, alpha=0.25, linewidth=0)
+            share = (values[f"off {name}"] < SPACED).mean(0)
+            spaced.plot(decision, 100 * share, color=colour, linestyle=line)
+        for row, units in enumerate(numbers):
+            least = ideal_error(self.task(units))
+            error.axhline(least, color=f"C{row}", linestyle=":", linewidth=1)
+        error.set(ylabel="mean |error|, of the full force", ylim=(0, None), xlim=(0, decision[-1]))
+        count = len(values[f"error {numbers[0]}"])
+        error.set_title(
+            f"mean of {count} seeds with its {LEVEL:.0%} interval; dotted: ideal thresholds, no noise",
+            fontsize=9,
+            color="0.4",
+        )
+        error.legend(ncols=2)
+        spaced.set(ylabel="equally spaced (%)", xlabel="million decisions", ylim=(-3, 103))
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        numbers, made = values["units"].tolist(), []
+        last = {units: values[f"final {units}"] for units in numbers}
+        for units in numbers:
+            better = share_of(last[units] < values[f"error {units}"][:, 0])
+            made.append(
+                Claim(
+                    f"Pools of {units} units get better by learning.",
+                    "figure 4.4",
+                    "in most seeds",
+                    better,
+                    better.low > 0.5,
+                    note="The last tenth of learning against the first record.",
+                )
+            )
+        for few, many in pairwise(numbers):
+            gain = mean_of(last[many] - last[few])
+            made.append(
+                Claim(
+                    f"{many} units end nearer to the mapping than {few}.",
+                    "figure 4.4, section 4.2",
+                    "below 0",
+                    gain,
+                    gain.high < 0,
+                    "of the full force, in mean |error|",
+                    f"Seed by seed, in the last tenth of {self.steps:,} decisions.",
+                )
+            )
+        for few, many in pairwise(numbers):
+            times = {units: first_spaced(values["decision"], values[f"off {units}"]) for units in (few, many)}
+            never = np.mean(times[many] == values["decision"][-1])
+            later = mean_of((times[many] - times[few]) / 1e6)
+            made.append(
+                Claim(
+                    f"{many} units take longer than {few} until they are equally spaced.",
+                    "figure 4.4",
+                    "above 0",
+                    later,
+                    later.low > 0,
+                    "million decisions later",
+                    f"Until the greatest distance of a threshold from its place, as a mean over a twentieth of the "
+                    f"practice, is below {SPACED:g} spacings. For {never:.0%} of the pools of {many} units that is not "
+                    f"so within {self.steps:,} decisions, which then count.",
+                )
+            )
+        return made
+
+
+def interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mean over the seeds, and half of its interval, at every record; of `(seeds, records)`."""
+    measured = [mean_of(record) for record in values.T]
+    return np.array([m.value for m in measured]), np.array([m.high - m.value for m in measured])
+
+
+def first_spaced(decision: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """When each pool was first equally spaced, on the mean over a twentieth of the records, `(seeds,)`; the last
+    decision for those that never were. Single records are noisy, and may be so by chance before thresholds matter."""
+    width = max(1, off.shape[1] // 20)
+    means = np.lib.stride_tricks.sliding_window_view(off, width, axis=1).mean(-1)
+    there, then = means < SPACED, decision[width - 1 :]
+    return np.where(there.any(1), then[np.argmax(there, axis=1)], decision[-1])
+
+
+def ideal_error(task: LinearRecruitment) -> float:
+    """The mean error, over loads, of the ideal pool without noise, as a part of the full force."""
+    loads = task.low + (task.high - task.low) * (np.arange(20_000) + 0.5) / 20_000
+    force = (task.sizes * (loads[:, None] > task.ideal_thresholds())).sum(1)
+    return float(np.abs(force - task.target(loads)).mean())

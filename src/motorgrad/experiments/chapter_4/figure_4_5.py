@@ -1,0 +1,137 @@
+"""Figure 4.5: the arm that lifts loads, and what its muscle can do at each angle."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import Arm, compile_model
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._style import EXTENSOR, FLEXOR
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.sim import draw
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEAR = 5.0  # degrees: so near to 90° the greatest advantage should be
+
+
+@dataclasses.dataclass(frozen=True)
+class ArmBody(Experiment):
+    """The arm as it is simulated: hanging, half way, and at its stop. Below, how far muscle and load act from the elbow
+    at each angle, and which forces hold and throw the load.
+
+    **Arguments:**
+
+    - `load` (kg): in the hand.
+    """
+
+    name: ClassVar[str] = "fig-4.5"
+    title: ClassVar[str] = "the arm"
+    source: ClassVar[str] = "figure 4.5"
+
+    load: float = 8.0
+
+    def __post_init__(self) -> None:
+        check(0 < self.load <= 20, "load", self.load, "above 0, up to 20 kg")
+
+    @property
+    def body(self) -> Arm:
+        return Arm(load=self.load)
+
+    def run(self, work: Workspace) -> Values:
+        body, flexion = self.body, np.linspace(0.0, self.body.most_flexion, 281)
+        # from rest nothing is needed to hold the arm, nor to throw it no way at all
+        throw = np.concatenate([[0.0], np.asarray(body.throw(flexion[1:]))])
+        return {
+            "angle": 90 - np.rad2deg(flexion),
+            "muscle arm": np.asarray(body.moment_arm(flexion)),
+            "load arm": body.bone_length * np.sin(flexion),
+            "holds": np.asarray(body.balance(flexion)),
+            "throws": throw,
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure, body = Figure(figsize=(8, 4.9), layout="constrained"), self.body
+        grid = figure.add_gridspec(2, 6, height_ratios=[1.1, 1])
+        for place, share in enumerate((0.0, 0.5, 1.0)):
+            panel = figure.add_subplot(grid[0, 2 * place : 2 * place + 2])
+            _posture(panel, body, share * body.most_flexion)
+            if place == 0:
+                _names(panel, body)
+        arms, force = figure.add_subplot(grid[1, :3]), figure.add_subplot(grid[1, 3:])
+        angle = values["angle"]
+        arms.plot(angle, 100 * values["muscle arm"], color=FLEXOR, label="of the muscle")
+        arms.plot(angle, 100 * values["load arm"], color=EXTENSOR, label="of the load")
+        arms.set(ylabel="moment arm (cm)", ylim=(0, 100 * body.bone_length))
+        force.plot(angle, values["holds"], color="C1", label="holds it there")
+        force.plot(angle, values["throws"], color="C2", label="throws it there from rest")
+        force.axhline(body.strength, color="0.3", linestyle="--", linewidth=0.9, label="full activation")
+        force.set(ylabel="force (N)", ylim=(0, None))
+        force.set_title(f"with {body.load:g} kg", fontsize=9)
+        for panel in (arms, force):
+            panel.set(xlabel="interior angle of the elbow (°)", xlim=(angle[0], angle[-1]))
+            panel.legend(fontsize=8, loc="upper left" if panel is arms else "lower right")
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        arm, angle = values["muscle arm"], values["angle"]
+        most = float(angle[np.argmax(arm)])
+        return [
+            Claim(
+                "The muscle's torque is always greater than zero.",
+                "section 4.3.2",
+                "its moment arm above 0 at every angle",
+                exact(100 * arm.min()),
+                arm.min() > 0,
+                "cm, the least",
+            ),
+            Claim(
+                "The muscle's mechanical advantage is greatest when the joint is at a right angle.",
+                "section 4.3.2",
+                f"at 90°, to {NEAR:g}°",
+                exact(most),
+                abs(most - 90) <= NEAR,
+                "degrees",
+                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle whose ends are equally far "
+                "from the joint has its greatest moment arm at full flexion; here it grows by "
+                f"{arm.max() / arm.min() - 1:.0%} from hanging to the stop.",
+            ),
+        ]
+
+
+def _posture(axes: "Axes", body: Arm, flexion: float) -> None:
+    length = body.bone_length
+    axes.set(
+        xlim=(-1.65 * length, 0.65 * length), ylim=(body.elbow_height - 1.4 * length, body.elbow_height + 0.4 * length)
+    )
+    draw(axes, compile_model(body), np.array([flexion]), np.array([float(flexion > 0)]), linewidth=3, ground=False)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_title(f"{90 - np.rad2deg(flexion):.0f}°", fontsize=10)
+    axes.set_axis_off()
+
+
+def _names(axes: "Axes", body: Arm) -> None:
+    """The parts by their names and numbers, where they are when the arm hangs."""
+    length, top = body.bone_length, body.elbow_height
+    for words, at, place, colour in (
+        ("fixed in\na harness", (-length, top), (-1.38 * length, top - 0.4 * length), "0.2"),
+        ("upper arm", (-0.5 * length, top), (-0.42 * length, top + 0.28 * length), "0.2"),
+        ("elbow", (0.0, top), (0.38 * length, top + 0.2 * length), "0.2"),
+        (
+            f"flexor,\n{body.strength:g} N",
+            (-0.27 * length, top - 0.27 * length),
+            (-0.55 * length, top - 0.85 * length),
+            FLEXOR,
+        ),
+        (f"load,\n{body.load:g} kg", (0.0, top - length), (0.45 * length, top - 0.8 * length), "0.2"),
+    ):
+        line: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8}
+        axes.annotate(words, at, place, ha="center", va="center", fontsize=8, color=colour, arrowprops=line, zorder=8)

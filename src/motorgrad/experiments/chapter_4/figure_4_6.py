@@ -1,0 +1,148 @@
+"""Figure 4.6: how high the arm lifts loads, by simulation and from the table."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import lift
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.tasks import ArmRecruitment
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLOSE = 2e-4  # of the full lift: so far the table may be from a simulation
+LOADS = np.linspace(-2, 14, 321)  # kg
+LEVELS = np.linspace(0, 1, 101)
+SHOWN = tuple(0.1 * np.arange(1, 11))  # activations
+SAMPLED = tuple(np.arange(0.5, 14.1, 1.5))  # kg
+
+
+@dataclasses.dataclass(frozen=True)
+class HeightFunction(Experiment):
+    """The greatest height to which the arm lifts a load within 2 s from rest, over load and constant activation. Lines
+    are the table that learning uses, points simulations of their own.
+
+    **Arguments:**
+
+    - `points`: random loads and activations at which the table is held against simulation.
+    - `seed`: of the random points.
+    """
+
+    name: ClassVar[str] = "fig-4.6"
+    title: ClassVar[str] = "the height function"
+    source: ClassVar[str] = "figure 4.6"
+
+    points: int = 200
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check(1 <= self.points <= 100_000, "points", self.points, "in 1 … 100,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(points=5)
+
+    def run(self, work: Workspace) -> Values:
+        drawn = np.random.default_rng(self.seed).random((2, self.points))
+        loads, active = LOADS[-1] * drawn[0], drawn[1]
+        sampled = np.array(SAMPLED)[None], np.array(SHOWN)[:, None]
+        return {
+            "height": height(LOADS[None], LEVELS[:, None]),
+            "sampled": work.part("sampled", lambda: {"height": simulated(*sampled)})["height"],
+            "random load": loads,
+            "random activation": active,
+            "random table": height(loads, active),
+            "random simulated": work.part("random", lambda: {"height": simulated(loads, active)})["height"],
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib import colormaps
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8, 3.9), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True)
+        shades, full = colormaps["viridis"], ArmRecruitment().scale
+        for row, active in enumerate(SHOWN):
+            colour = shades(active)
+            left.plot(LOADS, values["height"][np.abs(LEVELS - active).argmin()], color=colour, linewidth=1.2)
+            left.plot(SAMPLED, values["sampled"][row], "o", color=colour, markersize=3)
+        left.set(xlabel="load (kg)", ylabel="height $H$", ylim=(-0.02 * full, 1.05 * full), xlim=(LOADS[0], LOADS[-1]))
+        figure.colorbar(ScalarMappable(Normalize(0, 1), shades), ax=left, label="activation", pad=0.03)
+        warm = colormaps["plasma"]
+        for column, load in enumerate(SAMPLED):
+            colour = warm(0.9 * load / SAMPLED[-1])
+            right.plot(LEVELS, values["height"][:, np.abs(LOADS - load).argmin()], color=colour, linewidth=1.2)
+            right.plot(SHOWN, values["sampled"][:, column], "o", color=colour, markersize=3)
+        right.set(xlabel="activation", xlim=(0, 1))
+        key = ScalarMappable(Normalize(0, SAMPLED[-1] / 0.9), warm)
+        figure.colorbar(
+            key,
+            ax=right,
+            label="load (kg)",
+            pad=0.03,
+            boundaries=np.linspace(0, SAMPLED[-1], 200),
+            ticks=range(0, 15, 2),
+        )
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        lifted, full = values["height"], ArmRecruitment().scale
+        unloaded, rising = np.ptp(lifted[:, LOADS <= 0]), np.diff(lifted, axis=0).min()
+        falling = np.diff(lifted[:, LOADS > 0], axis=1).max()
+        off = np.abs(values["random table"] - values["random simulated"]).max() / full
+        rounding = 1e-6 * full  # single precision
+        return [
+            Claim(
+                "For negative loads the height is constant.",
+                "section 4.3.2",
+                "0, between any two activations and loads up to 0",
+                exact(unloaded),
+                unloaded == 0,
+                "difference",
+            ),
+            Claim(
+                "The height never falls with the activation.",
+                "figure 4.6",
+                "0 or more, per hundredth of the activation",
+                exact(rising),
+                rising >= -rounding,
+                f"of {full:g}, the least rise",
+            ),
+            Claim(
+                "The height never rises with the load.",
+                "figure 4.6",
+                "0 or less, per 50 g",
+                exact(falling),
+                falling <= rounding,
+                f"of {full:g}, the greatest rise",
+            ),
+            Claim(
+                "The table that learning uses is the simulation's height.",
+                "figure 4.6",
+                f"to {CLOSE:g} of the full lift",
+                exact(off),
+                off <= CLOSE,
+                "of the full lift, the greatest difference",
+                f"At {len(values['random load']):,} random loads up to 14 kg and activations.",
+            ),
+        ]
+
+
+def height(load: np.ndarray, activation: np.ndarray) -> np.ndarray:
+    """The height from the table, with what is paid for no load; arrays that broadcast."""
+    return np.asarray(ArmRecruitment().effect(jnp.asarray(load), jnp.asarray(activation)), float)
+
+
+def simulated(load: np.ndarray, activation: np.ndarray) -> np.ndarray:
+    """The height by simulation, of loads above 0; arrays that broadcast."""
+    task = ArmRecruitment()
+    return task.scale * lift(task.body, load, task.body.strength * activation)

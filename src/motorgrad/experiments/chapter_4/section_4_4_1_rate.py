@@ -1,0 +1,143 @@
+"""Section 4.4.1: units whose firing rate is modulated."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, median_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_4._pools import NATURAL, final
+from motorgrad.experiments.chapter_4._rate_figure import draw_rate
+from motorgrad.experiments.chapter_4._staircase import first_time
+from motorgrad.tasks import LinearRecruitment
+from motorgrad.training import Run, evaluate, settings_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KINDS = {"binary": "motoneurons", "graded": "graded-motoneurons"}
+REACHED = 1.25  # times the least error of units that fire or not: a pool has learnt
+LAST = 0.1  # of the records: what is called the end
+
+
+@dataclasses.dataclass(frozen=True)
+class RateModulation(Experiment):
+    """Motoneurons whose activation is graded, a sigmoid of the load with noise, beside those that fire or do not. Both
+    learn the linear mapping by the natural gradient. How well do so many units grade the force, and how soon?
+
+    **Arguments:**
+
+    - `units`: in the pools, rising.
+    - `steps` (decisions): for which each pool learns.
+    - `deviation`: of the graded units' noise before learning.
+    - `floor`: below which that cannot fall.
+    - `seeds`: pools of each kind.
+    """
+
+    name: ClassVar[str] = "sec-4.4.1-rate-modulation"
+    title: ClassVar[str] = "units of graded activation"
+    source: ClassVar[str] = "section 4.4.1"
+
+    units: tuple[int, ...] = (1, 2, 4)
+    steps: int = 300_000
+    deviation: float = 0.3
+    floor: float = 0.02
+    seeds: int = 24
+
+    def __post_init__(self) -> None:
+        rising = len(self.units) > 0 and list(self.units) == sorted(set(self.units))
+        check(rising and min(self.units) >= 1 and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
+        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        wanted = "positive, floor < deviation, at most 10"
+        check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(steps=2_000, seeds=3)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"units": np.array(self.units)}
+        found["least"] = np.array([least_error(LinearRecruitment(units=units)) for units in self.units])
+        noise = {"policy_settings": {"deviation": self.deviation, "floor": self.floor}}
+        for units in self.units:
+            task = LinearRecruitment(units=units)
+            for kind, policy in KINDS.items():
+                changes = NATURAL | {"policy": policy} | (noise if kind == "graded" else {})
+                run = work.train(task, settings_for(task, **changes), self.steps, self.seeds)
+                found["decision"], found[f"{units} {kind} error"] = run.curve("error")
+                found[f"{units} {kind} end"] = final(run, "error", LAST)
+                found[f"{units} {kind} without noise"] = evaluate(run, mode="mode").readings["error"]
+                for name in ("threshold", "gain"):
+                    found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
+                if kind == "graded":
+                    found[f"{units} deviation"] = self.floor + np.exp(log_deviations(run, units))
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_rate(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made, steps = [], values["decision"][-1]
+        for row, units in enumerate(map(int, values["units"])):
+            least, graded = values["least"][row], values[f"{units} graded end"]
+            lower = median_of(graded / least)
+            firsts = [
+                first_time(values["decision"], values[f"{units} {kind} error"] < REACHED * least) for kind in KINDS
+            ]
+            times = [np.nan_to_num(first, nan=float(steps)) for first in firsts]
+            sooner = median_of(times[1] / times[0])
+            deviation = np.median(values[f"{units} deviation"], axis=2)
+            narrow, falls = median_of(deviation[:, -1]), deviation[:, -1] / deviation[:, deviation.shape[1] // 2]
+            said = f"{units} unit{'s' * (units > 1)}"
+            quiet = [np.median(values[f"{units} {kind} without noise"]) for kind in KINDS]
+            never = [int(np.isnan(first).sum()) for first in firsts]
+            made += [
+                Claim(
+                    f"Graded units err less than as many units that fire or not could at best ({said}).",
+                    "our own expectation",
+                    "mean error in the last tenth, by the least that is possible for the others: below 1, with its "
+                    "interval",
+                    lower,
+                    lower.high < 1,
+                    note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
+                    f"others {quiet[0]:.4f}; least for these {least:.4f}.",
+                ),
+                Claim(
+                    f"They learn sooner ({said}).",
+                    "our own expectation",
+                    f"decisions to {REACHED} times that least error, by those of the others: below 1, with its "
+                    "interval",
+                    sooner,
+                    sooner.high < 1,
+                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; not within "
+                    f"{steps:,} decisions: {never[1]} and {never[0]}.",
+                ),
+                Claim(
+                    f"As learning goes on, graded units converge to a deterministic output ({said}).",
+                    "section 6.2.3",
+                    "deviation of the noise in the end below 0.1, with its interval",
+                    narrow,
+                    narrow.high < 0.1,
+                    note=f"It begins at {self.deviation:g}; the floor is {self.floor:g}. In the second "
+                    f"half it went down to {np.median(falls):.2f} of what it was.",
+                ),
+            ]
+        return made
+
+
+def log_deviations(run: Run, units: int) -> np.ndarray:
+    """The logarithms of the deviations at every record of a run on graded motoneurons: `(seeds, records, units)`."""
+    rows = np.stack(run.metrics["parameters"].to_pylist()).reshape(-1, len(run.seeds), 3, units)
+    return rows[:, :, 2].transpose(1, 0, 2)
+
+
+def least_error(task: LinearRecruitment) -> float:
+    """The mean error of the force, as a ratio, of units with ideal thresholds and without noise."""
+    loads = np.linspace(task.low, task.high, 20_001)
+    force = (task.sizes * (loads[:, None] > task.ideal_thresholds())).sum(1)
+    return float(np.abs(force - task.target(loads)).mean())

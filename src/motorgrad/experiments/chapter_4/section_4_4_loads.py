@@ -1,0 +1,170 @@
+"""Section 4.4: what comes of large loads alone, and why the size of the pool should matter."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, exact, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_4._loads_figure import draw_loads
+from motorgrad.experiments.chapter_4._pools import firing
+from motorgrad.tasks import ArmRecruitment
+from motorgrad.training import settings_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SILENT = 0.05  # of the pool: a pool that fires less than this at large loads has given up
+PAID = ("graded", "complete")
+SEEN = ("large", "all")
+PROBABILITY = np.linspace(0.0, 1.0, 101)
+HALF = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class CompleteLift(ArmRecruitment):
+    """The arm's task where a lift pays only if it is complete: less than the full height pays as no height at all."""
+
+    name: ClassVar[str] = "complete-lift"
+
+    def effect(
+        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
+    ) -> Float[Array, ""]:
+        height = super().effect(load, ratio, strength)
+        return jnp.where((load <= 0) | (height > 0.999 * self.scale), height, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class LargeLoads(Experiment):
+    """Pools of several sizes learn to lift large loads only, for which more than 85 % of the pool must fire, or all
+    loads. The lift is paid by its height, or only where it is complete. Beside it, exactly: what a pool earns at large
+    loads whose units all fire with one probability.
+
+    **Arguments:**
+
+    - `sizes` (units): of the pools.
+    - `seeds`: pools of each size.
+    - `steps` (decisions): for which each pool learns.
+    - `least` (kg): the least of the large loads; the greatest is 14.
+    """
+
+    name: ClassVar[str] = "sec-4.4-large-loads"
+    title: ClassVar[str] = "only large loads"
+    source: ClassVar[str] = "section 4.4"
+
+    sizes: tuple[int, ...] = (4, 16, 32)
+    seeds: int = 40
+    steps: int = 150_000
+    least: float = 12.0
+
+    def __post_init__(self) -> None:
+        rising = list(self.sizes) == sorted(set(self.sizes)) and len(self.sizes) > 1 and self.sizes[0] > 0
+        check(rising, "sizes", self.sizes, "at least two, rising")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(sizes=(2, 4), seeds=3, steps=2_000)
+
+    def task(self, paid: str, seen: str, units: int) -> ArmRecruitment:
+        kind = CompleteLift if paid == "complete" else ArmRecruitment
+        return kind(units=units, low=self.least) if seen == "large" else kind(units=units)
+
+    def run(self, work: Workspace) -> Values:
+        loads = np.linspace(self.least, 14.0, 41)
+        found: Values = {"size": np.array(self.sizes), "probability": PROBABILITY}
+        for paid in PAID:
+            pays = [common_pay(self.task(paid, "large", units), loads) for units in self.sizes]
+            found[f"{paid} pay"] = np.array(pays)
+            for seen in SEEN:
+                found[f"{paid} {seen}"] = np.array([self._active(work, paid, seen, n, loads) for n in self.sizes])
+        return found
+
+    def _active(self, work: Workspace, paid: str, seen: str, units: int, loads: np.ndarray) -> np.ndarray:
+        """The part of each pool that fires at large loads after learning, `(seeds,)`."""
+        task = self.task(paid, seen, units)
+        run = work.train(task, settings_for(task), self.steps, self.seeds)
+        return firing(run.policies, loads).mean(axis=(1, 2))
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_loads(values, SILENT)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        sizes, made = values["size"], []
+        for paid, words in (("graded", "paid by its height"), ("complete", "paid only where it is complete")):
+            silent = {seen: values[f"{paid} {seen}"] < SILENT for seen in SEEN}
+            pay, shares = values[f"{paid} pay"][-1], share_of(silent["large"][-1])
+            slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
+            made += [
+                Claim(
+                    f"Silence is a local maximum at large loads (lifts {words}).",
+                    "section 4.4",
+                    "from silence, firing with a small probability pays less: below 0",
+                    exact(pay[1] - pay[0]),
+                    pay[1] < pay[0],
+                    "reward",
+                    f"For {sizes[-1]} units whose probability is {PROBABILITY[1]:g}.",
+                ),
+                Claim(
+                    f"A large pool at half activation is led to fire less (lifts {words}).",
+                    "section 4.4",
+                    "the reward's slope in the common probability at one half: below 0",
+                    slope,
+                    slope.value < 0,
+                    "reward per unit of probability",
+                    f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, paid, 0):.2f}.",
+                ),
+                Claim(
+                    f"With only large loads a large pool falls silent (lifts {words}).",
+                    "section 4.4",
+                    "in most pools",
+                    shares,
+                    shares.low > 0.5,
+                    note=f"Of {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
+                    f"Of {sizes[0]} units: {share_of(silent['large'][0])}.",
+                ),
+            ]
+        silent = {seen: values[f"complete {seen}"] < SILENT for seen in SEEN}
+        grown = mean_of(silent["large"][-1] * 1.0 - silent["large"][0])
+        spared = mean_of(silent["large"][-1] * 1.0 - silent["all"][-1])
+        kept = share_of(silent["all"][-1])
+        return [
+            *made,
+            Claim(
+                "Large pools fall silent more often than small ones (lifts paid only where complete).",
+                "section 4.4",
+                f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
+                grown,
+                grown.low > 0,
+            ),
+            Claim(
+                "Exposure to small loads prevents it (lifts paid only where complete).",
+                "section 4.4",
+                f"with all loads fewer pools of {sizes[-1]} fall silent: difference of shares above 0, less than half",
+                spared,
+                spared.low > 0 and kept.high < 0.5,
+                note=f"With all loads: {kept}.",
+            ),
+        ]
+
+
+def _slope(values: Values, paid: str, row: int) -> float:
+    return float(np.gradient(values[f"{paid} pay"][row], PROBABILITY)[HALF])
+
+
+def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
+    """The mean reward at these loads where all units fire with one probability: `(101,)`, for those from 0 to 1."""
+    from scipy import stats
+
+    counts = np.arange(task.units + 1)
+    parts = counts / task.units
+    pay = np.mean([np.asarray(task.pay(load, parts, task.effect(load, parts))) for load in loads], axis=0)  # type: ignore
+    return stats.binom.pmf(counts, task.units, PROBABILITY[:, None]) @ pay
