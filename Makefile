@@ -65,9 +65,9 @@ figures: $(STAMP)  ## draw the figures of the documentation again
 	$(BIN)/python -m tools.figures
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
-	@$(BIN)/python -c 'import nbclient, ipykernel' 2>/dev/null || \
+	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
-	$(BIN)/jupyter-execute --inplace docs/notebooks/*.ipynb
+	$(BIN)/python -m tools.notebooks docs/notebooks/*.ipynb
 
 clean:  ## remove caches and built files; runs and .venv stay
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
