@@ -4,6 +4,7 @@ import dataclasses
 import math
 import tomllib
 
+import numpy as np
 import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 from motorgrad._settings import build, table
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
+from motorgrad.cli import main
 from motorgrad.tasks import TASKS, make
-from motorgrad.training import ESTIMATORS, AgentSettings, settings_for
+from motorgrad.training import ESTIMATORS, AgentSettings, load, settings_for
 
 CLASSES = {**TASKS, "agent": AgentSettings, "body": HopperBody, "muscle": Muscle}
 
@@ -125,3 +127,33 @@ def test_a_named_estimator_stands_for_its_parts_unless_they_are_given(name):
 def test_what_must_be_given_is_asked_for_by_name():
     with pytest.raises(ValueError, match=r"body\.extra_muscles\[0\]\.group: must be given"):
         build(HopperBody, {"extra_muscles": [{"name": "helper"}]}, "body")
+
+
+@pytest.mark.parametrize("one", ["rate", "damping", "weight_decay"])
+def test_one_number_for_all_takes_the_place_of_the_tasks_own_by_group(one):
+    changed = settings_for("arm-recruitment", **{one: 0.5})
+    assert (getattr(changed, one), getattr(changed, f"{one}s")) == (0.5, None)
+    groups = {"gain": 0.1, "threshold": 0.2}
+    both = settings_for("arm-recruitment", **{one: 0.5, f"{one}s": groups})
+    assert (getattr(both, one), getattr(both, f"{one}s")) == (0.5, groups)
+
+
+def test_the_commands_rate_for_all_takes_the_place_of_the_tasks_rates(tmp_path, capsys):
+    for arguments, rates in (([], {"gain": 2e-4, "threshold": 4e-4}), (["--agent.rate", "0.5"], None)):
+        with pytest.raises(SystemExit) as end:
+            main(["train", "arm-recruitment", *arguments, "--check"])
+        assert not end.value.code
+        assert tomllib.loads(capsys.readouterr().out)["agent"].get("rates") == rates
+
+
+def test_a_run_whose_setting_is_none_goes_on_and_is_repeated_by_its_own_configuration(tmp_path, capsys):
+    first, again = tmp_path / "first", tmp_path / "again"
+    arguments = ["train", "arm-recruitment", "--agent.rates", "None", "--agent.rate", "1e-4", "--steps", "90"]
+    assert main([*arguments, "--out", str(first)]) == 0
+    assert main(["train", "--resume", str(first), "--steps", "120"]) == 0
+    assert main(["train", "--config", str(first / "config.toml"), "--out", str(again)]) == 0
+    capsys.readouterr()
+    configurations = [tomllib.loads((path / "config.toml").read_text()) for path in (first, again)]
+    assert all("rates" not in found["agent"] and found["agent"]["rate"] == 1e-4 for found in configurations)
+    policies = [np.asarray(load(path).policies.gain) for path in (first, again)]
+    np.testing.assert_array_equal(*policies)

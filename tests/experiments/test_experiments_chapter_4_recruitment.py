@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from motorgrad.bodies import lift_table
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments.chapter_4._linear_study import off_place
+from motorgrad.experiments.chapter_4._linear_study import off_place, spaced_from
 from motorgrad.experiments.chapter_4._pool_drawing import count_chances, fires_at
 from motorgrad.experiments.chapter_4.figure_4_1 import AMPLIFIERS, POINTS, amplifier, graded, off_line
-from motorgrad.experiments.chapter_4.figure_4_4 import first_spaced, ideal_error
-from motorgrad.experiments.chapter_4.figure_4_6 import LEVELS, LOADS
+from motorgrad.experiments.chapter_4.figure_4_3 import mean_field_times
+from motorgrad.experiments.chapter_4.figure_4_6 import CLOSE, LEVELS, LOADS
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.experiments.chapter_4.figure_4_8 import early, judged
 from motorgrad.policies import Motoneurons
@@ -28,7 +29,7 @@ CLAIMED = {
     "fig-4.3": 6,
     "fig-4.4": 4,
     "fig-4.5": 2,
-    "fig-4.6": 4,
+    "fig-4.6": 6,
     "fig-4.7": 3,
     "fig-4.8": 4,
 }
@@ -187,6 +188,7 @@ def learnt(units, off, soon, gain, seeds=24):
             f"off {number}": np.full(seeds, off),
             f"soon {number}": np.array(1_500_000),
             f"off soon {number}": np.full(seeds, soon),
+            f"mean field {number}": np.array([1e6, 2e6]),
         }
     return found
 
@@ -205,10 +207,28 @@ def test_linear_policies_are_judged_by_spacing_and_gain(off, soon, gain, verdict
     assert [claim.holds for claim in claims] == verdicts
 
 
-def test_a_smaller_step_is_given_longer():
-    notes = [EXPERIMENTS["fig-4.3"](rate=rate).claims(learnt((2, 4), 0.1, 0.1, 5.0))[1].note for rate in (2e-4, 1e-4)]
-    assert "takes 3.1 million" in notes[0]
-    assert "takes 6.2 million" in notes[1]
+def test_a_smaller_step_takes_longer_in_the_mean_field():
+    starts = np.array([[0.2, 0.7], [0.1, 0.3]])
+    quick, slow = (mean_field_times(LinearRecruitment(units=2), starts, rate) for rate in (2e-4, 1e-4))
+    assert ((quick > 3e5) & (quick < 2e6)).all()  # test_worlds_recruitment has the whole distribution
+    assert quick[0] != quick[1]
+    np.testing.assert_allclose(slow, 2 * quick)
+
+
+def test_the_mean_field_is_told_where_it_is_known():
+    found = learnt((2, 4, 8), 0.1, 0.1, 5.0)
+    del found["mean field 8"]
+    claims = EXPERIMENTS["fig-4.3"]().claims(found)
+    assert "takes 1.5 million decisions, the mean of 2 starts" in claims[0].note
+    assert "mean field" not in claims[2].note
+    assert claims[3].source == "the mean field: after 1.5 million decisions, the mean of 2 starts"
+
+
+def test_the_mean_field_starts_where_the_pools_do(done):
+    with np.load(done("fig-4.3").folder / "values.npz") as values:
+        for units in (2, 4):
+            assert values[f"mean field {units}"].shape == (3,)
+            assert np.isfinite(values[f"mean field {units}"]).all()
 
 
 def test_half_of_the_seeds_are_not_most():
@@ -241,18 +261,22 @@ def test_performance_claims_go_either_way():
     assert [claim.holds for claim in experiment.claims(reverse)] == [False] * 4
 
 
-def test_being_spaced_by_chance_for_a_record_does_not_count():
+def test_being_spaced_counts_from_when_it_is_for_good():
     decision = 10 * np.arange(1, 101)
-    off = np.ones((3, 100))
+    off = np.ones((6, 100))
     off[:2, 3] = 0.0  # a moment
     off[1, 50:] = 0.1
-    assert first_spaced(decision, off).tolist() == [1000, 550, 1000]
+    off[3] = 0.0  # always
+    off[4, 50:], off[4, 80] = 0.1, np.nan  # no number is not spaced
+    off[5, 50:], off[5, 99] = 0.1, 0.25  # and not at the end
+    assert spaced_from(decision, off).tolist() == [np.inf, 510, np.inf, 10, 820, np.inf]
 
 
-def test_the_ideal_pool_s_error_is_elementary():
-    # within the graded range, errors are even up to half a unit: a quarter of one on average
-    task = LinearRecruitment(units=4, slope=1.0, intercept=0.0)
-    assert ideal_error(task) == pytest.approx(1 / 16, rel=1e-4)
+def test_pools_that_never_are_count_with_all_decisions():
+    never = performance(course(0.4, 0.15, 40), course(0.4, 0.1, 300))
+    claim = EXPERIMENTS["fig-4.4"]().claims(never)[-1]
+    assert claim.measured.value == pytest.approx((200_000 - 41_000) / 1e6)
+    assert "Of 24 pools each, 0 and 24 are not so" in claim.note
 
 
 # figure 4.5
@@ -273,14 +297,28 @@ def test_the_arm_s_claims_can_be_refuted():
 def test_height_claims_see_each_way_to_be_wrong(done):
     experiment = EXPERIMENTS["fig-4.6"].quick()
     found = experiment.run(EmptyWork())
-    assert [claim.holds for claim in experiment.claims(found)] == [True] * 4
+    assert [claim.holds for claim in experiment.claims(found)] == [True] * 6
     bent = found["height"].copy()
     bent[40, LOADS < -1] = 1.0
     bent[60, LOADS > 10] = 11.0
     bent[:, np.argmax(LOADS > 5)] = 11.0
-    wrong = found | {"height": bent, "random table": found["random simulated"] + 0.01}
-    assert [claim.holds for claim in experiment.claims(wrong)] == [False] * 4
+    wrong = found | {"height": bent, "random table": found["random simulated"] + 0.02}
+    assert [claim.holds for claim in experiment.claims(wrong)] == [False] * 6
+    off = found | {"random table": found["random simulated"] + 10 * np.array([[1.4e-3], [6e-4], [4e-4]])}
+    assert [claim.holds for claim in experiment.claims(off)][3:] == [True, False, False]
     assert found["height"].shape == (len(LEVELS), len(LOADS))
+
+
+def test_the_table_is_tried_in_every_range_of_loads_and_near_the_border():
+    loads, active = EXPERIMENTS["fig-4.6"](points=400).drawn()
+    table = lift_table(ArmRecruitment().body)
+    for row, (low, high, _) in enumerate(CLOSE):
+        assert ((low <= loads[row]) & (loads[row] <= high)).all()
+        assert np.mean(np.sqrt(loads[row])) == pytest.approx((low**0.5 + high**0.5) / 2, rel=0.1)
+        share = active[row] * ArmRecruitment().body.strength / [table.top_force(load) for load in loads[row]]
+        assert np.mean((share > 0.97 - 1e-9) & (share < 1.02 + 1e-9)) == pytest.approx(0.5, abs=0.01)
+    assert (CLOSE[0][0], CLOSE[-1][1]) == (0.0, 14.0)
+    assert active.max() <= 1
 
 
 class EmptyWork:

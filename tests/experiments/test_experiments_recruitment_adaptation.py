@@ -5,7 +5,6 @@ import dataclasses
 import json
 import math
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
@@ -13,9 +12,10 @@ from scipy import stats
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.chapter_4._pools import NATURAL, entropy, final, firing, least_error, numbers, parameters
+from motorgrad.experiments.chapter_4.section_4_4_1_baseline import OF
 from motorgrad.experiments.chapter_4.section_4_4_1_sizes import order, order_pay, orders_of, recruitment_loads
 from motorgrad.experiments.chapter_4.section_4_4_inputs import LOADS, LOWS, among, best_activation, stuck
-from motorgrad.experiments.chapter_4.section_4_4_loads import PROBABILITY, CompleteLift, common_pay
+from motorgrad.experiments.chapter_4.section_4_4_loads import PAID, PROBABILITY, common_pay
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.worlds import immediate_reward
@@ -23,7 +23,7 @@ from motorgrad.worlds import immediate_reward
 CLAIMED = {
     "sec-4.4-negative-inputs": 8,
     "sec-4.4-large-loads": 8,
-    "sec-4.4.1-baseline": 3,
+    "sec-4.4.1-baseline": 6,
     "sec-4.4.1-gain-decay": 9,
     "sec-4.4.1-size-principle": 7,
 }
@@ -70,6 +70,7 @@ def test_results_are_over_twenty_seeds_or_more(name):
         ("sec-4.4.1-baseline", {"rates": (2.0,)}, "rate = 2.0"),
         ("sec-4.4.1-baseline", {"rates": ()}, "rates = "),
         ("sec-4.4.1-baseline", {"amount": -1.5}, "amount = -1.5"),
+        ("sec-4.4.1-baseline", {"added": 0.0}, "added = 0.0"),
         ("sec-4.4.1-gain-decay", {"decays": (1e-7, 1e-6)}, "decays = "),
         ("sec-4.4.1-gain-decay", {"decays": (0.1, 0.2, 2.0)}, "decays = "),
         ("sec-4.4.1-gain-decay", {"learnt": 0}, "learnt = 0"),
@@ -161,6 +162,8 @@ def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
     trap = inputs([38, 36, 4, 2, 38, 2])
     assert [claim.holds for claim in kind.claims(trap)] == [True] * 8
     kind.figure(trap)
+    # those whose sample was enlarged after a first run say so
+    assert ["In a first run" in claim.note for claim in kind.claims(trap)] == [False, True] * 2 + [False] * 4
     # as many pools are caught wherever sweeps begin; they are so by low thresholds; they come free without a decay
     harmless = inputs([12, 12, 12, 12, 1, 12], threshold=-6.0, gain=2.0)
     harmless["firing"][0] = harmless["firing"][2]
@@ -173,9 +176,9 @@ def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
 # only large loads
 
 
-@pytest.mark.parametrize("kind", [ArmRecruitment, CompleteLift])
-def test_the_reward_of_a_common_probability_is_that_of_the_oracle(kind):
-    task, loads = kind(units=3), np.array([3.0, 12.5])
+@pytest.mark.parametrize("paid", PAID)
+def test_the_reward_of_a_common_probability_is_that_of_the_oracle(paid):
+    task, loads = ArmRecruitment(units=3, paid=paid), np.array([3.0, 12.5])
     for row in (20, 50, 90):
         p = PROBABILITY[row]
         pool = Motoneurons(np.full(3, -1e3 * math.log(p / (1 - p))), np.full(3, 1e-3))  # the same at every load
@@ -185,30 +188,29 @@ def test_the_reward_of_a_common_probability_is_that_of_the_oracle(kind):
         assert common_pay(task, loads)[row] == pytest.approx(exact, rel=1e-4)
 
 
-def test_only_complete_lifts_pay():
-    task, graded = CompleteLift(units=4), ArmRecruitment(units=4)
-    parts = jnp.linspace(0.0, 1.0, 201)
-    for load in (0.5, 6.0, 13.0):
-        height, whole = (np.asarray(kind.effect(jnp.float32(load), parts)) for kind in (task, graded))
-        assert set(np.unique(height)) == {0.0, np.float32(10.0)}
-        np.testing.assert_array_equal(height > 0, whole >= 9.99)
-    assert float(CompleteLift(unloaded=2.0).effect(jnp.float32(-1.0), jnp.float32(0.0))) == 2.0
+def test_pools_that_are_paid_complete_lifts_can_be_loaded_and_evaluated(tmp_path):
+    task = EXPERIMENTS["sec-4.4-large-loads"].quick().task("complete", "large", 2)
+    assert task == ArmRecruitment(units=2, paid="complete", low=12.0)
+    mg.train(task, steps=200, seeds=2, out=tmp_path / "run", progress=False)
+    again = mg.load(tmp_path / "run")
+    assert again.task == task
+    assert np.isfinite(mg.evaluate(again, 50).reward).all()
 
 
 def loads_values(silent, slope):
     """Values of pools of 4 and 32 units, silent in so many of `SEEDS` for each payment and kind of loads."""
     active = {name: np.where(np.arange(SEEDS) < np.array(count)[:, None], 0.0, 0.9) for name, count in silent.items()}
-    pay = {f"{paid} pay": np.stack([slope * PROBABILITY] * 2) for paid in ("graded", "complete")}
+    pay = {f"{paid} pay": np.stack([slope * PROBABILITY] * 2) for paid in PAID}
     return {"size": np.array([4, 32]), "probability": PROBABILITY, **active, **pay}
 
 
 def test_claims_about_large_loads_see_a_collapse_and_its_absence():
     kind = EXPERIMENTS["sec-4.4-large-loads"]()
-    collapse = {"graded large": [0, 38], "complete large": [0, 38], "graded all": [0, 0], "complete all": [0, 2]}
+    collapse = {"height large": [0, 38], "complete large": [0, 38], "height all": [0, 0], "complete all": [0, 2]}
     values = loads_values(collapse, -1.0)
     assert [claim.holds for claim in kind.claims(values)] == [True] * 8
     kind.figure(values)
-    none = loads_values({**collapse, "graded large": [0, 0], "complete large": [0, 0]}, 1.0)
+    none = loads_values({**collapse, "height large": [0, 0], "complete large": [0, 0]}, 1.0)
     assert [claim.holds for claim in kind.claims(none)] == [False] * 8
     whatever = loads_values({**collapse, "complete large": [38, 38], "complete all": [0, 38]}, -1.0)
     assert [claim.holds for claim in kind.claims(whatever)][6:] == [False, False]
@@ -226,27 +228,40 @@ def curves(*levels, seeds=20, records=40):
 def baselines(behind, error):
     lines = ["mean of all", "γ = 0.01", "mean of all, natural gradient"]
     decision = np.arange(1, 41) * 100_000
-    return {
-        "decision": decision, "line": np.array(lines), "changes": np.array([1_000_000, 2_000_000, 3_000_000]),
-        "behind": np.abs(curves(*behind)), "error": curves(*error), "least": np.array([0.1, 0.2]),
-    }  # fmt: skip
+    values = {"decision": decision, "line": np.array(lines), "changes": np.array([1_000_000, 2_000_000, 3_000_000])}
+    for of in OF:
+        values |= {f"behind {of}": np.abs(curves(*behind)), f"error {of}": curves(*error)}
+        values |= {f"least {of}": np.array([0.1, 0.2])}
+    return values
 
 
 def test_claims_about_a_forgetting_baseline_go_both_ways():
     kind = EXPERIMENTS["sec-4.4.1-baseline"](rates=(0.01,))
     better = baselines((0.2, 0.1, 0.2), (0.3, 0.2, 0.1))
-    assert [claim.holds for claim in kind.claims(better)] == [True] * 3
+    assert [claim.holds for claim in kind.claims(better)] == [True] * 6
     kind.figure(better)
     same = baselines((0.1, 0.1, 0.2), (0.2, 0.2, 0.3))
-    assert [claim.holds for claim in kind.claims(same)] == [False] * 3
+    assert [claim.holds for claim in kind.claims(same)] == [False] * 6
+    # what changes is judged by its own pools
+    mixed = better | {f"{name} load": same[f"{name} load"] for name in ("behind", "error")}
+    assert [claim.holds for claim in kind.claims(mixed)] == [True] * 3 + [False] * 3
+
+
+def test_pools_with_another_load_learn_in_another_task():
+    strength, load = map(EXPERIMENTS["sec-4.4.1-baseline"]().task, OF)
+    assert (strength.drift.of, strength.drift.amount) == ("strength", -0.5)
+    assert (load.drift.of, load.drift.amount) == ("load", 0.25)
+    found = EXPERIMENTS["sec-4.4.1-baseline"]()._least("load")
+    loads, parts = 0.25 + (np.arange(20_000) + 0.5) / 20_000, np.array([0, 0.5, 1.0])  # these hang in the hand
+    assert found == pytest.approx(np.abs(parts - load.target(loads)[:, None]).min(1).mean(), rel=1e-5)
 
 
 def test_what_came_before_the_first_change_does_not_count():
     kind = EXPERIMENTS["sec-4.4.1-baseline"](rates=(0.01,))
     values = baselines((0.2, 0.1, 0.2), (0.3, 0.2, 0.1))
-    for name in ("behind", "error"):
+    for name in ("behind strength", "error strength", "behind load", "error load"):
         values[name][1:, :, :10] += 100.0
-    assert [claim.holds for claim in kind.claims(values)] == [True] * 3
+    assert [claim.holds for claim in kind.claims(values)] == [True] * 6
 
 
 def decays(first, still, drifting, plain, decaying):
@@ -277,7 +292,7 @@ def test_the_least_error_is_that_of_ideal_thresholds():
     force = (loads[:, None] > task.ideal_thresholds()).mean(axis=1)
     assert least_error(task, 1.0) == pytest.approx(np.abs(force - task.target(loads)).mean(), rel=1e-3)
     silent = np.abs(task.target(loads)).mean()
-    assert least_error(task, 1e-9) == pytest.approx(silent)
+    assert least_error(task, 1e-9) == pytest.approx(silent, rel=1e-3)
 
 
 @pytest.mark.parametrize(("name", "further"), [("sec-4.4-negative-inputs", 2), ("sec-4.4.1-gain-decay", 8)])

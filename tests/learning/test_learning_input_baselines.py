@@ -267,7 +267,7 @@ def test_settings_make_them():
         ),
         (lambda: Estimator(baseline=0.5), "baseline = 0.5: must be a Baseline"),
         (lambda: settings_for(mg.make("chain"), baseline="bined"), "'bined': did you mean 'binned'"),
-        (lambda: settings_for(mg.make("chain"), baseline="binned", baseline_low=2.0), "low, high"),
+        (lambda: settings_for(mg.make("chain"), baseline="binned", baseline_low=2.0), "agent: baseline_low, high"),
         (
             lambda: mg.train("chain", settings_for(mg.make("chain"), baseline="binned", baseline_input=9), 10),
             "input = 9",

@@ -419,7 +419,7 @@ def test_settings_make_the_metric_and_the_plain_learner_has_none():
             r"damping weights = \(5,\): must be one number or of a shape that broadcasts to \(2, 2\)",
         ),
         (lambda: settings_for(mg.make("chain"), metric="fischer"), "'fischer': did you mean 'fisher'"),
-        (lambda: settings_for(mg.make("chain"), metric="fisher", metric_rate=2.0), "rate = 2.0"),
+        (lambda: settings_for(mg.make("chain"), metric="fisher", metric_rate=2.0), "agent.metric_rate = 2.0"),
         (lambda: settings_for(mg.make("chain"), metric="fisher", damping=-0.1), "damping = -0.1"),
     ],
 )

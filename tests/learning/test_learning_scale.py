@@ -126,7 +126,10 @@ def test_settings_make_it_and_the_plain_learner_has_none():
         (lambda: RootMeanSquare(float("nan")), "rate = nan"),
         (lambda: Estimator(scale=0.1), "scale = 0.1: must be None or a RootMeanSquare"),
         (lambda: settings_for(mg.make("chain"), advantages="normalized"), "'normalized': did you mean 'normalised'"),
-        (lambda: settings_for(mg.make("chain"), advantages="normalised", advantage_rate=2.0), "rate = 2.0"),
+        (
+            lambda: settings_for(mg.make("chain"), advantages="normalised", advantage_rate=2.0),
+            "agent.advantage_rate = 2.0",
+        ),
     ],
 )
 def test_impossible_settings_are_refused_by_name(make, names):

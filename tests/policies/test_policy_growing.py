@@ -73,8 +73,9 @@ square = np.zeros((1, 1))
         ),
         (
             lambda: grow(Factored([Motoneurons([0.0], [0.0])]), Factored([Motoneurons([0.0], [0.0])])),
-            "pool = 'Factored': must be a pool of one kind of units",
+            "pool = 'Factored': must be a pool of one kind of units, binary or graded",
         ),
+        (lambda: grow(Softmax([[1.0]]), Softmax([[2.0]])), "pool = 'Softmax': must be a pool of one kind of units"),
     ],
 )
 def test_what_cannot_be_joined_is_refused_by_name(build, names):

@@ -104,6 +104,58 @@ def test_a_weak_muscle_pulls_less():
     assert pays(arm, 6.0, [1.0, 1.0], 5) == pytest.approx(pays(arm, 6.0, [1.0, 0.0], 0) - 2.0, abs=1e-5)
 
 
+def test_a_load_drifts_there_and_back():
+    sine, steps = Drift(0.4, 100, of="load"), Drift(-2.0, 100, "steps", "load")
+    clocks = jnp.arange(100)
+    np.testing.assert_allclose(sine.load(clocks)[jnp.array([0, 25, 50, 75])], [0.0, 0.2, 0.4, 0.2], atol=1e-6)
+    np.testing.assert_allclose(steps.load(clocks), [0.0] * 50 + [-2.0] * 50)
+    assert sine.strength(clocks) == 1.0
+    assert Drift(0.4, 100).load(clocks) == 0.0
+    assert Drift(of="load").load(Drift(of="load").start()) == 0.0
+
+
+def test_more_hangs_in_the_hand_than_is_seen():
+    drift = Drift(0.25, 10, "steps", "load")
+    task = LinearRecruitment(units=2, drift=drift)
+    for clock, wanted in ((0, 0.5), (4, 0.5), (5, 0.8), (9, 0.8)):  # 1.2 × 0.5 − 0.1, and 1.2 × 0.25 more
+        assert pays(task, 0.5, [1.0, 0.0], clock) == pytest.approx(-((1.0 - 2 * wanted) ** 2), abs=1e-6)
+    arm = ArmRecruitment(units=2, drift=Drift(3.0, 10, "steps", "load"))
+    for load in (-1.0, 3.0):  # no load, and a tool of 3 kg: 2 kg
+        assert pays(arm, load, [1.0, 0.0], 5) == pytest.approx(pays(arm, load + 3.0, [1.0, 0.0], 0), abs=1e-5)
+        assert pays(arm, load, [1.0, 0.0], 4) == pytest.approx(pays(arm, load, [1.0, 0.0], 0), abs=1e-6)
+
+
+def test_readings_are_of_what_hangs_in_the_hand():
+    task = LinearRecruitment(units=1, drift=Drift(0.25, 10, "steps", "load"))
+    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    for decision in range(20):
+        load = float(stepper.state["cycle"].observation[0, 0]) + 0.25 * (decision % 10 >= 5)
+        stepper.advance(1)
+        action = float(stepper.state["cycle"].action[0, 0])
+        assert float(stepper.harvest()["error"][0]) == pytest.approx(abs(action - (1.2 * load - 0.1)), abs=1e-6)
+    arm = ArmRecruitment(low=-0.05, drift=Drift(1.0, 4, "steps", "load"))
+    stepper = stepper_of(arm, settings_for(arm).agent(arm), [0])
+    stepper.advance(1)
+    assert not np.isfinite(stepper.harvest()["height"][0])  # no load yet
+    stepper.advance(1)
+    assert np.isfinite(stepper.harvest()["height"][0])
+
+
+def test_a_learnt_pool_meets_an_added_load_with_more_force():
+    added = LinearRecruitment(units=2, output="ratio", drift=Drift(0.25, 2, "steps", "load"))
+    ideal = added.ideal_thresholds() - 0.125  # half of the time the load is 0.25 more
+    loads, parts = (
+        np.linspace(0.0, 1.0, 2001),
+        lambda thresholds: (np.linspace(0, 1, 2001)[:, None] > thresholds).mean(1),
+    )
+
+    def earns(thresholds):
+        found = [added.pay(loads + more, parts(thresholds), parts(thresholds)) for more in (0.0, 0.25)]
+        return float(np.mean(found))
+
+    assert earns(ideal) > earns(added.ideal_thresholds())
+
+
 def test_drift_outlives_an_episode():
     task = ArmRecruitment(drift=Drift(-0.2, 1000))
     stepper = stepper_of(task, settings_for(task).agent(task), range(2))
@@ -122,6 +174,18 @@ def test_the_arm_is_paid_its_height_less_the_cost():
         assert pays(task, load, [1.0, 0.0, 0.0, 1.0]) == pytest.approx(-2.0)
         assert pays(ArmRecruitment(unloaded=7.0), load, [0.0] * 4) == pytest.approx(7.0)
     assert pays(ArmRecruitment(scale=1.0, cost=0.5), 1.0, [1.0] * 4) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_where_only_complete_lifts_pay_less_is_nothing():
+    task, graded = ArmRecruitment(units=4, paid="complete"), ArmRecruitment(units=4)
+    parts = jnp.linspace(0.0, 1.0, 201)
+    for load in (0.5, 6.0, 13.0):
+        height, whole = (np.asarray(each.effect(jnp.float32(load), parts)) for each in (task, graded))
+        assert set(np.unique(height)) == {0.0, np.float32(10.0)}
+        np.testing.assert_array_equal(height > 0, whole >= 9.99)
+    unloaded = ArmRecruitment(paid="complete", unloaded=2.0)
+    assert float(unloaded.effect(jnp.float32(-1.0), jnp.float32(0.0))) == 2.0
+    assert make("arm-recruitment", units=4, paid="complete") == task
 
 
 def test_the_best_activation_rises_from_nought_to_one():
@@ -231,6 +295,11 @@ ARM = [
     ({"drift": {"amount": -1.0}}, "amount = -1.0: must be above -1"),
     ({"drift": {"period": 1}}, "period = 1: must be 2"),
     ({"drift": {"form": "sinus"}}, "'sinus'"),
+    ({"drift": {"of": "loads"}}, "'loads': did you mean 'load'"),
+    ({"drift": {"of": "load", "amount": 7.0}}, r"drift.amount = 7.0: must be such that high \+ drift.amount <= 20 kg"),
+    ({"drift": {"of": "load", "amount": -1e7}}, "amount = -10000000.0: must be between -1e6 and 1e6"),
+    ({"paid": "full"}, "paid 'full': known are complete, height"),
+    ({"body": {"timestep": 3.0}}, "body.timestep = 3.0: must be .* at most 0.01 s"),
 ]
 
 

@@ -151,7 +151,40 @@ def test_a_quadrature_that_is_none_is_refused(change, words):
         immediate_reward(policy, reward=task.immediate, **arguments)
 
 
-@pytest.mark.parametrize("decisions", [[], [2.0, 1.0], [-1.0, 1.0], 3.0])
+@pytest.mark.parametrize(
+    ("rate", "words"),
+    [
+        ({"threshold": 1e-3, "gain": 1e-3, "gian": 3}, r"group of parameters in the step sizes: 'gian'"),
+        (-1, r"step size rate = -1: must be"),
+        (float("nan"), r"step size rate = nan: must be"),
+        ({"threshold": 1e-3, "gain": float("inf")}, r"step size gain = inf: must be"),
+        ({"threshold": 1e-3, "gain": [1e-3] * 3}, r"step size gain = \(3,\): must be"),
+    ],
+)
+def test_rates_that_are_none_are_refused(rate, words):
+    with pytest.raises(ValueError, match=words):
+        mean_field(Motoneurons([0.3, 0.6], [2.0, 3.0]), NODES, WEIGHTS, LinearRecruitment(units=2).immediate, rate, [1])
+
+
+def test_a_rate_may_differ_between_units():
+    rates, task = {"threshold": 0.0, "gain": [0.0, 1e-3]}, LinearRecruitment(units=2)
+    found = mean_field(Motoneurons([0.3, 0.6], [2.0, 3.0]), NODES, WEIGHTS, task.immediate, rates, [1000.0])
+    assert found.gain[0, 0] == 2
+    assert abs(found.gain[0, 1] - 3) > 1e-3
+
+
+def test_at_the_start_the_mean_field_is_the_policy_itself():
+    policy, task = Motoneurons([0.3, 0.6], [2.0, 3.0]), LinearRecruitment(units=2)
+    start = mean_field(policy, NODES, WEIGHTS, task.immediate, 1e-3, [0.0])
+    both = mean_field(policy, NODES, WEIGHTS, task.immediate, 1e-3, [0.0, 1.0])
+    for name in ("threshold", "gain"):
+        assert getattr(start, name).shape == (1, 2)
+        assert getattr(start, name).dtype == np.float64
+        np.testing.assert_array_equal(getattr(start, name)[0], np.asarray(getattr(policy, name), float))
+        np.testing.assert_allclose(getattr(start, name)[0], getattr(both, name)[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("decisions", [[], [2.0, 1.0], [-1.0, 1.0], 3.0, [float("inf")], [float("nan")]])
 def test_times_ascend(decisions):
     task, policy = LinearRecruitment(units=2), Motoneurons([0.3, 0.6], [2.0, 3.0])
     with pytest.raises(ValueError, match=r"decisions = .*: must be ascending"):

@@ -13,6 +13,7 @@ from motorgrad._files import check_writable
 from motorgrad._settings import as_hinted, table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
+    AgentSettings,
     Run,
     RunDirectoryError,
     check_tensorboard,
@@ -20,8 +21,11 @@ from motorgrad.training import (
     given_initial,
     settings_for,
     settings_in,
+    settled,
     train,
 )
+
+DEFAULTS = {field.name: field.default for field in dataclasses.fields(AgentSettings)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +52,9 @@ class Options:
     """Keep TensorBoard event files in tensorboard/ of the run directory, up to date with every checkpoint."""
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
+
+    def __post_init__(self: Any) -> None:
+        object.__setattr__(self, "agent", settled(self.agent, settings_for(self.task)))
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")
@@ -172,6 +179,8 @@ def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
         choice("task", named, TASKS)
     if isinstance(agent := values.get("agent"), dict) and isinstance(agent.get("policy"), dict):
         settings_in(agent, "agent")
+    if isinstance(agent, dict) and {name for name, value in DEFAULTS.items() if value is not None} <= agent.keys():
+        values["agent"] = {**DEFAULTS, **agent}  # all is said: TOML has no word for what is None
     return named, values | ({"task": settings} if settings else {})
 
 

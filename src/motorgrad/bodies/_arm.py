@@ -18,6 +18,7 @@ from motorgrad.bodies._scenery import add_scenery
 
 HANGING = 90.0  # degrees between the bones when the lower arm hangs: the upper arm is level
 GRAVITY = 9.81
+COARSEST = 0.01  # s: of time steps; flexions are right to 5e-4 rad with it, and to 2e-2 with ten times as much
 
 _BONE = (0.90, 0.87, 0.80, 1.0)
 _LOAD = (0.27, 0.30, 0.36, 1.0)
@@ -44,7 +45,7 @@ class Arm:
       meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before.
     - `joint_damping` (N m s/rad): of the elbow.
     - `elbow_height` (m): above the floor, which nothing touches.
-    - `timestep` (s): of the physics.
+    - `timestep` (s): of the physics, at most 0.01.
 
     **Names in the model:** bodies `upper_arm`, `lower_arm` (frame at the elbow, −z along the bone when it hangs); joint
     `elbow`, 0 when the lower arm hangs, positive when bent; tendon and actuator `flexor`; site `hand`.
@@ -69,6 +70,7 @@ class Arm:
             positive(name, getattr(self, name))
         for name in ("load", "offset", "joint_damping"):
             not_negative(name, getattr(self, name))
+        check(self.timestep <= COARSEST, "timestep", self.timestep, f"a finite number > 0 and at most {COARSEST:g} s")
         meet = math.degrees(2.0 * math.atan(2.0 * self.offset / self.bone_length))
         allowed = f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {HANGING:g} degrees"
         check(meet < self.least_angle < HANGING, "least_angle", self.least_angle, allowed)

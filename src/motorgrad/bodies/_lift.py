@@ -5,9 +5,10 @@ import functools
 import io
 import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import mujoco
@@ -15,14 +16,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._settings import table
+from motorgrad._settings import build, table
 from motorgrad.bodies._arm import Arm
 from motorgrad.bodies._batch import BodyBatch
 
 STORED = Path(__file__).with_name("arm_lift.npz")
-HEAVIEST = 20.0  # kg
 LOADS, SHARES = 41, 81
 SECONDS = 2.0
+STRONGEST = 1e7  # N; beyond some 1e9 simulations diverge
 _ROWS, _ROUNDS = 17, 3
 
 
@@ -36,7 +37,7 @@ def greatest_flexion(
 
     **Returns:** in rad, from 0 to the stop (which gives way a little under a blow: that is cut off).
 
-    **Raises:** `RuntimeError` if a simulation diverges.
+    **Raises:** `RuntimeError` as soon as a simulation diverges.
     """
     active: Any = np.asarray(activation, float)
     check(active.ndim == 1 and len(active) > 0, "activation.shape", active.shape, "(rows,), at least one")
@@ -46,9 +47,9 @@ def greatest_flexion(
     action, most = active[:, None], np.zeros(len(active), np.float32)
     for _ in range(round(seconds / arm.timestep)):
         batch.step(action)
+        if batch.lost:
+            raise RuntimeError(f"the arm's simulation diverged at activation {active[batch.diverged > 0][0]:g}: {arm}")
         np.maximum(most, batch.packed[:, 0], out=most)
-    if batch.diverged.any():
-        raise RuntimeError(f"the arm's simulation diverged {batch.diverged.sum()} times: {arm}")
     return np.minimum(most.astype(float), arm.most_flexion)
 
 
@@ -56,11 +57,15 @@ def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
     """The greatest height that a load is lifted to within 2 s from rest by a constant force, by simulation.
 
     **Arguments:** the arm, whose own `load` and `strength` do not matter; `load` in kg, at least 0, and `force` in N,
-    at least 0, which broadcast.
+    from 0 to 1e7, which broadcast.
 
     **Returns:** the height as a part of the full lift, from 0 to 1.
+
+    **Raises:** `ValueError` that names the first load or force that is out of range.
     """
     loads, forces = np.broadcast_arrays(np.asarray(load, float), np.asarray(force, float))
+    _check_each("load", loads, (loads >= 0) & (loads < math.inf), "a finite number >= 0, in kg")
+    _check_each("force", forces, (forces >= 0) & (forces <= STRONGEST), f"from 0 to {STRONGEST:g} N")
     found = np.zeros(loads.shape)
     for each in np.unique(loads):
         rows = loads == each
@@ -75,29 +80,36 @@ class LiftTable:
     Without friction the height depends on the force only through its ratio to `Arm.throw`, the force that just reaches
     the top. So the grid is one of load and of force as a share of the force that just reaches the top with that load:
     what is tabulated is then smooth, and has its kink at the border. The loads are the squares of equally spaced
-    numbers, as friction matters most to the lightest.
+    numbers, as friction matters most to the lightest. Between them it is off by less than 3e-4 of the full lift from
+    0.5 kg on, by less than 5e-4 from 50 g, and by less than 1.5e-3 below that.
 
     **Arguments:**
 
     - `arm`: whose lift it is, for any load and strength.
     - `effort` (loads,): the force that just reaches the top, divided by `Arm.throw` to there.
     - `height` (loads, shares): the height as a part of the full lift, for shares from 0 to 1 of that force.
+    - `mujoco_version`: of the MuJoCo that simulated it; by default the present one.
+
+    **Attributes:** `heaviest`, the greatest load in kg, 20.
     """
+
+    heaviest: ClassVar[float] = 20.0
 
     arm: Arm
     effort: Float[np.ndarray, " loads"]
     height: Float[np.ndarray, "loads shares"]
+    mujoco_version: str = mujoco.__version__
 
     def lift(self, load: Any, force: Any) -> Float[Array, "..."]:
         """As the function `lift`, interpolated linearly; a JAX function of arrays, which broadcast.
 
         Loads are taken to be from 0 to 20 kg: what is outside counts as the nearest.
         """
-        load = jnp.clip(jnp.asarray(load, jnp.result_type(float)), 0.0, HEAVIEST)
-        row, down = _place(jnp.sqrt(load / HEAVIEST), len(self.effort))
+        load = jnp.clip(jnp.asarray(load, jnp.result_type(float)), 0.0, self.heaviest)
+        row, down = _place(jnp.sqrt(load / self.heaviest), len(self.effort))
         effort, height = (jnp.asarray(part, load.dtype) for part in (self.effort, self.height))
-        light, heavy = (self.arm_with(mass).throw(self.arm.most_flexion) for mass in (0.0, HEAVIEST))
-        throw = light + (heavy - light) * load / HEAVIEST
+        light, heavy = (self.arm_with(mass).throw(self.arm.most_flexion) for mass in (0.0, self.heaviest))
+        throw = light + (heavy - light) * load / self.heaviest
         top = throw * ((1 - down) * effort[row] + down * effort[row + 1])
         column, right = _place(jnp.clip(force / top, 0.0, 1.0), height.shape[1])
         above = (1 - right) * height[row, column] + right * height[row, column + 1]
@@ -105,7 +117,8 @@ class LiftTable:
         return (1 - down) * above + down * below
 
     def top_force(self, load: float) -> float:
-        """The force in N that just takes a load to the top."""
+        """The force in N that just takes a load, from 0 to 20 kg, to the top."""
+        check(0 <= load <= self.heaviest, "load", load, f"from 0 to {self.heaviest:g} kg")
         effort = np.interp(math.sqrt(load), np.sqrt(_loads(len(self.effort))), self.effort)
         return float(effort * self.arm_with(load).throw(self.arm.most_flexion))
 
@@ -115,17 +128,22 @@ class LiftTable:
 
     def save(self, path: Path) -> None:
         """Store the table, and from what it was made."""
-        made = {"arm": table(self.arm), "seconds": SECONDS, "heaviest": HEAVIEST, "mujoco": mujoco.__version__}
+        made = {"arm": table(self.arm), "mujoco": self.mujoco_version, **_meaning()}
         content = io.BytesIO()
         np.savez_compressed(content, effort=self.effort, height=self.height, made=json.dumps(made))
         path.write_bytes(content.getvalue())
 
     @classmethod
     def load(cls, path: Path) -> "LiftTable":
-        """A table that was stored."""
+        """A table that was stored.
+
+        **Raises:** `ValueError` if it is of lifts of another duration, or of other loads, than this class takes it for.
+        """
         with np.load(path) as file:
             made = json.loads(str(file["made"]))
-            return cls(Arm(**made["arm"]), file["effort"], file["height"])
+            for name, value in _meaning().items():
+                check(made.get(name) == value, f"{path}: {name}", made.get(name), f"{value:g}")
+            return cls(build(Arm, made["arm"]), file["effort"], file["height"], str(made.get("mujoco", "unknown")))
 
 
 def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:
@@ -148,7 +166,8 @@ def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTab
 def lift_table(arm: Arm) -> LiftTable:
     """The table of an arm: the stored one if it is that arm's, else one that is simulated when it is first asked for.
 
-    Two arms that differ in load, strength or height above the floor alone lift alike, and share a table.
+    Two arms that differ in load, strength or height above the floor alone lift alike, and share a table. A line on the
+    standard error says so when one is simulated, as that takes a minute or two.
     """
     default = Arm()
     return _table(
@@ -159,7 +178,21 @@ def lift_table(arm: Arm) -> LiftTable:
 @functools.cache
 def _table(arm: Arm) -> LiftTable:
     stored = LiftTable.load(STORED)
-    return stored if stored.arm == arm else tabulate_lift(arm)
+    if stored.arm == arm:
+        return stored
+    print("motorgrad: simulating how high this arm lifts loads, for a minute or two", file=sys.stderr, flush=True)
+    return tabulate_lift(arm)
+
+
+def _meaning() -> dict[str, float]:
+    """What the numbers of a stored table rest on, beside the arm."""
+    return {"seconds": SECONDS, "heaviest": LiftTable.heaviest}
+
+
+def _check_each(name: str, values: np.ndarray, allowed: np.ndarray, words: str) -> None:
+    """Refuse the first of the values that is not allowed."""
+    if not allowed.all():
+        check(False, name, float(values[~allowed][0]), words)
 
 
 def _lift(arm: Arm, force: np.ndarray) -> np.ndarray:
@@ -182,7 +215,7 @@ def _top_force(arm: Arm, throw: float) -> float:
 
 
 def _loads(count: int) -> np.ndarray:
-    return HEAVIEST * np.linspace(0.0, 1.0, count) ** 2
+    return LiftTable.heaviest * np.linspace(0.0, 1.0, count) ** 2
 
 
 def _place(share: Array, count: int) -> tuple[Array, Array]:

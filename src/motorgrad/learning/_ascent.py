@@ -15,7 +15,7 @@ import optax
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from motorgrad.learning._groups import by_group, check_groups
+from motorgrad._groups import by_group, check_groups
 
 
 class SgdState(NamedTuple):

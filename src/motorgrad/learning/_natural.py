@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.learning._groups import by_group, check_groups
+from motorgrad._groups import by_group, check_groups
 from motorgrad.policies import Policy, trainable
 
 P = TypeVar("P", bound=Policy)

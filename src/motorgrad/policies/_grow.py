@@ -8,6 +8,8 @@ import numpy as np
 from jax.core import Tracer
 
 from motorgrad._errors import check
+from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._policy import Policy
 
 P = TypeVar("P", bound=Policy)
@@ -20,14 +22,15 @@ def grow(pool: P, more: P) -> P:
     they are the pool's, and `more` must have the same. For the pools of many seeds, whose arrays have a leading axis,
     map it: `jax.vmap(grow)`.
 
-    **Arguments:** two pools of one kind, over the same inputs.
+    **Arguments:** two pools of one kind of binary or graded units, over the same inputs.
 
-    **Raises:** `ValueError` for pools of other kinds, or that differ in what units share.
+    **Raises:** `ValueError` for policies that are no such pools, for pools of two kinds, and for those that differ in
+    what units share.
     """
     kinds = [type(each).__name__ for each in (pool, more)]
     check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
-    plain = all(hasattr(part, "shape") for part in vars(pool).values())
-    check(plain, "pool", kinds[0], "a pool of one kind of units")
+    wanted = "a pool of one kind of units, binary or graded"
+    check(isinstance(pool, BinaryUnits | GradedUnits), "pool", kinds[0], wanted)
     check(pool.inputs == more.inputs, "more.inputs", more.inputs, f"the pool's, {pool.inputs}")
 
     def joined(name: str) -> jax.Array:

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check, choice
-from motorgrad.bodies import Arm, lift, lift_table
+from motorgrad.bodies import Arm, LiftTable, lift, lift_table
 from motorgrad.tasks._recruitment import Pull, Recruitment
 from motorgrad.tasks._task import Reading
 from motorgrad.worlds import SweepingLoads
 
-HEAVIEST = 20.0  # kg: of the table
+COMPLETE = 0.999  # of the full lift: simulation and table are not nearer to each other
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,11 +31,12 @@ class ArmRecruitment(Recruitment):
 
     - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` does not matter.
     - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 a second).
+    - `paid`: `"height"`, each lift by its height; or `"complete"`, where less than the full lift pays as none at all.
     - `scale`: the height of the full lift.
     - `cost`: of the whole pool's firing.
     - `unloaded`: the height that is paid for loads of 0 and below, whatever fires.
     - `low` (kg): where a sweep begins.
-    - `high` (kg): above what a sweep ends; at most 20.
+    - `high` (kg): above what a sweep ends; at most 20, with what drifts.
     - `least` (kg): by how much the load grows at least at each decision.
     - `most` (kg): by how much it grows at most.
     """
@@ -54,6 +55,7 @@ class ArmRecruitment(Recruitment):
 
     body: Arm = dataclasses.field(default_factory=Arm)
     height: Literal["table", "direct"] = "table"
+    paid: Literal["height", "complete"] = "height"
     scale: float = 10.0
     cost: float = 4.0
     unloaded: float = 0.0
@@ -65,9 +67,14 @@ class ArmRecruitment(Recruitment):
     def __post_init__(self) -> None:
         super().__post_init__()
         choice("height", self.height, ("table", "direct"))
+        choice("paid", self.paid, ("height", "complete"))
         for name in ("scale", "cost", "unloaded"):
             check(abs(getattr(self, name)) < 1e6, name, getattr(self, name), "a number between -1e6 and 1e6")
-        check(-1e6 < self.low < self.high <= HEAVIEST, "low, high", (self.low, self.high), "low < high <= 20 kg")
+        most = LiftTable.heaviest
+        check(-1e6 < self.low < self.high <= most, "low, high", (self.low, self.high), f"low < high <= {most:g} kg")
+        if self.drift.of == "load":
+            heaviest, allowed = self.high + self.drift.amount, f"such that high + drift.amount <= {most:g} kg"
+            check(heaviest <= most, "drift.amount", self.drift.amount, allowed)
         check(0 < self.least <= self.most < 1e6, "least, most", (self.least, self.most), "positive, least <= most")
 
     @property
@@ -84,6 +91,8 @@ class ArmRecruitment(Recruitment):
         force = self.body.strength * strength * ratio
         lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
         part = lifted(load, force)
+        if self.paid == "complete":
+            part = jnp.where(part > COMPLETE, part, 0.0)
         return jnp.where(load > 0, self.scale * part, self.unloaded)
 
     def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:

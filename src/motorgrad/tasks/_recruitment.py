@@ -17,8 +17,9 @@ MOST = 10_000  # units
 
 
 class Pull(NamedTuple):
-    """What a recruitment task remembers: the load that the coming action is for; of the last action the load that it
-    was `at`, its ratio (the part of the pool that fired, by size) and its effect; the clock of the drift, or `None`."""
+    """What a recruitment task remembers: the load that is seen before the coming action; of the last action the load
+    that it was `at` (the one that was seen, and what had drifted), its ratio (the part of the pool that fired, by size)
+    and its effect; the clock of the drift, or `None`."""
 
     load: Float[Array, ""]
     at: Float[Array, ""]
@@ -36,7 +37,7 @@ class Recruitment(Task):
     - `units`: in the pool, from 1 to 10,000.
     - `size_ratio`: the largest unit's force by the smallest's; sizes grow exponentially from the first unit to the
       last. 1 for equal units.
-    - `drift`: how the muscle's strength changes over time; by default it does not.
+    - `drift`: how the muscle's strength, or the load beside the observed one, changes over time; by default neither.
     - `time_limit`: decisions after which an episode is cut; `None` for never.
     """
 
@@ -96,7 +97,7 @@ class Recruitment(Task):
         return Pull(zero, zero, zero, zero, self.drift.start())
 
     def renew(self, memory: Pull, uniforms: Float[Array, " 0"]) -> Pull:
-        """The muscle goes on changing from one episode to the next."""
+        """What drifts goes on from one episode to the next."""
         return self.init(uniforms)._replace(clock=memory.clock)
 
     def observe(
@@ -108,9 +109,10 @@ class Recruitment(Task):
         self, memory: Pull, state: Float[Array, ""], action: Float[Array, " units"]
     ) -> tuple[Pull, Float[Array, ""], Bool[Array, ""] | bool]:
         ratio = self.ratio(action)
-        effect = self.effect(memory.load, ratio, self.drift.strength(memory.clock))
-        memory = Pull(memory.load, memory.load, ratio, effect, self.drift.tick(memory.clock))
-        return memory, self.pay(memory.load, ratio, effect), self.over(state)
+        load = memory.load + self.drift.load(memory.clock)
+        effect = self.effect(load, ratio, self.drift.strength(memory.clock))
+        memory = Pull(memory.load, load, ratio, effect, self.drift.tick(memory.clock))
+        return memory, self.pay(load, ratio, effect), self.over(state)
 
     def over(self, state: Float[Array, ""]) -> Bool[Array, ""] | bool:
         """Whether the episode is over once the next load is `state`."""

@@ -1,8 +1,8 @@
 """The learner's settings as one flat table: what configuration files and the command line speak."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, Literal, get_type_hints
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from motorgrad.learning import (
 )
 from motorgrad.tasks import Task, make
 
+P = TypeVar("P")
 LARGEST = 100_000_000  # weights of a policy
 ESTIMATORS: dict[str, dict[str, Any]] = {
     "olgarb": {"baseline": "mean", "improve": 1},
@@ -149,11 +150,11 @@ class AgentSettings:
             ),
         }
         trace: Trace = traces[self.trace]()
-        baseline: Baseline | InputBaseline = baselines[
-            named["baseline"] if self.baseline == "default" else self.baseline
-        ]()
+        kind = named["baseline"] if self.baseline == "default" else self.baseline
+        baseline: Baseline | InputBaseline = _named("baseline", baselines[kind])
         improve = named["improve"] if self.improve is None else self.improve
-        scale = RootMeanSquare(self.advantage_rate) if self.advantages == "normalised" else None
+        normal = self.advantages == "normalised"
+        scale = _named("advantage", lambda: RootMeanSquare(self.advantage_rate)) if normal else None
         return Estimator(trace, baseline, self.discount, improve, self.batch, scale)
 
     def rule(self) -> Any:
@@ -167,7 +168,7 @@ class AgentSettings:
         if self.metric == "euclidean":
             return None
         damping = self.damping if self.dampings is None else self.dampings
-        return FisherMetric(self.metric_rate, damping, self.metric_initial)
+        return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial))
 
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
@@ -191,13 +192,36 @@ class AgentSettings:
 
 
 def settings_for(task: Task | str, **changes: Any) -> AgentSettings:
-    """The settings that go with a task, or with the one of this name, some of them changed.
+    """The settings that go with a task, or with the one of this name, some of them changed. One number for all, such as
+    `rate`, takes the place of the task's own by group.
 
     **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
     """
     task = make(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
-    return build(AgentSettings, {**task.learner, **changes}, "agent")
+    own = {name: value for name, value in task.learner.items() if name.removesuffix("s") not in changes}
+    return build(AgentSettings, {**own, **changes}, "agent")
+
+
+def settled(settings: AgentSettings, own: AgentSettings) -> AgentSettings:
+    """Settings that were made by changing a task's `own`. A number for all that was changed takes the place of numbers
+    by group that were not, which would hide it."""
+    dropped = {
+        f"{one}s": None
+        for one in ("rate", "damping", "weight_decay")
+        if getattr(settings, one) != getattr(own, one) and getattr(settings, f"{one}s") == getattr(own, f"{one}s")
+    }
+    return dataclasses.replace(settings, **dropped)
+
+
+def _named(prefix: str, make: Callable[[], P]) -> P:
+    """Make a part of the learner; what it refuses is named as the setting that it comes from."""
+    try:
+        return make()
+    except ValueError as error:
+        told = str(error)
+        setting = f"{prefix}_{told.split()[0].strip(',')}"
+        raise ValueError(f"{prefix}_{told}" if hasattr(AgentSettings, setting) else told) from None
 
 
 def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:

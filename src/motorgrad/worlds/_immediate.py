@@ -17,8 +17,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check
+from motorgrad._groups import by_group, check_groups
 from motorgrad.policies import Policy, split
+from motorgrad.worlds._double import double
 
 P = TypeVar("P", bound=Policy)
 Reward = Callable[[Float[Array, " inputs"], Array], Float[Array, ""]]
@@ -55,16 +57,26 @@ def mean_field(
     It is what online learning with an unbiased estimate does as the step size goes to zero, $t$ counting decisions.
 
     **Arguments:** the initial policy; `inputs`, `weights` and `reward` as in `immediate_reward`; `rate`, the step size
-    $\alpha$ of all parameters, or of each field by name; `decisions` (times,), ascending, at which to look.
+    $\alpha$ of all parameters, or of each field by name; `decisions` (times,), ascending from 0 or more, at which to
+    look.
 
     **Returns:** the policy at those times, which lead in every trainable array.
+
+    **Raises:** `ValueError` for times that do not ascend, and for a rate that is negative, infinite or no number, a
+    field without a rate, or a rate without a field.
     """
     times = np.asarray(decisions, float)
     ascending = times.ndim == 1 and len(times) > 0 and times[0] >= 0 and (np.diff(times) > 0).all()
-    check(ascending, "decisions", times.tolist(), "ascending numbers of at least 0")
+    check(ascending and np.isfinite(times[-1]), "decisions", times.tolist(), "ascending finite numbers of at least 0")
+    check_groups("step size", "rate", rate)
     with jax.enable_x64(True):
         total, vector, build = _expectation(policy, inputs, weights, reward)
-        slope, rates = jax.jit(jax.grad(total)), np.asarray(ravel_pytree(_rates(build(vector), rate))[0])
+        start = build(vector)
+        given = by_group("step size", "rate", rate, start)
+        rates = np.asarray(ravel_pytree(jax.tree.map(lambda r, p: jnp.broadcast_to(r, p.shape), given, start))[0])
+        slope = jax.jit(jax.grad(total))
+        if times[-1] == 0:  # nothing to integrate: all is as it was
+            return jax.tree.map(np.asarray, jax.vmap(build)(vector[None]))
         found = solve_ivp(
             lambda _, theta: rates * np.asarray(slope(theta)),
             (0.0, times[-1]), np.asarray(vector), method="LSODA", t_eval=times, rtol=1e-7, atol=1e-9,
@@ -83,7 +95,7 @@ def _expectation(
     check(points.ndim == 2 and points.shape[1] == policy.inputs, "inputs", points.shape, wanted)
     check(mass.shape == points.shape[:1], "weights", mass.shape, f"of shape {points.shape[:1]}, as many as inputs")
     check(abs(float(mass.sum()) - 1) < 1e-9, "weights", float(mass.sum()), "such that they sum to 1")
-    parameters, settings = split(jax.tree.map(_double, policy))
+    parameters, settings = split(double(policy))
     actions = policy.enumerate()
     worth = mass[:, None] * jax.vmap(jax.vmap(reward, (None, 0)), (0, None))(points, actions)
     vector, build = ravel_pytree(parameters)
@@ -94,21 +106,3 @@ def _expectation(
         return jnp.sum(worth * jnp.exp(log_prob))
 
     return total, vector, build
-
-
-def _double(leaf: Any) -> Any:
-    return jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf
-
-
-def _rates(parameters: Any, rate: float | Mapping[str, float]) -> Any:
-    """A step size for every parameter, in their structure."""
-
-    def of(path: tuple[Any, ...], leaf: Array) -> Array:
-        if not isinstance(rate, Mapping):
-            return jnp.full_like(leaf, rate)
-        name = [key.name for key in path if isinstance(key, jax.tree_util.GetAttrKey)][-1]
-        if name not in rate:
-            raise unknown("group of parameters without a step size:", name, rate)
-        return jnp.full_like(leaf, rate[name])
-
-    return jax.tree_util.tree_map_with_path(of, parameters)

@@ -24,6 +24,7 @@ from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
 from motorgrad.policies import Policy, split
+from motorgrad.worlds._double import double
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
@@ -32,7 +33,7 @@ P = TypeVar("P", bound=Policy)
 def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions"]:
     r"""$\pi(a \mid y(s))$ of every action in every state."""
     with jax.enable_x64(True):
-        return np.asarray(_probabilities(mdp, _double(policy)))
+        return np.asarray(_probabilities(mdp, double(policy)))
 
 
 def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states states"]:
@@ -71,7 +72,7 @@ def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters para
     Between parameters of independent units it is zero.
     """
     with jax.enable_x64(True):
-        parameters, settings = split(_double(policy))
+        parameters, settings = split(double(policy))
         vector, build = ravel_pytree(parameters)
         score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
         weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
@@ -141,10 +142,6 @@ def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray,
     return np.linalg.solve((np.eye(len(matrix)) - matrix + 1).T, np.ones(len(matrix)))
 
 
-def _double(policy: P) -> P:
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf, policy)
-
-
 def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:
     actions = policy.enumerate()
     check(len(actions) == mdp.actions, "policy", f"{len(actions)} actions", f"over the MDP's {mdp.actions} actions")
@@ -170,7 +167,7 @@ def _contract(
 ) -> P:
     r"""$\sum_s w_s \sum_a \nabla\pi(a \mid s)\,Q(s, a)$, the policy's derivative by automatic differentiation."""
     with jax.enable_x64(True):
-        parameters, settings = split(_double(policy))
+        parameters, settings = split(double(policy))
         worth = jnp.asarray(weight[:, None] * quality.T)
 
         def total(theta: Any) -> Array:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def draw_active(values: Values, words: Mapping[str, str]) -> "Figure":
-    """For every learner: the spacing and the error over decisions, and when every pool was equally spaced first."""
+    """For every learner: the spacing and the error over decisions, and from when on every pool is equally spaced."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 6), layout="constrained")
@@ -26,7 +26,7 @@ def draw_active(values: Values, words: Mapping[str, str]) -> "Figure":
                 low, median, high = np.percentile(values[f"{name} {loads} {quantity}"], [25, 50, 75], axis=0)
                 place.fill_between(decision, low, high, color=colour, alpha=0.2, linewidth=0)
                 place.plot(decision, median, color=colour, label=label)
-        uniform, queried = (np.nan_to_num(values[f"{name} {k} first"] / 1e6, nan=decision[-1]) for k, _, _ in kinds)
+        uniform, queried = (np.minimum(values[f"{name} {k} from"] / 1e6, decision[-1]) for k, _, _ in kinds)
         most = 1.05 * max(uniform.max(), queried.max())
         row[2].plot([0, most], [0, most], color="0.6", linewidth=0.8, linestyle="--")
         row[2].plot(uniform, queried, "o", markersize=3.5, color="C0", alpha=0.7, clip_on=False)
@@ -34,7 +34,7 @@ def draw_active(values: Values, words: Mapping[str, str]) -> "Figure":
         row[0].set(yscale="log", ylabel="threshold furthest off, in spacings", xlabel="million decisions", title=title)
         row[1].set(ylabel="error of the force, all loads alike", xlabel="million decisions", ylim=(0, None))
         row[2].set(xlabel="uniform loads", ylabel="loads asked for", xlim=(0, most), ylim=(0, most), aspect="equal")
-        row[2].set_title("million decisions to\nequal spacing, each pool", fontsize=9)
+        row[2].set_title("million decisions until equally\nspaced for good, each pool", fontsize=9)
         row[0].title.set_fontsize(9)
     axes[0, 1].legend(fontsize=8)
     return figure

@@ -59,6 +59,17 @@ def check_units(units: tuple[int, ...], least: int) -> None:
     check(rising, "units", units, f"at least {least} rising numbers from 2 to 64")
 
 
+def spaced_from(decision: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """For each pool the decision from which its units are equally spaced up to the end of the run; infinity where they
+    are not.
+
+    **Arguments:** `decision` (records,); `errors` (pools, records), in spacings; what is no number is not spaced.
+    """
+    wrong = ~(errors < SPACED)
+    last = np.where(wrong.any(1), wrong.shape[1] - 1 - np.argmax(wrong[:, ::-1], axis=1), -1)
+    return np.append(decision.astype(float), np.inf)[last + 1]
+
+
 def off_place(threshold: np.ndarray, gain: np.ndarray, task: LinearRecruitment) -> np.ndarray:
     """How far each pool is from equal spacing, in spacings (`spacing_error`); infinite with a unit of negative gain.
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLES = {"graded": "paid by height", "complete": "paid only where complete"}
+TITLES = {"height": "paid by height", "complete": "paid only where complete"}
 
 
 def draw_loads(values: Values, silent: float) -> "Figure":

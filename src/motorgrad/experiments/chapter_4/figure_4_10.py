@@ -4,16 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Self
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, median_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._pools import NATURAL, firing
-from motorgrad.policies import Motoneurons, Policy, grow
+from motorgrad.experiments.chapter_4._pools import NATURAL, firing, with_another
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import settings_for
 
@@ -63,7 +60,7 @@ class LocalEffect(Experiment):
         task = LinearRecruitment(units=self.units)
         pools = work.train(task, settings_for(task, **NATURAL), self.steps, self.seeds).policies
         before = firing(pools, LOADS).mean(-1)  # type: ignore[arg-type]
-        after = [firing(added(pools, self.threshold, gain), LOADS).mean(-1) for gain in self.gains]
+        after = [firing(with_another(pools, self.threshold, gain), LOADS).mean(-1) for gain in self.gains]
         return {
             "load": LOADS,
             "gain": np.array(self.gains),
@@ -158,12 +155,6 @@ class LocalEffect(Experiment):
                 "load",
             ),
         ]
-
-
-def added(pools: Policy, threshold: float, gain: float) -> Motoneurons:
-    """The pools of all seeds, each with one more unit."""
-    unit = Motoneurons(jnp.full(1, threshold), jnp.full(1, gain))
-    return jax.vmap(lambda pool: grow(pool, unit))(pools)
 
 
 def spread(values: Values) -> np.ndarray:

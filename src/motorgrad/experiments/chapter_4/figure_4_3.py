@@ -9,18 +9,20 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, median_of, share_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import RATE, SPACED, LinearStudy, off_place
+from motorgrad.experiments.chapter_4._linear_study import RATE, SPACED, LinearStudy, off_place, spaced_from
 from motorgrad.experiments.chapter_4._pool_drawing import IDEAL, draw_pool, draw_thresholds
-from motorgrad.experiments.chapter_4._pools import parameters
+from motorgrad.experiments.chapter_4._pools import numbers, parameters
+from motorgrad.policies import Motoneurons
+from motorgrad.tasks import LinearRecruitment
+from motorgrad.worlds import mean_field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MEAN_FIELD = {2: 1_200_000, 4: 3_100_000, 8: 31_000_000}
-"""Decisions until a pool of so many units is equally spaced on average with the thesis's step size, by an independent
-calculation. A smaller step takes longer in proportion."""
 SOON = {2: 1_500_000, 4: 4_000_000}
-"""Decisions by which most pools should be, therefore."""
+"""Decisions by which most pools should be equally spaced with the thesis's step size. A smaller one takes longer in
+proportion."""
+STARTS, MOST = 24, 4  # for how many pools, of how many units at most, the mean field is computed
 SOFT, HARD = 2.0, 20.0
 """Gains, times the spacing, between which they are called moderate. At the lower a unit is unsure over two spacings
 (between 10 % and 90 %), at the higher over a fifth of one."""
@@ -54,17 +56,20 @@ class LinearPolicies(LinearStudy):
                 f"soon {units}": decision[at],
                 f"off soon {units}": off[:, at],
             }
+            if units <= MOST:
+                starts = numbers(run.initial)[0][:STARTS]
+                found[f"mean field {units}"] = mean_field_times(task, starts, self.rate)
         return found
 
     def figure(self, values: Values) -> "Figure":
         from matplotlib.figure import Figure
 
-        numbers = values["units"].tolist()
-        figure = Figure(figsize=(2.7 * len(numbers) + 0.8, 5.2), layout="constrained")
-        panels = figure.subplots(2, len(numbers), height_ratios=[1.5, 1], squeeze=False)
+        sizes = values["units"].tolist()
+        figure = Figure(figsize=(2.7 * len(sizes) + 0.8, 5.2), layout="constrained")
+        panels = figure.subplots(2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
         inputs = np.linspace(0, 1, 401)
         mesh: Any = None
-        for (policy, seeds), units in zip(panels.T, numbers, strict=True):
+        for (policy, seeds), units in zip(panels.T, sizes, strict=True):
             task = self.task(units)
             thresholds, gains, off = (values[f"{what} {units}"] for what in ("threshold", "gain", "off"))
             order = np.argsort(off, kind="stable")
@@ -83,9 +88,9 @@ class LinearPolicies(LinearStudy):
         return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
-        numbers, made = values["units"].tolist(), []
-        for units in numbers:
-            spaced, known = share_of(values[f"off {units}"] < SPACED), self._mean_field(units)
+        sizes, made = values["units"].tolist(), []
+        for units in sizes:
+            spaced, known = share_of(values[f"off {units}"] < SPACED), values.get(f"mean field {units}")
             made.append(
                 Claim(
                     f"{units} units come to the optimal policy, of equally spaced thresholds.",
@@ -95,22 +100,22 @@ class LinearPolicies(LinearStudy):
                     spaced.low > 0.5,
                     note=f"After {self.steps:,} decisions every threshold is within {SPACED:g} spacings of its ideal "
                     "place, and every gain is positive."
-                    + (f" In the mean field that takes {known:.3g} million." if known else ""),
+                    + ("" if known is None else f" In the mean field that takes {_millions(known)}."),
                 )
             )
-        for units in (units for units in numbers if units in SOON):
+        for units in (units for units in sizes if units in SOON):
             at = int(values[f"soon {units}"])
             spaced = share_of(values[f"off soon {units}"] < SPACED)
             made.append(
                 Claim(
                     f"{units} units are equally spaced by {at:,} decisions.",
-                    f"a mean-field calculation: after {self._mean_field(units):.3g} million",
+                    f"the mean field: after {_millions(values[f'mean field {units}'])}",
                     "in most seeds",
                     spaced,
                     spaced.low > 0.5,
                 )
             )
-        for units in numbers:
+        for units in sizes:
             spacing = 1 / (units * self.task(units).slope)
             gain = median_of(np.median(values[f"gain {units}"], axis=1) * spacing)
             positive = np.mean((values[f"gain {units}"] > 0).all(1))
@@ -128,6 +133,22 @@ class LinearPolicies(LinearStudy):
             )
         return made
 
-    def _mean_field(self, units: int) -> float:
-        """Million decisions until so many units are equally spaced in the mean field; 0 where that is not known."""
-        return MEAN_FIELD.get(units, 0) * RATE / self.rate / 1e6
+
+def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: float) -> np.ndarray:
+    """Decisions until pools are equally spaced for good in the mean field, from gains of 0 and these thresholds,
+    `(pools, units)` to `(pools,)`; infinity where that takes more than ten million with the thesis's step size."""
+    times = np.linspace(0, 1e7, 1001) * RATE / rate
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    loads = (task.low + (task.high - task.low) * (nodes + 1) / 2)[:, None]
+
+    def off(start: np.ndarray) -> np.ndarray:
+        pool = Motoneurons(start, np.zeros(task.units))
+        way = mean_field(pool, loads, weights / 2, task.immediate, rate, times)
+        return off_place(np.asarray(way.threshold), np.asarray(way.gain), task)
+
+    return spaced_from(times, np.stack([off(start) for start in thresholds]))
+
+
+def _millions(times: np.ndarray) -> str:
+    """The mean of times, in words."""
+    return f"{times.mean() / 1e6:.3g} million decisions, the mean of {len(times)} starts"

@@ -10,8 +10,8 @@ import numpy as np
 from motorgrad.experiments._claim import LEVEL, Claim, mean_of, share_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place
-from motorgrad.experiments.chapter_4._pools import final, parameters
+from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place, spaced_from
+from motorgrad.experiments.chapter_4._pools import final, least_error, parameters
 from motorgrad.tasks import LinearRecruitment
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class LinearPerformance(LinearStudy):
             share = (values[f"off {name}"] < SPACED).mean(0)
             spaced.plot(decision, 100 * share, color=colour, linestyle=line)
         for row, units in enumerate(numbers):
-            least = ideal_error(self.task(units))
+            least = least_error(self.task(units))
             error.axhline(least, color=f"C{row}", linestyle=":", linewidth=1)
         error.set(ylabel="mean |error|, of the full force", ylim=(0, None), xlim=(0, decision[-1]))
         count = len(values[f"error {numbers[0]}"])
@@ -99,8 +99,9 @@ class LinearPerformance(LinearStudy):
                 )
             )
         for few, many in pairwise(numbers):
-            times = {units: first_spaced(values["decision"], values[f"off {units}"]) for units in (few, many)}
-            never = np.mean(times[many] == values["decision"][-1])
+            found = {units: spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
+            never = {units: int(np.isinf(times).sum()) for units, times in found.items()}
+            times = {units: np.minimum(times, values["decision"][-1]) for units, times in found.items()}
             later = mean_of((times[many] - times[few]) / 1e6)
             made.append(
                 Claim(
@@ -110,9 +111,9 @@ class LinearPerformance(LinearStudy):
                     later,
                     later.low > 0,
                     "million decisions later",
-                    f"Until the greatest distance of a threshold from its place, as a mean over a twentieth of the "
-                    f"practice, is below {SPACED:g} spacings. For {never:.0%} of the pools of {many} units that is not "
-                    f"so within {self.steps:,} decisions, which then count.",
+                    f"From when on every threshold is within {SPACED:g} spacings of its place at every record up to "
+                    f"the end. Of {later.count} pools each, {never[few]} and {never[many]} are not so; then all "
+                    f"{self.steps:,} decisions count.",
                 )
             )
         return made
@@ -122,19 +123,3 @@ def interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The mean over the seeds, and half of its interval, at every record; of `(seeds, records)`."""
     measured = [mean_of(record) for record in values.T]
     return np.array([m.value for m in measured]), np.array([m.high - m.value for m in measured])
-
-
-def first_spaced(decision: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """When each pool was first equally spaced, on the mean over a twentieth of the records, `(seeds,)`; the last
-    decision for those that never were. Single records are noisy, and may be so by chance before thresholds matter."""
-    width = max(1, off.shape[1] // 20)
-    means = np.lib.stride_tricks.sliding_window_view(off, width, axis=1).mean(-1)
-    there, then = means < SPACED, decision[width - 1 :]
-    return np.where(there.any(1), then[np.argmax(there, axis=1)], decision[-1])
-
-
-def ideal_error(task: LinearRecruitment) -> float:
-    """The mean error, over loads, of the ideal pool without noise, as a part of the full force."""
-    loads = task.low + (task.high - task.low) * (np.arange(20_000) + 0.5) / 20_000
-    force = (task.sizes * (loads[:, None] > task.ideal_thresholds())).sum(1)
-    return float(np.abs(force - task.target(loads)).mean())

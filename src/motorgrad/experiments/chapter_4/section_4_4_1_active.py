@@ -11,9 +11,8 @@ from motorgrad.experiments._claim import Claim, median_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
 from motorgrad.experiments.chapter_4._active_figure import draw_active
-from motorgrad.experiments.chapter_4._linear_study import SPACED, off_place
-from motorgrad.experiments.chapter_4._pools import NATURAL, parameters
-from motorgrad.experiments.chapter_4._staircase import first_time, force_error
+from motorgrad.experiments.chapter_4._linear_study import off_place, spaced_from
+from motorgrad.experiments.chapter_4._pools import NATURAL, force_error, parameters
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import settings_for
 
@@ -82,7 +81,7 @@ class ActiveLearning(Experiment):
                 found[f"{name} decision"] = decision
                 found[f"{name} {loads} spacing"] = spacing_error(threshold, task)
                 found[f"{name} {loads} error"] = force_error(threshold, gain, task)
-                found[f"{name} {loads} first"] = first_time(decision, off_place(threshold, gain, task) < SPACED)
+                found[f"{name} {loads} from"] = spaced_from(decision, off_place(threshold, gain, task))
         return found
 
     def figure(self, values: Values) -> "Figure":
@@ -93,18 +92,20 @@ class ActiveLearning(Experiment):
         made = []
         for name, words in WORDS.items():
             steps = values[f"{name} decision"][-1]
-            uniform, queried = (values[f"{name} {loads} first"] for loads in ("uniform", "queried"))
-            never = [int(np.isnan(first).sum()) for first in (uniform, queried)]
-            times = [np.nan_to_num(first, nan=float(steps)) for first in (uniform, queried)]
+            found = [values[f"{name} {loads} from"] for loads in ("uniform", "queried")]
+            never = [int(np.isinf(times).sum()) for times in found]
+            times = [np.minimum(times, steps) for times in found]
             quicker = median_of(times[1] / times[0])
-            late = f"Not within {steps:,} decisions: {never[0]} with uniform loads, {never[1]} with those asked for."
+            late = (
+                f"Not at {steps:,}, which then count: {never[0]} with uniform loads, {never[1]} with those asked for."
+            )
             final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
             made += [
                 Claim(
                     f"Loads in proportion to the policy's entropy shorten learning ({words}).",
                     "section 4.4.1",
-                    "decisions to equal spacing, by those with uniform loads from the same start: below 1, with its "
-                    "interval",
+                    "decisions until equally spaced up to the end, by those with uniform loads from the same start: "
+                    "below 1, with its interval",
                     quicker,
                     quicker.high < 1,
                     note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",

@@ -10,16 +10,17 @@ from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, median_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._pools import NATURAL, final
+from motorgrad.experiments.chapter_4._pools import NATURAL, final, first_time, history, least_error
 from motorgrad.experiments.chapter_4._rate_figure import draw_rate
-from motorgrad.experiments.chapter_4._staircase import first_time
 from motorgrad.tasks import LinearRecruitment
-from motorgrad.training import Run, evaluate, settings_for
+from motorgrad.training import evaluate, settings_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = {"binary": "motoneurons", "graded": "graded-motoneurons"}
+DAMPINGS = NATURAL["dampings"] | {"log_deviation": 0.01}
+"""Without one of its own the logarithm of the deviation would run away: see the page about graded units."""
 REACHED = 1.25  # times the least error of units that fire or not: a pool has learnt
 LAST = 0.1  # of the records: what is called the end
 
@@ -67,7 +68,7 @@ class RateModulation(Experiment):
         for units in self.units:
             task = LinearRecruitment(units=units)
             for kind, policy in KINDS.items():
-                changes = NATURAL | {"policy": policy} | (noise if kind == "graded" else {})
+                changes = NATURAL | {"policy": policy} | (noise | {"dampings": DAMPINGS} if kind == "graded" else {})
                 run = work.train(task, settings_for(task, **changes), self.steps, self.seeds)
                 found["decision"], found[f"{units} {kind} error"] = run.curve("error")
                 found[f"{units} {kind} end"] = final(run, "error", LAST)
@@ -75,7 +76,7 @@ class RateModulation(Experiment):
                 for name in ("threshold", "gain"):
                     found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
                 if kind == "graded":
-                    found[f"{units} deviation"] = self.floor + np.exp(log_deviations(run, units))
+                    found[f"{units} deviation"] = self.floor + np.exp(history(run, 3)[2])
         return found
 
     def figure(self, values: Values) -> "Figure":
@@ -128,16 +129,3 @@ class RateModulation(Experiment):
                 ),
             ]
         return made
-
-
-def log_deviations(run: Run, units: int) -> np.ndarray:
-    """The logarithms of the deviations at every record of a run on graded motoneurons: `(seeds, records, units)`."""
-    rows = np.stack(run.metrics["parameters"].to_pylist()).reshape(-1, len(run.seeds), 3, units)
-    return rows[:, :, 2].transpose(1, 0, 2)
-
-
-def least_error(task: LinearRecruitment) -> float:
-    """The mean error of the force, as a ratio, of units with ideal thresholds and without noise."""
-    loads = np.linspace(task.low, task.high, 20_001)
-    force = (task.sizes * (loads[:, None] > task.ideal_thresholds())).sum(1)
-    return float(np.abs(force - task.target(loads)).mean())

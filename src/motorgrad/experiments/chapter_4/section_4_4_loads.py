@@ -2,11 +2,9 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, exact, mean_of, share_of
@@ -21,23 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SILENT = 0.05  # of the pool: a pool that fires less than this at large loads has given up
-PAID = ("graded", "complete")
+PAID = ("height", "complete")
 SEEN = ("large", "all")
 PROBABILITY = np.linspace(0.0, 1.0, 101)
 HALF = 50
-
-
-@dataclasses.dataclass(frozen=True)
-class CompleteLift(ArmRecruitment):
-    """The arm's task where a lift pays only if it is complete: less than the full height pays as no height at all."""
-
-    name: ClassVar[str] = "complete-lift"
-
-    def effect(
-        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
-    ) -> Float[Array, ""]:
-        height = super().effect(load, ratio, strength)
-        return jnp.where((load <= 0) | (height > 0.999 * self.scale), height, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,9 +59,10 @@ class LargeLoads(Experiment):
     def quick(cls) -> Self:
         return cls(sizes=(2, 4), seeds=3, steps=2_000)
 
-    def task(self, paid: str, seen: str, units: int) -> ArmRecruitment:
-        kind = CompleteLift if paid == "complete" else ArmRecruitment
-        return kind(units=units, low=self.least) if seen == "large" else kind(units=units)
+    def task(self, paid: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
+        """The task of pools of this size that are paid so and see such loads."""
+        task = ArmRecruitment(units=units, paid=paid)
+        return dataclasses.replace(task, low=self.least) if seen == "large" else task
 
     def run(self, work: Workspace) -> Values:
         loads = np.linspace(self.least, 14.0, 41)
@@ -88,7 +74,9 @@ class LargeLoads(Experiment):
                 found[f"{paid} {seen}"] = np.array([self._active(work, paid, seen, n, loads) for n in self.sizes])
         return found
 
-    def _active(self, work: Workspace, paid: str, seen: str, units: int, loads: np.ndarray) -> np.ndarray:
+    def _active(
+        self, work: Workspace, paid: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
+    ) -> np.ndarray:
         """The part of each pool that fires at large loads after learning, `(seeds,)`."""
         task = self.task(paid, seen, units)
         run = work.train(task, settings_for(task), self.steps, self.seeds)
@@ -99,7 +87,7 @@ class LargeLoads(Experiment):
 
     def claims(self, values: Values) -> Sequence[Claim]:
         sizes, made = values["size"], []
-        for paid, words in (("graded", "paid by its height"), ("complete", "paid only where it is complete")):
+        for paid, words in (("height", "paid by its height"), ("complete", "paid only where it is complete")):
             silent = {seen: values[f"{paid} {seen}"] < SILENT for seen in SEEN}
             pay, shares = values[f"{paid} pay"][-1], share_of(silent["large"][-1])
             slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
