@@ -10,7 +10,7 @@ from jax.core import Tracer
 from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
-from motorgrad.policies._policy import Policy
+from motorgrad.policies._policy import Policy, is_plain
 
 P = TypeVar("P", bound=Policy)
 
@@ -30,7 +30,7 @@ def grow(pool: P, more: P) -> P:
     kinds = [type(each).__name__ for each in (pool, more)]
     check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
     wanted = "a pool of one kind of units, binary or graded"
-    check(isinstance(pool, BinaryUnits | GradedUnits), "pool", kinds[0], wanted)
+    check(isinstance(pool, BinaryUnits | GradedUnits) and is_plain(pool), "pool", kinds[0], wanted)
     check(pool.inputs == more.inputs, "more.inputs", more.inputs, f"the pool's, {pool.inputs}")
 
     def joined(name: str) -> jax.Array:
