@@ -4,7 +4,7 @@ from motorgrad.policies._binary import BinaryUnits, SigmoidUnits
 from motorgrad.policies._factored import Factored
 from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
 from motorgrad.policies._hyperplane import Hyperplanes
-from motorgrad.policies._initial import INITIAL, Initial, gaussians, hyperplanes, initial, motoneurons, softmax
+from motorgrad.policies._initial import INITIAL, Initial, gaussians, hyperplanes, initial, motoneurons, softmax, tiles
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
 from motorgrad.policies._softmax import Softmax
@@ -32,5 +32,6 @@ __all__ = [
     "rebuild",
     "softmax",
     "split",
+    "tiles",
     "trainable",
 ]

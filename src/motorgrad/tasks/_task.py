@@ -51,6 +51,12 @@ class Task(abc.ABC):
         """Number of binary actions, or of alternatives."""
 
     @property
+    def observation_range(self) -> tuple[tuple[float, float], ...] | None:
+        """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
+        that is not known."""
+        return None
+
+    @property
     def period(self) -> float:
         """Simulated time from one decision to the next, in seconds; 1 where the dynamics know no time."""
         return 1.0
