@@ -51,12 +51,6 @@ class Task(abc.ABC):
         """Number of binary actions, or of alternatives."""
 
     @property
-    def observation_range(self) -> tuple[tuple[float, float], ...] | None:
-        """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
-        that is not known."""
-        return None
-
-    @property
     def period(self) -> float:
         """Simulated time from one decision to the next, in seconds; 1 where the dynamics know no time."""
         return 1.0
@@ -70,6 +64,12 @@ class Task(abc.ABC):
     def has_episodes(self) -> bool:
         """Whether an episode ever ends, by the task or by its limit."""
         return self.episodic or self.episode_limit is not None
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...] | None:
+        """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
+        that is not known."""
+        return None
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
         """The memory at the start of an episode."""
