@@ -238,7 +238,9 @@ def test_walls_never_add_energy_and_are_the_same_in_mirrors(x, y, vx, vy, fx, fy
     swapped = physics.step((motion[0][::-1], motion[1][::-1]), (jnp.array(fy), jnp.array(fx)))
     np.testing.assert_allclose(swapped[0][0], position[::-1], atol=1e-9)
     np.testing.assert_allclose(swapped[0][1], velocity[::-1], atol=1e-9)
-    assert [bool(flag) for pair in swapped[1][::-1] for flag in pair] == [bool(flag) for pair in reached for flag in pair]
+    assert [bool(flag) for pair in swapped[1][::-1] for flag in pair] == [
+        bool(flag) for pair in reached for flag in pair
+    ]
 
 
 def test_noise_is_a_random_force_of_its_deviation():

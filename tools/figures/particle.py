@@ -139,8 +139,8 @@ def _paths(axes: Axes, task: ParticleTask, policy: Policy, count: int, decisions
     def decide(state: Any, key: jax.Array) -> Any:
         action = policy.sample(state.position, jax.random.uniform(key, (policy.uniforms,)))
         state = world.step(state, action, jnp.zeros(world.uniforms))
-        over = jnp.asarray(task.reward(task.init(jnp.zeros(0)), state, action)[2])
-        return state, (state.position, over)
+        ended = jnp.asarray(task.reward(task.init(jnp.zeros(0)), state, action)[2])
+        return state, (state.position, ended)
 
     def one(key: jax.Array) -> Any:
         start, moves = jax.random.split(key)
@@ -149,22 +149,25 @@ def _paths(axes: Axes, task: ParticleTask, policy: Policy, count: int, decisions
         return jnp.concatenate([state.position[None], places]), ended
 
     tracks, ended = jax.jit(jax.vmap(one))(keys)
-    for track, over in zip(np.asarray(tracks), np.asarray(ended), strict=True):
-        last = int(over.argmax()) + 1 if over.any() else decisions
+    for track, ends in zip(np.asarray(tracks), np.asarray(ended), strict=True):
+        last = int(ends.argmax()) + 1 if ends.any() else decisions
         axes.plot(*track[: last + 1].T, ".-", color=colour, linewidth=0.8, markersize=2, alpha=0.8)
 
 
 def _regions(axes: Axes, regions: tuple[Region, ...]) -> None:
     x, y = np.meshgrid(np.linspace(0, 1, 121), np.linspace(0, 1, 121))
     worth: Callable[[Any], Any] = lambda place: region_reward(regions, place)  # noqa: E731
-    axes.contourf(x, y, over(worth, x, y), levels=np.linspace(-1.05, 1.05, 15), cmap="RdYlGn", alpha=0.55)
+    most = 1.05 * max(abs(region[0]) for region in regions)
+    axes.contourf(x, y, over(worth, x, y), levels=np.linspace(-1, 1, 15) * most, cmap="RdYlGn", alpha=0.55)
 
 
 def _ellipses(axes: Axes, task: ParticleTask, policy: Units) -> None:
     """The units, one deviation about each centre; the colour says whether they push to the left or to the right."""
     for place, width, force in zip(policy.centre, np.exp(policy.log_width), task.dynamics.forces, strict=True):
         colour = RED if force[0] < 0 else "black"
-        axes.add_patch(Ellipse(tuple(map(float, place)), *(2 * width), fill=False, color=colour, linewidth=0.9))
+        axes.add_patch(
+            Ellipse((float(place[0]), float(place[1])), *(2 * width), fill=False, color=colour, linewidth=0.9)
+        )
 
 
 def _goal(axes: Axes, task: ParticleNavigation) -> None:

@@ -76,7 +76,7 @@ def gaussians(
 
     def initial(key: jax.Array) -> LocalGaussians:
         centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), jnp.asarray(p_max))
+        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), p_max=jnp.asarray(p_max))
 
     return initial
 
@@ -112,9 +112,8 @@ def tiles(
     places = ends[:, 0] + spread * _lattice(-(-outputs // copies), inputs)
     log_width = np.clip(np.log(width * spread), *limits)
     centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
-    return LocalGaussians(
-        centre, jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape), jnp.asarray(p_max), limits
-    )
+    wide = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
+    return LocalGaussians(centre, wide, p_max=jnp.asarray(p_max), log_width_limits=limits)
 
 
 def _lattice(places: int, inputs: int) -> np.ndarray:

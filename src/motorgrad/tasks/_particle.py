@@ -21,8 +21,8 @@ class FallingParticle(ParticleTask):
     Observed: the position; the velocity is hidden. Actions: each unit pushes to its side or does not. Reward: the sum
     of Gaussian regions at the position at the end of the decision. An episode ends at the floor.
 
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as of
-    every task on a particle, and
+    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
+    of every task on a particle, and
 
     - `layout`: which regions: `"R1"`, `"R2"` or `"R3"`.
     - `regions`: in place of a layout, regions of five numbers each: amplitude, x and y of the centre, widths along x

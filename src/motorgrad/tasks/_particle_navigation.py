@@ -22,8 +22,8 @@ class ParticleNavigation(ParticleTask):
     sum of the obstacles' Gaussian regions at the position at the end of each decision, and once, where the particle
     comes within one width of the goal's centre, the goal's amplitude. The episode ends there; the time limit cuts it.
 
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as of
-    every task on a particle, and
+    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
+    of every task on a particle, and
 
     - `goal`: a region of five numbers: amplitude, x and y of the centre, widths along x and y.
     - `obstacles`: regions of that form; their amplitudes negative.
@@ -45,7 +45,7 @@ class ParticleNavigation(ParticleTask):
     physics: ParticlePhysics = dataclasses.field(default_factory=lambda: ParticlePhysics(gravity=(0.0, 0.0)))
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(x=(0.0, 0.2), y=(0.0, 1.0)))
     goal: Region = (10.0, 0.9, 0.5, 0.08, 0.08)
-    obstacles: tuple[Region, ...] = ((-1.0, 0.5, 0.5, 0.1, 0.2),)
+    obstacles: tuple[Region, ...] = ((-2.0, 0.5, 0.5, 0.1, 0.15),)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,8 +19,8 @@ class ParticleOrbit(ParticleTask):
     Observed: the position; the velocity is hidden. Actions: each unit pushes in its direction or does not. Reward: the
     distance from the field's centre, or minus that.
 
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as of
-    every task on a particle, and
+    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
+    of every task on a particle, and
 
     - `wanted`: `"wide"` rewards the radius, `"narrow"` penalises it.
     """

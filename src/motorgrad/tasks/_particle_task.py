@@ -50,10 +50,9 @@ class ParticleTask(Task):
         check(whole, "time_limit", self.time_limit, "None, or from 1 to 2147483647 decisions")
         self.dynamics  # noqa: B018 (making it refuses what cannot be)
 
-    @functools.cached_property
+    @property
     def dynamics(self) -> Particle:
-        dealt = tuple(self.forces[unit % len(self.forces)] for unit in range(self.units))
-        return Particle(dealt, self.physics, self.start)
+        return _world(self.forces, self.units, self.physics, self.start)
 
     @property
     def observation_size(self) -> int:
@@ -94,7 +93,16 @@ class ParticleTask(Task):
     ) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]: ...
 
 
+@functools.cache  # tasks are equal by their numbers; so are their worlds
+def _world(
+    forces: tuple[tuple[float, float], ...], units: int, physics: ParticlePhysics, start: ParticleStart
+) -> Particle:
+    return Particle(tuple(forces[unit % len(forces)] for unit in range(units)), physics, start)
+
+
 def around(strength: float, directions: int) -> tuple[tuple[float, float], ...]:
     """Forces of one strength in evenly spaced directions, anticlockwise from the right."""
     turns = [2 * math.pi * n / directions for n in range(directions)]
-    return tuple((round(strength * math.cos(turn), 12) + 0.0, round(strength * math.sin(turn), 12) + 0.0) for turn in turns)
+    return tuple(
+        (round(strength * math.cos(turn), 12) + 0.0, round(strength * math.sin(turn), 12) + 0.0) for turn in turns
+    )

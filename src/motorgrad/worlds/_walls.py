@@ -23,8 +23,8 @@ class Walls:
     A particle beyond a wall is put back on it. If it still flies outwards, it is thrown back with `restitution` × its
     normal speed; if that is so slow that the force which presses it would turn it within one time step, it comes to
     rest. A particle that rests on a wall and is pressed against it by a force $F$ is borne: the wall cancels the normal
-    part $N \cdot F$, and rubs with $-k_f\,|N \cdot F|\,v_t$ against the motion along it. (The sign printed in the source
-    would accelerate.)
+    part $N \cdot F$, and rubs with $-k_f\,|N \cdot F|\,v_t$ against the motion along it. (The sign printed in the
+    source would accelerate.)
 
     **Arguments:**
 
