@@ -120,7 +120,7 @@ def test_the_goal_pays_once_and_ends_the_episode_and_obstacles_cost():
 
 
 def test_navigation_without_obstacles_or_limits():
-    task = make("particle-navigation", obstacles=[], time_limit=None)
+    task = make("particle-navigation", obstacles=[], time_limit=0)
     assert pays(task, at(0.5, 0.5)) == (0.0, False)
     assert task.episode_limit is None
     assert ParticleNavigation().episode_limit == 200
@@ -204,7 +204,7 @@ REFUSED = [
     ("particle", {"regions": [[1, 0.5, 0.5, 0.0, 0.1]]}, "regions[0] widths = (0.0, 0.1): must be positive"),
     ("particle", {"regions": [[1, 0.5, 0.5, 0.1, -0.1]]}, "regions[0] widths = (0.1, -0.1)"),
     ("particle", {"observation_noise": -0.1}, "observation_noise = -0.1"),
-    ("particle", {"time_limit": 0}, "time_limit = 0"),
+    ("particle", {"time_limit": -1}, "time_limit = -1"),
     ("particle", {"start": {"y": [0.9, 1.1]}}, "start.y = (0.9, 1.1): must be within the box, 0 … 1"),
     ("particle", {"physics": {"mass": -1.0}}, "mass = -1.0"),
     ("particle", {"physics": {"walls": {"open": ["roof"]}}}, "physics.walls.open[0] 'roof'"),

@@ -112,7 +112,7 @@ def navigation_learning(work: Work) -> Figure:
     figure, (curve, flow) = panels(2, height=3.2)
     run = work.train(task, None, 100_000, SEEDS)
     decisions, arrival = run.curve("arrival")
-    band(curve, decisions / 1000, np.nan_to_num(arrival, nan=float(task.time_limit or 0)), BLUE, "")
+    band(curve, decisions / 1000, np.nan_to_num(arrival, nan=float(task.time_limit)), BLUE, "")
     curve.set(xlabel="thousand decisions", ylabel="decisions to the goal", ylim=(0, None))
     _regions(flow, task.obstacles)
     policy = run.policy(0)

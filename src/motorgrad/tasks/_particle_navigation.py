@@ -41,7 +41,7 @@ class ParticleNavigation(ParticleTask):
 
     units: int = 64
     forces: tuple[tuple[float, float], ...] = around(0.4, 4)
-    time_limit: int | None = 200
+    time_limit: int = 200  # TOML has no word for none: 0 is never
     physics: ParticlePhysics = dataclasses.field(default_factory=lambda: ParticlePhysics(gravity=(0.0, 0.0)))
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(x=(0.0, 0.2), y=(0.0, 1.0)))
     goal: Region = (10.0, 0.9, 0.5, 0.08, 0.08)

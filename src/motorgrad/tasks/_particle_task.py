@@ -29,7 +29,7 @@ class ParticleTask(Task):
       again.
     - `observe_velocity`: whether the velocity is observed beside the position.
     - `observation_noise`: deviation of the normal noise on every observed number; 0 for none.
-    - `time_limit`: decisions after which an episode is cut; `None` for never.
+    - `time_limit`: decisions after which an episode is cut; `None` or 0 for never.
     - `physics`: mass, gravity, drag, walls, field, noise, time step (`motorgrad.worlds.ParticlePhysics`).
     - `start`: where an episode begins (`motorgrad.worlds.ParticleStart`).
     """
@@ -46,8 +46,8 @@ class ParticleTask(Task):
         check(isinstance(self.units, int) and 1 <= self.units <= MOST, "units", self.units, f"from 1 to {MOST}")
         check(len(self.forces) > 0, "forces", self.forces, "at least one")
         check(0 <= self.observation_noise < 1e6, "observation_noise", self.observation_noise, "from 0 to 1e6")
-        whole = self.time_limit is None or (isinstance(self.time_limit, int) and 1 <= self.time_limit < 2**31)
-        check(whole, "time_limit", self.time_limit, "None, or from 1 to 2147483647 decisions")
+        whole = self.time_limit is None or (isinstance(self.time_limit, int) and 0 <= self.time_limit < 2**31)
+        check(whole, "time_limit", self.time_limit, "None, or from 0 (for never) to 2147483647 decisions")
         self.dynamics  # noqa: B018 (making it refuses what cannot be)
 
     @property
@@ -74,7 +74,7 @@ class ParticleTask(Task):
 
     @property
     def episode_limit(self) -> int | None:
-        return self.time_limit
+        return self.time_limit or None
 
     @property
     def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
