@@ -234,7 +234,7 @@ class Agent:
         descent = jax.tree.map(jnp.negative, gradient)
         updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
         moved = eqx.apply_updates(parameters, updates)
-        return state._replace(policy=eqx.combine(moved, settings), ascent=ascent)
+        return state._replace(policy=eqx.combine(moved, settings).limited(), ascent=ascent)
 
 
 def _running(state: AgentState) -> RunningMean:

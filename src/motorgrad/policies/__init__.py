@@ -16,6 +16,7 @@ from motorgrad.policies._initial import (
     motoneurons,
     querying_motoneurons,
     softmax,
+    tiles,
 )
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
@@ -51,5 +52,6 @@ __all__ = [
     "rebuild",
     "softmax",
     "split",
+    "tiles",
     "trainable",
 ]

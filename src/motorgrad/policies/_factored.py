@@ -73,6 +73,9 @@ class Factored(BinaryUnits):
         parts = zip(self.pools, self._parts(action), strict=True)
         return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
 
+    def limited(self) -> Self:
+        return eqx.tree_at(lambda policy: policy.pools, self, tuple(pool.limited() for pool in self.pools))
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
 

@@ -13,6 +13,7 @@ from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._policy import fixed, in_structure
 
+Limits = tuple[float, float] | None
 CAP = 1e-6  # the closest to 1 that a probability comes, for sampling and for the score alike
 
 
@@ -26,6 +27,7 @@ class GaussianUnits(BinaryUnits):
 
     centre: eqx.AbstractVar[Float[Array, "units inputs"]]
     log_width: eqx.AbstractVar[Float[Array, "units inputs"]]
+    log_width_limits: eqx.AbstractVar[Limits]
 
     @abc.abstractmethod
     def log_height(self) -> Float[Array, " units"]:
@@ -38,6 +40,11 @@ class GaussianUnits(BinaryUnits):
     @property
     def outputs(self) -> int:
         return self.centre.shape[0]
+
+    def limited(self) -> Self:
+        if self.log_width_limits is None:
+            return self
+        return eqx.tree_at(lambda units: units.log_width, self, jnp.clip(self.log_width, *self.log_width_limits))
 
     def _scaled(self, observation: Float[Array, " inputs"]) -> Float[Array, "units inputs"]:
         return (observation - self.centre) * jnp.exp(-self.log_width)
@@ -68,12 +75,14 @@ class LocalGaussians(GaussianUnits):
     Score, firing: $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$, $\partial_{\lambda_j} = ((y_j - \mu_j)/\sigma_j)^2$;
     silent: the same times $-p/(1 - p)$ (section 6.2, with the height tied to the widths: see `FreeGaussians`).
 
-    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `p_max`, a number or `(units,)`, in (0, 1].
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `p_max`, a number or `(units,)`, in (0, 1];
+    `log_width_limits`, the least and the greatest `log_width` that learning leaves, `None` for no limits.
     """
 
     centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     p_max: Float[Array, " units"] = fixed(converter=jnp.asarray, default=1.0)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
         _check_shapes(self)
@@ -104,12 +113,14 @@ class FreeGaussians(GaussianUnits):
     Score, firing: $\partial_\alpha = 1$, $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$,
     $\partial_{\lambda_j} = z_j^2 - 1$; silent: the same times $-p/(1 - p)$.
 
-    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `log_mass` $\alpha$, `(units,)`.
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `log_mass` $\alpha$, `(units,)`;
+    `log_width_limits` as of `LocalGaussians`.
     """
 
     centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_mass: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
         _check_shapes(self)
@@ -142,3 +153,5 @@ def _check_shapes(units: GaussianUnits) -> None:
         units.log_width.shape,
         f"of shape {units.centre.shape}",
     )
+    limits = units.log_width_limits
+    check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")

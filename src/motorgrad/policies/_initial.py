@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from motorgrad._errors import check, unknown
 from motorgrad.policies._gaussian import LocalGaussians
@@ -126,9 +127,54 @@ def gaussians(
 
     def initial(key: jax.Array) -> LocalGaussians:
         centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), jnp.asarray(p_max))
+        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), p_max=jnp.asarray(p_max))
 
     return initial
+
+
+def tiles(
+    task: Any,
+    units: int | None = None,
+    copies: int = 1,
+    width: float = 0.16,
+    p_max: float = 1.0,
+    low: float | None = None,
+    high: float | None = None,
+    least_log_width: float = -4.0,
+    most_log_width: float = 2.0,
+) -> LocalGaussians:
+    """Local Gaussian units laid out evenly over the range of the inputs (section 6.3 of the thesis).
+
+    The range is that of the task (`observation_range`), from 0 to 1 where it has none, or from `low` to `high` in every
+    input. Places are laid in rows, as many rows as there are places in a row, or nearly so; `copies` units that follow
+    each other share a place, such as a push to the left and one to the right. `width` is a standard deviation as part
+    of the range. Learning keeps the logarithms of the widths within the two limits.
+    """
+    inputs, outputs = _sizes(task, units)
+    check(isinstance(copies, int) and 1 <= copies <= outputs, "copies", copies, f"from 1 to the {outputs} units")
+    check(0 < width < math.inf, "width", width, "positive")
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+    spans = getattr(task, "observation_range", None) or [(0.0, 1.0)] * inputs
+    ends = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])
+    check((ends[:, 0] < ends[:, 1]).all(), "low, high", (low, high), "an interval, low < high, in every input")
+    limits = (least_log_width, most_log_width)
+    check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
+    spread = ends[:, 1] - ends[:, 0]
+    places = ends[:, 0] + spread * _lattice(-(-outputs // copies), inputs)
+    log_width = np.clip(np.log(width * spread), *limits)
+    centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
+    wide = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
+    return LocalGaussians(centre, wide, p_max=jnp.asarray(p_max), log_width_limits=limits)
+
+
+def _lattice(places: int, inputs: int) -> np.ndarray:
+    """So many points spread evenly over the unit cube, in the middle of cells: `(places, inputs)`."""
+    if inputs == 1:
+        return (np.arange(places)[:, None] + 0.5) / places
+    rows = max(1, round(places ** (1 / inputs)))
+    parts = [len(part) for part in np.array_split(np.arange(places), rows)]
+    layers = [np.insert(_lattice(part, inputs - 1), 0, (n + 0.5) / rows, axis=1) for n, part in enumerate(parts)]
+    return np.concatenate(layers)
 
 
 INITIAL: dict[str, Callable[..., Initial]] = {
@@ -138,6 +184,7 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "motoneurons": motoneurons,
     "querying-motoneurons": querying_motoneurons,
     "softmax": softmax,
+    "tiles": tiles,
 }
 """Initial policies by the name used in configurations and on the command line."""
 

@@ -90,6 +90,10 @@ class Policy(eqx.Module):
         """
         return tuple(outer(block) for block in self.blocks(self.score(observation, action)))
 
+    def limited(self) -> Self:
+        """The policy with its parameters put back within their limits, where it has any: after every step."""
+        return self
+
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """Entropy of the action's distribution, in nats."""
