@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, hopper, parts, recruitment, tasks, units
+from tools.figures import bodies, estimators, foreign, growth, hopper, parts, recruitment, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -20,6 +20,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,
+    "growth": growth.schedule,
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
     "task-three-state": tasks.three_state,

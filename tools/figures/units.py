@@ -207,7 +207,7 @@ def _soft(unit: SoftSpheres | SoftBoxes, across: Any, size: str, title: str) -> 
         height.plot(z, over(one.prob, z)[:, 0], color=colour, label=f"$k$ = {hard:g}")
         if hard == 8.0:
             for action, line in ((FIRES, "-"), (SILENT, "--")):
-                slope = getattr(over(lambda point, a=action: one.score(point, jnp.array([a])), z), size)
+                slope = getattr(over(lambda point, a=action, one=one: one.score(point, jnp.array([a])), z), size)
                 width.plot(z, slope.reshape(len(z)), line, color=colour)
     for panel in (height, width):
         for side in (-0.7, 0.7):
@@ -223,8 +223,9 @@ def _soft(unit: SoftSpheres | SoftBoxes, across: Any, size: str, title: str) -> 
 
 def masked() -> Figure:
     """The probability that some unit of a pool of six fires, with two, four and all of its units there."""
-    rng = np.random.default_rng(4)
-    pool = LocalGaussians(rng.uniform(-1.1, 1.1, (6, 2)), np.log(rng.uniform(0.25, 0.5, (6, 2))), p_max=jnp.array(0.8))
+    centres = [[-0.8, 0.6], [0.5, -0.7], [0.9, 0.8], [-0.6, -0.9], [0.0, 0.2], [1.0, 0.0]]
+    widths = [[0.3, 0.4], [0.5, 0.25], [0.3, 0.3], [0.4, 0.3], [0.25, 0.4], [0.3, 0.35]]
+    pool = LocalGaussians(centres, np.log(widths), p_max=jnp.array(0.8))
     x, y = plane(1.5)
     figure, axes = panels(3, height=2.7, sharey=True)
     shown: Any = None
