@@ -31,8 +31,8 @@ def schedule() -> Figure:
         band(units, at, np.asarray(states.policy.active).sum(-1), colour, name)
         if colour == BLUE:
             _one(widths, centres, at, states)
-    widths.set(title="width of each unit, one seed", ylabel=r"$\sigma$", yscale="log", yticks=[0.05, 0.1, 0.2, 0.5, 1.0])
-    widths.set_yticklabels(["0.05", "0.1", "0.2", "0.5", "1"])
+    widths.set(title="width of each unit, one seed", ylabel=r"$\sigma$", yscale="log")
+    widths.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ["0.05", "0.1", "0.2", "0.5", "1"])
     widths.minorticks_off()
     centres.set(title="centre of each unit, the same seed", ylabel=r"$\mu$", ylim=(-0.1, 1.1))
     for place in PLACES:
