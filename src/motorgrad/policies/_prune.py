@@ -20,7 +20,8 @@ def activity(policy: BinaryUnits, visited: Float[ArrayLike, "looks inputs"]) -> 
     """Each unit's mean probability of firing over the observations `visited`.
 
     Without the unit a decision is another one as often as this, and no more: the total variation distance between the
-    joint actions with the unit and with its silence is, at every observation, its probability of firing.
+    joint actions with the unit and with its silence is, at every observation, its probability of firing. So in an
+    episode no event's probability changes by more than the activity times the number of decisions.
     """
     looks = _looks(policy, visited)
     return jnp.mean(jax.vmap(policy.prob)(looks), axis=0)
