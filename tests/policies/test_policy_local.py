@@ -28,9 +28,8 @@ def test_a_box_is_the_product_of_two_opposed_sigmoids_an_input():
     with jax.enable_x64(True):
         box = SoftBoxes([[0.2, -0.4]], np.log([[0.5, 0.3]]), [np.log(6.0)])
         y = np.array([0.5, -0.2])
-        walls = [
-            6 * (h - side * (v - c)) for v, c, h in zip(y, (0.2, -0.4), (0.5, 0.3), strict=True) for side in (1, -1)
-        ]
+        away, half = y - np.array([0.2, -0.4]), np.array([0.5, 0.3])
+        walls = 6 * np.concatenate([half - away, half + away])
         assert float(box.prob(jnp.asarray(y))[0]) == pytest.approx(np.prod(1 / (1 + np.exp(-walls))))
 
 
