@@ -27,7 +27,7 @@ from motorgrad.policies import (
 )
 from motorgrad.worlds import AdmissionThresholds
 
-FIXED = {"p_max", "steepness"}
+FIXED = {"p_max", "steepness", "active"}
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

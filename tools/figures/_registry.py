@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, hopper, particle, parts, recruitment, tasks, units
+from tools.figures import bodies, estimators, foreign, growth, hopper, particle, parts, recruitment, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -13,9 +13,14 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-hyperplane": units.hyperplane,
     "unit-gaussian-local": units.gaussian_local,
     "unit-gaussian-free": units.gaussian_free,
+    "unit-soft-sphere": units.soft_sphere,
+    "unit-soft-box": units.soft_box,
+    "unit-masked": units.masked,
+    "unit-gated": units.gated,
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,
+    "growth": growth.schedule,
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
     "task-three-state": tasks.three_state,

@@ -10,14 +10,13 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._capped import CappedUnits
 from motorgrad.policies._policy import fixed, in_structure
 
 Limits = tuple[float, float] | None
-CAP = 1e-6  # the closest to 1 that a probability comes, for sampling and for the score alike
 
 
-class GaussianUnits(BinaryUnits):
+class GaussianUnits(CappedUnits):
     r"""Units whose log-probability of firing falls with the squared distance $\rho = \frac12\sum_j z_j^2$ from a
     centre $\mu$, $z_j = (y_j - \mu_j)/\sigma_j$, in widths $\sigma_j = e^{\lambda_j}$.
 
@@ -51,22 +50,6 @@ class GaussianUnits(BinaryUnits):
 
     def _log_fire(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return self.log_height() - 0.5 * jnp.sum(self._scaled(observation) ** 2, axis=-1)
-
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return jnp.minimum(jnp.exp(self._log_fire(observation)), 1 - CAP)
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        log_fire = jnp.minimum(self._log_fire(observation), jnp.log1p(-CAP))
-        return jnp.sum(jnp.where(action > 0, log_fire, jnp.log(-jnp.expm1(log_fire))))
-
-    def _surprise(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        """d log π / d log p: 1 for firing, −p/(1 − p) for silence, 0 where p is capped."""
-        log_fire = self._log_fire(observation)
-        capped = log_fire >= jnp.log1p(-CAP)
-        safe = jnp.where(capped, -1.0, log_fire)
-        # −p/(1 − p) = 1/(1 − 1/p); with expm1 it is exact at both ends of (0, 1).
-        silence = jnp.exp(safe) / jnp.expm1(safe)
-        return jnp.where(capped, 0.0, jnp.where(action > 0, 1.0, silence))
 
 
 class LocalGaussians(GaussianUnits):

@@ -6,20 +6,24 @@ random the result is a function of a key, so that every seed starts differently.
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, choice, unknown
+from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._box import SoftBoxes
 from motorgrad.policies._gaussian import LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons
 from motorgrad.policies._hyperplane import Hyperplanes
+from motorgrad.policies._masked import Masked
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._querying import Querying
 from motorgrad.policies._softmax import Softmax
+from motorgrad.policies._sphere import SoftSpheres
 
 Initial = Policy | Callable[[jax.Array], Policy]
 """A policy, or a function that makes one from a seed's key."""
@@ -121,9 +125,8 @@ def gaussians(
 ) -> Callable[[jax.Array], LocalGaussians]:
     """Local Gaussian units of one `width` whose centres are drawn from U[`low`, `high`] in every input."""
     inputs, outputs = _sizes(task, units)
-    check(0 < width < math.inf, "width", width, "positive")
+    _check_local({"width": width}, low, high)
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
-    check(low < high, "low, high", (low, high), "an interval, low < high")
 
     def initial(key: jax.Array) -> LocalGaussians:
         centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
@@ -177,12 +180,84 @@ def _lattice(places: int, inputs: int) -> np.ndarray:
     return np.concatenate(layers)
 
 
+def soft_spheres(
+    task: Any,
+    units: int | None = None,
+    radius: float = 0.5,
+    hardness: float = 10.0,
+    low: float = -1.0,
+    high: float = 1.0,
+) -> Callable[[jax.Array], SoftSpheres]:
+    """Soft spheres of one `radius` and `hardness` whose centres are drawn from U[`low`, `high`] in every input."""
+    inputs, outputs = _sizes(task, units)
+    _check_local({"radius": radius, "hardness": hardness}, low, high)
+
+    def initial(key: jax.Array) -> SoftSpheres:
+        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
+        size, wall = (jnp.full(outputs, math.log(value), centre.dtype) for value in (radius, hardness))
+        return SoftSpheres(centre, size, wall)
+
+    return initial
+
+
+def soft_boxes(
+    task: Any,
+    units: int | None = None,
+    width: float = 0.5,
+    hardness: float = 10.0,
+    low: float = -1.0,
+    high: float = 1.0,
+) -> Callable[[jax.Array], SoftBoxes]:
+    """Soft boxes `width` wide from the centre to each wall, of one `hardness`, whose centres are drawn from U[`low`,
+    `high`] in every input."""
+    inputs, outputs = _sizes(task, units)
+    _check_local({"width": width, "hardness": hardness}, low, high)
+
+    def initial(key: jax.Array) -> SoftBoxes:
+        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
+        wall = jnp.full(outputs, math.log(hardness), centre.dtype)
+        return SoftBoxes(centre, jnp.full_like(centre, math.log(width)), wall)
+
+    return initial
+
+
+def growing(
+    task: Any,
+    units: int | None = None,
+    kind: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
+    p_max: float = 0.5,
+    hardness: float = 10.0,
+) -> Masked:
+    """A pool of local units of which none is there yet, for a learner that grows (`motorgrad.learning.Growth`), which
+    places them; `p_max` is that of Gaussians, `hardness` that of the other kinds."""
+    inputs, outputs = _sizes(task, units)
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+    check(0 < hardness < math.inf, "hardness", hardness, "positive")
+    kinds: dict[str, Callable[[], BinaryUnits]] = {
+        "gaussians": lambda: LocalGaussians(centre, jnp.zeros_like(centre), jnp.asarray(p_max)),
+        "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), wall),
+        "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), wall),
+    }
+    choice("kind", kind, kinds)
+    centre, wall = jnp.zeros((outputs, inputs)), jnp.full(outputs, math.log(hardness))
+    return Masked(kinds[kind](), jnp.zeros(outputs, bool))
+
+
+def _check_local(sizes: dict[str, float], low: float, high: float) -> None:
+    for name, value in sizes.items():
+        check(0 < value < math.inf, name, value, "positive")
+    check(low < high, "low, high", (low, high), "an interval, low < high")
+
+
 INITIAL: dict[str, Callable[..., Initial]] = {
     "gaussians": gaussians,
     "graded-motoneurons": graded_motoneurons,
+    "growing": growing,
     "hyperplanes": hyperplanes,
     "motoneurons": motoneurons,
     "querying-motoneurons": querying_motoneurons,
+    "soft-boxes": soft_boxes,
+    "soft-spheres": soft_spheres,
     "softmax": softmax,
     "tiles": tiles,
 }
