@@ -9,7 +9,7 @@ import pytest
 from policy_examples import EXAMPLES, observation_of, policy_of
 
 from motorgrad.learning import Agent, FisherMetric, Olpomdp, adam, decayed, sgd
-from motorgrad.policies import Factored, Gated, Hyperplanes, Masked, Softmax, prune, trainable
+from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
 
 POOLS = (
     "motoneurons",
@@ -132,3 +132,14 @@ def test_every_kind_of_pool_that_can_be_masked_is_tried_here():
             continue
         with pytest.raises(ValueError, match="pool = "):
             Masked(policy_of(name))
+
+
+def test_limits_hold_within_every_policy_that_wraps_a_pool():
+    wide = LocalGaussians(np.zeros((2, 2)), np.full((2, 2), 3.0), log_width_limits=(-4.0, 2.0))
+    gate = Hyperplanes(np.zeros((1, 2)), np.zeros(1))
+    for policy, inner in (
+        (Masked(wide), lambda p: p.pool),
+        (Factored([gate, wide]), lambda p: p.pools[1]),
+        (Gated(gate, [wide]), lambda p: p.branches[0]),
+    ):
+        np.testing.assert_array_equal(inner(policy.limited()).log_width, 2.0)

@@ -10,7 +10,7 @@ from jax.core import Tracer
 from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
-from motorgrad.policies._policy import Policy
+from motorgrad.policies._policy import Policy, is_plain
 
 P = TypeVar("P", bound=Policy)
 
@@ -30,7 +30,7 @@ def grow(pool: P, more: P) -> P:
     kinds = [type(each).__name__ for each in (pool, more)]
     check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
     wanted = "a pool of one kind of units, binary or graded"
-    check(isinstance(pool, BinaryUnits | GradedUnits), "pool", kinds[0], wanted)
+    check(isinstance(pool, BinaryUnits | GradedUnits) and is_plain(pool), "pool", kinds[0], wanted)
     check(pool.inputs == more.inputs, "more.inputs", more.inputs, f"the pool's, {pool.inputs}")
 
     def joined(name: str) -> jax.Array:
@@ -42,5 +42,8 @@ def grow(pool: P, more: P) -> P:
             check(np.array_equal(own, new), f"more.{name}", new.tolist(), f"the pool's, {own.tolist()}")
         return own
 
-    names = tuple(vars(pool))
+    names = tuple(name for name, part in vars(pool).items() if hasattr(part, "shape"))
+    for name in vars(pool).keys() - set(names):
+        own, new = getattr(pool, name), getattr(more, name)
+        check(own == new, f"more.{name}", new, f"the pool's, {own}")
     return eqx.tree_at(lambda each: [getattr(each, name) for name in names], pool, [joined(name) for name in names])

@@ -167,5 +167,11 @@ def has_rows(policy: Policy) -> bool:
     return all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
 
 
+def is_plain(policy: Policy) -> bool:
+    """Whether a policy is a pool of one kind of units, and not made of others."""
+    parts = jax.tree.leaves(vars(policy), is_leaf=lambda part: isinstance(part, Policy))
+    return not any(isinstance(part, Policy) for part in parts)
+
+
 def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:
     return block[:, :, None] * block[:, None, :]

@@ -58,8 +58,7 @@ def prune(policy: P, kept: Bool[ArrayLike, " units"]) -> P:
     if isinstance(policy, Masked):
         return eqx.tree_at(lambda each: each.active, policy, policy.active & kept)
     check(not isinstance(kept, Tracer), "policy", type(policy).__name__, "Masked where it is pruned in compiled code")
-    plain = all(hasattr(part, "shape") for part in vars(policy).values())
-    check(plain, "policy", type(policy).__name__, "a pool of one kind of units, or Masked")
+    check(is_plain(policy), "policy", type(policy).__name__, "a pool of one kind of units, or Masked")
     check(bool(kept.any()), "kept", "no unit", "at least one unit")
     rows = np.flatnonzero(np.asarray(kept))
 
