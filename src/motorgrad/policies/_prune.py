@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._masked import Masked
+from motorgrad.policies._policy import is_plain
 
 P = TypeVar("P", bound=BinaryUnits)
 
