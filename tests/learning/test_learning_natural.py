@@ -26,7 +26,7 @@ from motorgrad.policies._policy import in_structure
 from motorgrad.tasks import CallAdmission, ThreeState
 from motorgrad.training import load, settings_for, stepper_of
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, oracle
-from motorgrad.worlds.oracle import _double
+from motorgrad.worlds._double import double
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 few = settings(max_examples=10, deadline=None, derandomize=True)
@@ -84,7 +84,7 @@ def whole(policy, blocks):
 @given(seed=st.integers(0, 2**31))
 def test_the_blocks_are_the_mean_square_of_the_autodifferentiated_score(name, seed):
     with jax.enable_x64(True):
-        policy = _double(rng_policies(seed)[name])
+        policy = double(rng_policies(seed)[name])
         y = jnp.asarray(np.random.default_rng(seed).normal(size=policy.inputs))
         parameters, rest = split(policy)
         vector, build = ravel_pytree(parameters)
@@ -126,7 +126,7 @@ def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     mdp = random_mdp(len(policy.enumerate()), 1)
     exact, pi = oracle.fisher(mdp, policy), oracle.stationary_distribution(mdp, policy)
     with jax.enable_x64(True):
-        policy = _double(policy)
+        policy = double(policy)
         by_state = []
         for y in mdp.observations:
             actions = policy.enumerate()
@@ -210,7 +210,7 @@ def test_the_oracles_direction_solves_and_a_singular_matrix_moves_only_what_can_
     np.testing.assert_allclose(direction[:2] + direction[2:], 0, atol=1e-10)
     metric = FisherMetric(1.0, 0.0)
     with jax.enable_x64(True):
-        policy = _double(POINT)
+        policy = double(POINT)
         fisher = (jnp.asarray(oracle.fisher(mdp, POINT))[None],)
         state = metric.init(policy)._replace(fisher=fisher)
         g = oracle.gradient(mdp, POINT)
