@@ -173,11 +173,5 @@ def is_plain(policy: Policy) -> bool:
     return not any(isinstance(part, Policy) for part in parts)
 
 
-def is_plain(policy: Policy) -> bool:
-    """Whether a policy is a pool of one kind of units, and not made of others."""
-    parts = jax.tree.leaves(vars(policy), is_leaf=lambda part: isinstance(part, Policy))
-    return not any(isinstance(part, Policy) for part in parts)
-
-
 def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:
     return block[:, :, None] * block[:, None, :]
