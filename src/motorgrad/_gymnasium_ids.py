@@ -14,6 +14,9 @@ TASK_OF = {
     "motorgrad/Chain-v0": "chain",
     "motorgrad/Hopper-v0": "hopper",
     "motorgrad/LinearRecruitment-v0": "linear-recruitment",
+    "motorgrad/Particle-v0": "particle",
+    "motorgrad/ParticleNavigation-v0": "particle-navigation",
+    "motorgrad/ParticleOrbit-v0": "particle-orbit",
     "motorgrad/ThreeState-v0": "three-state",
 }
 """The task behind each id, by its name in `motorgrad.tasks.TASKS`; a test holds the two together."""

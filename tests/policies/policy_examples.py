@@ -14,11 +14,15 @@ import numpy as np
 from motorgrad.policies import (
     Factored,
     FreeGaussians,
+    Gated,
     Hyperplanes,
     LocalGaussians,
+    Masked,
     Motoneurons,
     Policy,
+    SoftBoxes,
     Softmax,
+    SoftSpheres,
 )
 from motorgrad.worlds import AdmissionThresholds
 
@@ -42,6 +46,19 @@ def _free(rng: Rng, units: int = 3, inputs: int = 2) -> FreeGaussians:
     return FreeGaussians(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(size=units))
 
 
+def _spheres(rng: Rng, units: int = 3, inputs: int = 2) -> SoftSpheres:
+    return SoftSpheres(rng.normal(size=(units, inputs)), rng.normal(size=units, scale=0.5), rng.normal(1, size=units))
+
+
+def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
+    shape = (units, inputs)
+    return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
+
+
+def _gated(rng: Rng) -> Gated:
+    return Gated(_local(rng, 2), [_hyperplanes(rng, 2), Factored([_spheres(rng, 1)])])
+
+
 EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "motoneurons": _motoneurons,
     "hyperplanes": _hyperplanes,
@@ -52,6 +69,14 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "factored-nested": lambda rng: Factored(
         [Factored([_local(rng, 1, 1, 0.7), _motoneurons(rng, 1)]), Factored([Factored([_hyperplanes(rng, 2, 1)])])]
     ),
+    "soft-spheres": _spheres,
+    "soft-boxes": _boxes,
+    "masked": lambda rng: Masked(_local(rng, 4), np.array([True, False, True, True])),
+    "gated": _gated,
+    "gated-nested": lambda rng: Gated(
+        _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]
+    ),
+    "factored-gated": lambda rng: Factored([Gated(_local(rng, 1), [_spheres(rng, 2)]), _free(rng, 1)]),
     "softmax-2": lambda rng: Softmax(rng.normal(size=(2, 3))),
     "softmax-5": lambda rng: Softmax(rng.normal(size=(5, 3))),
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
@@ -109,6 +134,18 @@ def _mixed_at(potential: float, widths: float) -> tuple[Policy, np.ndarray]:
     return Factored(pools), np.array([1.0])
 
 
+def _sphere_at(distance: float, hardness: float = 0.0) -> tuple[Policy, np.ndarray]:
+    return SoftSpheres([[0.0, 1.0], [0.0, 0.0]], [0.0, -1.0], [hardness, 1.0]), np.array([distance, 1.0])
+
+
+def _box_at(distance: float, hardness: float) -> tuple[Policy, np.ndarray]:
+    return SoftBoxes([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.5]], [hardness, 1.0]), np.array([distance, 1.0])
+
+
+def _gated_at(potential: float, widths: float) -> tuple[Policy, np.ndarray]:
+    return Gated(Hyperplanes([[potential]], [0.0]), [LocalGaussians([[1.0 - widths]], [[0.0]])]), np.array([1.0])
+
+
 EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
     **{f"motoneurons at {x}": lambda x=x: _motoneurons_at(x) for x in (-700.0, -50.0, 50.0, 700.0)},
     **{f"hyperplanes at {x}": lambda x=x: _hyperplanes_at(x) for x in (-700.0, -50.0, 50.0, 700.0)},
@@ -119,6 +156,13 @@ EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
     "gaussian 40 widths away, p_max = 0.5": lambda: _gaussians_at(40.0, 0.5),
     "free gaussian of too great a mass": lambda: _free_at(0.0, 5.0),
     "free gaussian 40 widths away": lambda: _free_at(40.0, 0.0),
+    **{f"sphere, {x} from its centre": lambda x=x: _sphere_at(x) for x in (0.0, 1e-15, 1e-4, 700.0)},
+    "hard sphere at its centre": lambda: _sphere_at(0.0, np.log(700.0)),
+    **{f"box, {x} from its centre": lambda x=x: _box_at(x, 1.0) for x in (0.0, 1.0, 40.0)},
+    "hard box at its centre": lambda: _box_at(0.0, np.log(700.0)),
+    "hard box at its wall": lambda: _box_at(1.0, np.log(700.0)),
+    "gate surely open, capped below": lambda: _gated_at(50.0, 0.0),
+    "gate surely closed, far below": lambda: _gated_at(-50.0, 40.0),
     "factored, saturated and capped": lambda: _mixed_at(700.0, 0.0),
     "factored, silent and far": lambda: _mixed_at(-50.0, 40.0),
     "admission thresholds at 700": lambda: (AdmissionThresholds([500.0, 0.0], 1.5), np.array([1.0, 0.0, 100 / 3])),

@@ -82,3 +82,10 @@ def test_what_cannot_be_joined_is_refused_by_name(build, names):
     with pytest.raises(ValueError) as error:  # noqa: PT011
         build()
     assert names in str(error.value)
+
+
+def test_the_limits_of_widths_stay_and_must_be_the_same():
+    first, second = (LocalGaussians(np.zeros((n, 2)), np.zeros((n, 2)), log_width_limits=(-4.0, 2.0)) for n in (2, 1))
+    assert grow(first, second).log_width_limits == (-4.0, 2.0)
+    with pytest.raises(ValueError, match=r"more.log_width_limits = None: must be the pool's, \(-4.0, 2.0\)"):
+        grow(first, LocalGaussians(np.zeros((1, 2)), np.zeros((1, 2))))

@@ -27,7 +27,7 @@ from motorgrad.policies import (
 )
 from motorgrad.worlds import AdmissionThresholds
 
-FIXED = {"p_max", "steepness"}
+FIXED = {"p_max", "steepness", "active"}
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -111,6 +111,7 @@ one, two, square = np.zeros(1), np.zeros(2), np.zeros((2, 2))
         (lambda: LocalGaussians(square, square, 0.0), "p_max = 0.0: must be in (0, 1]"),
         (lambda: LocalGaussians(square, square, [0.5, 1.5]), "p_max = [0.5, 1.5]: must be in (0, 1]"),
         (lambda: LocalGaussians(square, square, np.nan), "p_max = nan"),
+        (lambda: LocalGaussians(square, square, 1.0, (1.0, 1.0)), "log_width_limits = (1.0, 1.0)"),
         (lambda: FreeGaussians(square, square, one), "log_mass = (1,): must be of shape (2,)"),
         (lambda: Factored([]), "pools = (): must be at least one"),
         (lambda: Factored([Motoneurons(two, two), Hyperplanes(square, two)]), "pools = [1, 2]"),
@@ -168,6 +169,41 @@ def test_gaussians_start_with_their_width_and_height_and_centres_in_the_interval
     assert 0 <= policy.centre.min() < 0.1 < 2.9 < policy.centre.max() <= 3
 
 
+@pytest.mark.parametrize(
+    ("places", "inputs", "rows"), [(9, 2, 3), (16, 2, 4), (8, 2, 3), (5, 1, 5), (8, 3, 2), (1, 2, 1)]
+)
+def test_tiles_are_spread_evenly_over_the_range(places, inputs, rows):
+    policy = policies.tiles(inputs, places, low=-1.0, high=3.0, width=0.1)
+    centre = np.asarray(policy.centre)
+    assert len({tuple(row) for row in centre}) == places
+    np.testing.assert_allclose(np.unique(centre[:, 0]), -1 + 4 * (np.arange(rows) + 0.5) / rows, rtol=1e-6)
+    np.testing.assert_allclose(centre.mean(0), 1.0, atol=0.2)
+    np.testing.assert_allclose(np.exp(policy.log_width), 0.4, rtol=1e-6)
+
+
+def test_tiles_take_the_range_of_the_task_and_share_places():
+    task = SimpleNamespace(observation_size=2, action_size=5, observation_range=((0.0, 1.0), (-2.0, 2.0)))
+    policy = initial("tiles", task, copies=2, p_max=0.5)
+    np.testing.assert_allclose(policy.centre[::2], [[0.25, -1.0], [0.25, 1.0], [0.75, 0.0]])
+    np.testing.assert_array_equal(policy.centre[0], policy.centre[1])
+    np.testing.assert_allclose(np.exp(policy.log_width[0]), [0.16, 0.64], rtol=1e-6)
+    assert policy.p_max == 0.5
+    assert policies.tiles(2, 4).log_width_limits == (-4.0, 2.0)
+
+
+@pytest.mark.parametrize("kind", [LocalGaussians, FreeGaussians])
+def test_widths_are_put_back_within_their_limits(kind):
+    third = 1.0 if kind is LocalGaussians else [0.0, 0.0]
+    units = kind(np.zeros((2, 2)), np.array([[-5.0, 0.0], [1.0, 3.0]]), third, log_width_limits=(-4.0, 2.0))
+    within = np.array([[-4.0, 0.0], [1.0, 2.0]])
+    np.testing.assert_array_equal(units.limited().log_width, within)
+    np.testing.assert_array_equal(Factored([units, Hyperplanes(square, two)]).limited().pools[0].log_width, within)
+    free = kind(np.zeros((2, 2)), units.log_width, third)
+    assert free.limited() is free
+    shapes = rebuild(json.loads(json.dumps(describe(units))))
+    assert shapes.log_width_limits == (-4.0, 2.0)
+
+
 def test_an_unknown_initial_policy_is_refused_with_the_nearest():
     with pytest.raises(ValueError, match="unknown policy 'hyperplane': did you mean 'hyperplanes'"):
         initial("hyperplane", 2, units=1)
@@ -183,6 +219,12 @@ def test_an_unknown_initial_policy_is_refused_with_the_nearest():
         (lambda: policies.motoneurons(1, 3, low=1.0, high=1.0), "low, high = (1.0, 1.0)"),
         (lambda: policies.gaussians(2, 3, width=0.0), "width = 0.0"),
         (lambda: policies.gaussians(2, 3, low=1.0, high=0.0), "low, high = (1.0, 0.0)"),
+        (lambda: policies.tiles(2, 3, copies=4), "copies = 4: must be from 1 to the 3 units"),
+        (lambda: policies.tiles(2, 0), "outputs = 0"),
+        (lambda: policies.tiles(2, 3, width=-0.1), "width = -0.1: must be positive"),
+        (lambda: policies.tiles(2, 3, p_max=0.0), "p_max = 0.0"),
+        (lambda: policies.tiles(2, 3, low=2.0), "low, high = (2.0, None)"),
+        (lambda: policies.tiles(2, 3, least_log_width=2.0), "least_log_width, most_log_width = (2.0, 2.0)"),
     ],
 )
 def test_impossible_initial_settings_are_refused_by_name(make, names):

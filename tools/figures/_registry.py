@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, hopper, parts, recruitment, tasks, units
+from tools.figures import bodies, estimators, foreign, growth, hopper, particle, parts, recruitment, tasks, units
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -13,15 +13,23 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-hyperplane": units.hyperplane,
     "unit-gaussian-local": units.gaussian_local,
     "unit-gaussian-free": units.gaussian_free,
+    "unit-soft-sphere": units.soft_sphere,
+    "unit-soft-box": units.soft_box,
+    "unit-masked": units.masked,
+    "unit-gated": units.gated,
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,
+    "growth": growth.schedule,
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
     "task-three-state": tasks.three_state,
     "task-chain": tasks.chain,
     "task-call-admission": tasks.call_admission,
     "task-linear-recruitment": recruitment.mapping,
+    "task-particle": particle.layouts,
+    "task-particle-orbit": particle.orbit,
+    "task-particle-navigation": particle.navigation,
 }
 """Figures of formulas and numbers."""
 
@@ -36,6 +44,9 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,
     "learning-arm-recruitment": recruitment.arm_learning,
+    "learning-particle": particle.falling_learning,
+    "learning-particle-orbit": particle.orbit_learning,
+    "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,

@@ -10,12 +10,16 @@ from matplotlib.figure import Figure
 from motorgrad.policies import (
     Factored,
     FreeGaussians,
+    Gated,
     GradedMotoneurons,
     Hyperplanes,
     LocalGaussians,
+    Masked,
     Motoneurons,
     Querying,
+    SoftBoxes,
     Softmax,
+    SoftSpheres,
 )
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, inputs, over, panels, plane
 
@@ -165,6 +169,95 @@ def gaussian_free() -> Figure:
             width.plot(z, slope, line, color=colour, label=label)
     width.set(title=r"score of the width, $\sigma$ = 0.5", xlabel="input $y$", ylim=(-2, 7))
     width.legend(fontsize=7, loc="upper center")
+    return figure
+
+
+def soft_sphere() -> Figure:
+    """A sphere over two inputs with the score of its centre; across it for several hardnesses, and its scores."""
+    return _soft(
+        SoftSpheres([[0.2, -0.1]], np.log([0.7]), np.log([8.0])),
+        lambda hard: SoftSpheres([[0.0]], np.log([0.7]), np.log([hard])),
+        "log_radius",
+        r"score of the radius, $\partial_{\log r}$",
+    )
+
+
+def soft_box() -> Figure:
+    """A box over two inputs with the score of its centre; across it for several hardnesses, and its scores."""
+    return _soft(
+        SoftBoxes([[0.2, -0.1]], np.log([[0.9, 0.4]]), np.log([8.0])),
+        lambda hard: SoftBoxes([[0.0]], np.log([[0.7]]), np.log([hard])),
+        "log_width",
+        r"score of the width, $\partial_{\log h}$",
+    )
+
+
+def _soft(unit: SoftSpheres | SoftBoxes, across: Any, size: str, title: str) -> Figure:
+    x, y = plane(1.5)
+    figure, (place, height, width) = panels(3, height=3.0)
+    shown = place.pcolormesh(x, y, over(unit.prob, x, y)[..., 0], vmin=0, vmax=1, rasterized=True)
+    figure.colorbar(shown, ax=place, location="bottom", shrink=0.9, label="its probability of firing")
+    points = plane(1.25, 7)
+    score = over(lambda point: unit.score(point, jnp.ones(1)), *points).centre[..., 0, :]
+    place.quiver(*points, score[..., 0], score[..., 1], color="white", scale=90, width=0.008)
+    inputs(place, "score of the centre when it fired")
+    z = np.linspace(-1.5, 1.5, 301)
+    for hard, colour in ((3.0, GREEN), (8.0, BLUE), (30.0, RED)):
+        one = across(hard)
+        height.plot(z, over(one.prob, z)[:, 0], color=colour, label=f"$k$ = {hard:g}")
+        if hard == 8.0:
+            for action, line in ((FIRES, "-"), (SILENT, "--")):
+                slope = getattr(over(lambda point, a=action, one=one: one.score(point, jnp.array([a])), z), size)
+                width.plot(z, slope.reshape(len(z)), line, color=colour)
+    for panel in (height, width):
+        for side in (-0.7, 0.7):
+            panel.axvline(side, color=FAINT, linewidth=0.8, linestyle=":")
+    height.set(title="probability of firing", xlabel="input $y$", ylim=(-0.03, 1.4))
+    height.legend(loc="upper center", fontsize=7, ncols=3, columnspacing=1)
+    width.set(title=title, xlabel="input $y$", ylim=(-6.5, 9))
+    width.plot([], [], "-", color=FAINT, label="it fired")
+    width.plot([], [], "--", color=FAINT, label="it did not")
+    width.legend(loc="upper center", ncols=2)
+    return figure
+
+
+def masked() -> Figure:
+    """The probability that some unit of a pool of six fires, with two, four and all of its units there."""
+    centres = [[-0.8, 0.6], [0.5, -0.7], [0.9, 0.8], [-0.6, -0.9], [0.0, 0.2], [1.0, 0.0]]
+    widths = [[0.3, 0.4], [0.5, 0.25], [0.3, 0.3], [0.4, 0.3], [0.25, 0.4], [0.3, 0.35]]
+    pool = LocalGaussians(centres, np.log(widths), p_max=jnp.array(0.8))
+    x, y = plane(1.5)
+    figure, axes = panels(3, height=2.7, sharey=True)
+    shown: Any = None
+    for panel, count in zip(axes, (2, 4, 6), strict=True):
+        there = Masked(pool, np.arange(6) < count)
+        some = 1 - np.prod(1 - over(there.prob, x, y), axis=-1)
+        shown = panel.pcolormesh(x, y, some, vmin=0, vmax=1, rasterized=True)
+        for unit, centre in enumerate(np.asarray(pool.centre)):
+            panel.plot(*centre, "o" if unit < count else "x", color="white" if unit < count else FAINT, markersize=4)
+        panel.set(title=f"{count} of 6 units are there", aspect="equal", xlabel="input $y_1$")
+    axes[0].set_ylabel("input $y_2$")
+    figure.colorbar(shown, ax=axes, shrink=0.8, label="some unit fires")
+    return figure
+
+
+def gated() -> Figure:
+    """A gate, a hyperplane beneath it, and the probabilities of the three actions that are possible."""
+    gate = LocalGaussians([[0.1, 0.2]], np.log([[0.8, 0.5]]), p_max=jnp.array(0.95))
+    policy = Gated(gate, [Hyperplanes([[5.0, 3.0]], [-0.5])])
+    x, y = plane(1.5, 91)
+    figure, axes = panels(3, height=2.8, sharey=True)
+    shown: Any = None
+    titles = ("gate silent, so the unit too", "gate open, unit silent", "gate open, unit fires")
+    for panel, action, title in zip(axes, policy.enumerate(), titles, strict=True):
+        chance = np.exp(over(lambda point, a=action: policy.log_prob(point, a)[None], x, y)[..., 0])
+        shown = panel.pcolormesh(x, y, chance, vmin=0, vmax=1, rasterized=True)
+        panel.contour(x, y, over(gate.prob, x, y)[..., 0], [0.475], colors="white", linewidths=0.8)
+        panel.contour(x, y, over(policy.branches[0].prob, x, y)[..., 0], [0.5], colors="white", linestyles="--",
+                      linewidths=0.8)  # fmt: skip
+        panel.set(title=title, aspect="equal", xlabel="input $y_1$")
+    axes[0].set_ylabel("input $y_2$")
+    figure.colorbar(shown, ax=axes, shrink=0.8, label="probability")
     return figure
 
 

@@ -5,17 +5,22 @@ from motorgrad.learning._agent import Agent, AgentState, Decision
 from motorgrad.learning._ascent import DecayState, SgdState, adam, decayed, sgd
 from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
+from motorgrad.learning._growth import Growth, GrowthState
+from motorgrad.learning._growth_criteria import Clock, Criterion, Plateau, PlateauState
 from motorgrad.learning._input_baselines import BinnedBaseline, InputBaseline, LinearBaseline, LinearState
 from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.learning._scale import RootMeanSquare, ScaleState
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
+from motorgrad.learning._visited import Visited, VisitedState
 
 __all__ = [
     "Agent",
     "AgentState",
     "Baseline",
     "BinnedBaseline",
+    "Clock",
     "Constant",
+    "Criterion",
     "DecayState",
     "Decision",
     "Episodic",
@@ -25,6 +30,8 @@ __all__ = [
     "FisherState",
     "FixedStep",
     "Gpomdp",
+    "Growth",
+    "GrowthState",
     "InputBaseline",
     "LaggedGaussian",
     "LinearBaseline",
@@ -33,11 +40,15 @@ __all__ = [
     "NoBaseline",
     "Olgarb",
     "Olpomdp",
+    "Plateau",
+    "PlateauState",
     "RootMeanSquare",
     "RunningMean",
     "ScaleState",
     "SgdState",
     "Trace",
+    "Visited",
+    "VisitedState",
     "Window",
     "adam",
     "add_sample",

@@ -21,6 +21,7 @@ from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._ascent import adam, decayed, sgd
 from motorgrad.learning._estimator import Estimator, Olgarb
+from motorgrad.learning._growth import Growth, GrowthState
 from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.learning._scale import ScaleState
@@ -42,7 +43,7 @@ class AgentState(NamedTuple):
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
     $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
     the decision whose reward is awaited, `None` where neither metric nor baseline asks for it; `scale` that of the
-    advantages, `None` where they are not normalised.
+    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`.
     """
 
     policy: Policy
@@ -54,6 +55,7 @@ class AgentState(NamedTuple):
     metric: FisherState | None = None
     last: Decision | None = None
     scale: ScaleState | None = None
+    growth: GrowthState | None = None
 
 
 Flag = Bool[Array, ""] | bool
@@ -71,12 +73,14 @@ class Agent:
     - `ascent`: an optax transformation (see `sgd`); it receives minus the gradient.
     - `metric`: `None` for the plain gradient; a `FisherMetric` for the natural gradient of each unit, which the ascent
       rule then receives in its place.
+    - `growth`: `None` for a policy of one size; a `Growth` to add the units of a `Masked` pool one by one.
     """
 
     policy: Policy | Callable[[jax.Array], Policy]
     estimator: Estimator = dataclasses.field(default_factory=Olgarb)
     ascent: optax.GradientTransformation | sgd | adam | decayed = dataclasses.field(default_factory=lambda: sgd(1e-3))
     metric: FisherMetric | None = None
+    growth: Growth | None = None
 
     def __post_init__(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
@@ -86,6 +90,9 @@ class Agent:
         check(rule, "ascent", self.ascent, "an optax transformation, such as motorgrad.learning.sgd(1e-3)")
         known = self.metric is None or isinstance(self.metric, FisherMetric)
         check(known, "metric", self.metric, "None or a FisherMetric, such as FisherMetric(rate=1e-3)")
+        check(self.growth is None or isinstance(self.growth, Growth), "growth", self.growth, "None or a Growth")
+        moves = self.growth is None or self.estimator.improve != "never"
+        check(moves, "growth", self.growth, 'None where parameters never move, improve = "never"')
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
@@ -93,6 +100,10 @@ class Agent:
         parameters = trainable(policy)
         leaves = jax.tree.leaves(parameters)
         check(len(leaves) > 0, "policy", type(policy).__name__, "a policy with trainable parameters")
+        growth = None
+        if self.growth is not None:
+            growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
+            parameters = trainable(policy)
         dtype = leaves[0].dtype
         zeros = jax.tree.map(jnp.zeros_like, parameters)
         baseline = self.estimator.baseline
@@ -107,6 +118,7 @@ class Agent:
             metric=None if self.metric is None else self.metric.init(policy),
             last=_no_decision(policy, dtype) if sees or self.metric is not None else None,
             scale=None if self.estimator.scale is None else self.estimator.scale.init(dtype),
+            growth=growth,
         )
 
     def act(
@@ -116,6 +128,8 @@ class Agent:
         action = state.policy.sample(observation, uniforms)
         score = state.policy.score(observation, action)
         last = None if state.last is None else Decision(observation.astype(state.last.observation.dtype), action)
+        if self.growth is not None and state.growth is not None:
+            state = state._replace(growth=self.growth.see(state.growth, observation))
         return state._replace(trace=self.estimator.trace.update(state.trace, score), last=last), action
 
     def reinforce(
@@ -134,7 +148,8 @@ class Agent:
 
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped (gradient, baseline, scale and metric stay as they were) and the trace restarts.
+        sample is dropped (gradient, baseline, scale, metric and what growth knows of rewards stay as they were) and the
+        trace restarts.
         """
         del next_observation  # for critics, which bootstrap from it
         estimator = self.estimator
@@ -145,10 +160,12 @@ class Agent:
             weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
             metric=self._measure(state),
             scale=scale,
+            growth=self._watch(state, reward),
         )
         if diverged is not False:
             dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient
             kept = {"baseline": state.baseline, "metric": state.metric, "scale": state.scale}
+            kept["growth"] = state.growth
             without = after._replace(gradient=dropped, **kept)
             after = _where(diverged, without, after)
         ended = _any(terminated, truncated, diverged)
@@ -165,9 +182,14 @@ class Agent:
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time.
 
+        A growing learner counts its decisions here, so it is to be called at every one; it may then add a unit.
+
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
         `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
         """
+        return self._grow(self._improve(state, ended, diverged))
+
+    def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
         estimator = self.estimator
         if estimator.improve == "never":
             return state
@@ -182,6 +204,15 @@ class Agent:
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return _where(due, moved._replace(gradient=running_mean(running.mean)), state)
+
+    def _grow(self, state: AgentState) -> AgentState:
+        if self.growth is None or state.growth is None:
+            return state
+        growth, policy, new = self.growth.advance(state.growth, state.policy)
+        metric = state.metric
+        if self.metric is not None and metric is not None:
+            metric = self.metric.renew(metric, new)
+        return state._replace(growth=growth, policy=policy, metric=metric)
 
     def _compare(self, state: AgentState, reward: Float[Array, ""]) -> tuple[PyTree[Array], Any, ScaleState | None]:
         """The gradient sample of a reward, and the baseline and the scale afterwards."""
@@ -221,6 +252,11 @@ class Agent:
             return None
         return self.metric.update(state.metric, state.policy, *_last(state))
 
+    def _watch(self, state: AgentState, reward: Float[Array, ""]) -> GrowthState | None:
+        if self.growth is None or state.growth is None:
+            return None
+        return self.growth.watch(state.growth, reward)
+
     def _step(self, state: AgentState, gradient: PyTree[Array], due: Flag = True) -> AgentState:
         parameters, settings = split(state.policy)
         if self.metric is not None and state.metric is not None:
@@ -233,8 +269,11 @@ class Agent:
             gradient = _where_any(due, direction, gradient)
         descent = jax.tree.map(jnp.negative, gradient)
         updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
+        updates = state.policy.allowed(updates)
+        if self.growth is not None and state.growth is not None:
+            updates = self.growth.paced(state.growth, updates)
         moved = eqx.apply_updates(parameters, updates)
-        return state._replace(policy=eqx.combine(moved, settings), ascent=ascent)
+        return state._replace(policy=eqx.combine(moved, settings).limited(), ascent=ascent)
 
 
 def _running(state: AgentState) -> RunningMean:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group, check_groups
@@ -78,6 +78,12 @@ class FisherMetric:
         """Take in one decision: what was seen, and the action that was drawn."""
         now = policy.fisher(observation, action)
         fisher = tuple(f + self.rate * (x - f) for f, x in zip(state.fisher, now, strict=True))
+        return state._replace(fisher=fisher)
+
+    def renew(self, state: FisherState, new: Bool[Array, " units"]) -> FisherState:
+        """Begin anew for the units that are `new`, in a policy that is one pool: they know nothing yet."""
+        parts = zip(state.fisher, state.damping, strict=True)
+        fisher = tuple(jnp.where(new[:, None, None], _identities(d, self.initial), f) for f, d in parts)
         return state._replace(fisher=fisher)
 
     def precondition(self, state: FisherState, policy: P, gradient: P) -> P:

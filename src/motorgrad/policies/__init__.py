@@ -1,7 +1,9 @@
 """Stochastic units and the policies they make up."""
 
 from motorgrad.policies._binary import BinaryUnits, SigmoidUnits
+from motorgrad.policies._box import SoftBoxes
 from motorgrad.policies._factored import Factored
+from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
 from motorgrad.policies._grow import grow
@@ -11,16 +13,23 @@ from motorgrad.policies._initial import (
     Initial,
     gaussians,
     graded_motoneurons,
+    growing,
     hyperplanes,
     initial,
     motoneurons,
     querying_motoneurons,
+    soft_boxes,
+    soft_spheres,
     softmax,
+    tiles,
 )
+from motorgrad.policies._masked import Masked
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
+from motorgrad.policies._prune import activity, prune, reach
 from motorgrad.policies._querying import Querying
 from motorgrad.policies._softmax import Softmax
+from motorgrad.policies._sphere import SoftSpheres
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
@@ -28,28 +37,39 @@ __all__ = [
     "BinaryUnits",
     "Factored",
     "FreeGaussians",
+    "Gated",
     "GaussianUnits",
     "GradedMotoneurons",
     "GradedUnits",
     "Hyperplanes",
     "Initial",
     "LocalGaussians",
+    "Masked",
     "Motoneurons",
     "Policy",
     "Querying",
     "SigmoidUnits",
+    "SoftBoxes",
+    "SoftSpheres",
     "Softmax",
+    "activity",
     "describe",
     "fixed",
     "gaussians",
     "graded_motoneurons",
     "grow",
+    "growing",
     "hyperplanes",
     "initial",
     "motoneurons",
+    "prune",
     "querying_motoneurons",
+    "reach",
     "rebuild",
+    "soft_boxes",
+    "soft_spheres",
     "softmax",
     "split",
+    "tiles",
     "trainable",
 ]

@@ -1,6 +1,7 @@
 """Pools of independent stochastic binary units: each decides whether it fires."""
 
 import abc
+from collections.abc import Sequence
 from typing import Any, Self
 
 import jax
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
-from motorgrad.policies._policy import Policy, in_structure, outer, unit_rows
+from motorgrad.policies._policy import Policy, has_rows, in_structure, outer, unit_rows
 
 
 class BinaryUnits(Policy):
@@ -17,6 +18,16 @@ class BinaryUnits(Policy):
     An action is a vector of $N$ zeros and ones, in the floating type of the parameters; its log-probability is the sum
     of the units' and its score the concatenation of theirs (section 4.2.1 of the thesis).
     """
+
+    @property
+    def independent(self) -> bool:
+        """Whether each unit decides without regard to what the others do at the same decision."""
+        return True
+
+    @property
+    def separate(self) -> bool:
+        """Whether each unit has parameters of its own, which no other unit uses."""
+        return has_rows(self)
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
         p = self.prob(observation)
@@ -27,9 +38,13 @@ class BinaryUnits(Policy):
         p = self.prob(observation)
         return (p > 0.5).astype(p.dtype)
 
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        r"""Each unit's own term of $\log\pi$, its action being what it is in `action`."""
         p = self.prob(observation)
-        return jnp.sum(jnp.where(action > 0, jnp.log(p), jnp.log1p(-p)))
+        return jnp.where(action > 0, jnp.log(p), jnp.log1p(-p))
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        return jnp.sum(self.log_probs(observation, action))
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
         """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
@@ -75,9 +90,9 @@ class SigmoidUnits(BinaryUnits):
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return jax.nn.sigmoid(self.potential(observation))
 
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
         # log σ of the signed potential stays finite and exact in the far tails, where log p would not.
-        return jnp.sum(jax.nn.log_sigmoid((2 * action - 1) * self.potential(observation)))
+        return jax.nn.log_sigmoid((2 * action - 1) * self.potential(observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         surprise = action - self.prob(observation)
@@ -95,3 +110,12 @@ def enumerate_binary(units: int) -> Float[Array, "actions units"]:
     """All firing patterns of `units` binary units, as floats."""
     codes = jnp.arange(2**units)[:, None] >> jnp.arange(units - 1, -1, -1)
     return (codes & 1).astype(jnp.result_type(float))
+
+
+def product(lists: Sequence[Float[Array, "actions units"]]) -> Float[Array, "actions units"]:
+    """Every action of one list beside every action of the next; the last list's change fastest."""
+    joint = lists[0]
+    for more in lists[1:]:
+        left = jnp.repeat(joint, more.shape[0], axis=0)
+        joint = jnp.concatenate([left, jnp.tile(more, (joint.shape[0], 1))], axis=1)
+    return joint

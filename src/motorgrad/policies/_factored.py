@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, enumerate_binary
+from motorgrad.policies._binary import BinaryUnits, product
 from motorgrad.policies._policy import trainable
 
 
@@ -38,12 +38,35 @@ class Factored(BinaryUnits):
     def outputs(self) -> int:
         return sum(pool.outputs for pool in self.pools)
 
+    @property
+    def uniforms(self) -> int:
+        return sum(pool.uniforms for pool in self.pools)
+
+    @property
+    def independent(self) -> bool:
+        return all(pool.independent for pool in self.pools)
+
+    @property
+    def separate(self) -> bool:
+        return all(pool.separate for pool in self.pools)
+
     def _parts(self, action: Float[Array, " units"]) -> list[Float[Array, " _"]]:
         ends = itertools.accumulate((pool.outputs for pool in self.pools), initial=0)
         return [action[start:end] for start, end in itertools.pairwise(ends)]
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return jnp.concatenate([pool.prob(observation) for pool in self.pools])
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
+        parts = zip(self.pools, self._parts(uniforms), strict=True)
+        return jnp.concatenate([pool.sample(observation, part) for pool, part in parts])
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jnp.concatenate([pool.mode(observation) for pool in self.pools])
+
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        parts = zip(self.pools, self._parts(action), strict=True)
+        return jnp.concatenate([pool.log_probs(observation, part) for pool, part in parts])
 
     def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
         parts = zip(self.pools, self._parts(action), strict=True)
@@ -73,8 +96,16 @@ class Factored(BinaryUnits):
         parts = zip(self.pools, self._parts(action), strict=True)
         return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
 
+    def limited(self) -> Self:
+        return eqx.tree_at(lambda policy: policy.pools, self, tuple(pool.limited() for pool in self.pools))
+
+    def allowed(self, step: Any) -> Any:
+        parts = zip(self.pools, step.pools, strict=True)
+        return eqx.tree_at(lambda policy: policy.pools, step, tuple(pool.allowed(part) for pool, part in parts))
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
 
     def enumerate(self) -> Float[Array, "actions units"]:
-        return enumerate_binary(self.outputs)
+        """Every joint action: those of the last pool change fastest."""
+        return product([pool.enumerate() for pool in self.pools])

@@ -10,13 +10,13 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._capped import CappedUnits
 from motorgrad.policies._policy import fixed, in_structure
 
-CAP = 1e-6  # the closest to 1 that a probability comes, for sampling and for the score alike
+Limits = tuple[float, float] | None
 
 
-class GaussianUnits(BinaryUnits):
+class GaussianUnits(CappedUnits):
     r"""Units whose log-probability of firing falls with the squared distance $\rho = \frac12\sum_j z_j^2$ from a
     centre $\mu$, $z_j = (y_j - \mu_j)/\sigma_j$, in widths $\sigma_j = e^{\lambda_j}$.
 
@@ -26,6 +26,7 @@ class GaussianUnits(BinaryUnits):
 
     centre: eqx.AbstractVar[Float[Array, "units inputs"]]
     log_width: eqx.AbstractVar[Float[Array, "units inputs"]]
+    log_width_limits: eqx.AbstractVar[Limits]
 
     @abc.abstractmethod
     def log_height(self) -> Float[Array, " units"]:
@@ -39,27 +40,16 @@ class GaussianUnits(BinaryUnits):
     def outputs(self) -> int:
         return self.centre.shape[0]
 
+    def limited(self) -> Self:
+        if self.log_width_limits is None:
+            return self
+        return eqx.tree_at(lambda units: units.log_width, self, jnp.clip(self.log_width, *self.log_width_limits))
+
     def _scaled(self, observation: Float[Array, " inputs"]) -> Float[Array, "units inputs"]:
         return (observation - self.centre) * jnp.exp(-self.log_width)
 
     def _log_fire(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return self.log_height() - 0.5 * jnp.sum(self._scaled(observation) ** 2, axis=-1)
-
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return jnp.minimum(jnp.exp(self._log_fire(observation)), 1 - CAP)
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        log_fire = jnp.minimum(self._log_fire(observation), jnp.log1p(-CAP))
-        return jnp.sum(jnp.where(action > 0, log_fire, jnp.log(-jnp.expm1(log_fire))))
-
-    def _surprise(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        """d log π / d log p: 1 for firing, −p/(1 − p) for silence, 0 where p is capped."""
-        log_fire = self._log_fire(observation)
-        capped = log_fire >= jnp.log1p(-CAP)
-        safe = jnp.where(capped, -1.0, log_fire)
-        # −p/(1 − p) = 1/(1 − 1/p); with expm1 it is exact at both ends of (0, 1).
-        silence = jnp.exp(safe) / jnp.expm1(safe)
-        return jnp.where(capped, 0.0, jnp.where(action > 0, 1.0, silence))
 
 
 class LocalGaussians(GaussianUnits):
@@ -68,12 +58,14 @@ class LocalGaussians(GaussianUnits):
     Score, firing: $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$, $\partial_{\lambda_j} = ((y_j - \mu_j)/\sigma_j)^2$;
     silent: the same times $-p/(1 - p)$ (section 6.2, with the height tied to the widths: see `FreeGaussians`).
 
-    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `p_max`, a number or `(units,)`, in (0, 1].
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `p_max`, a number or `(units,)`, in (0, 1];
+    `log_width_limits`, the least and the greatest `log_width` that learning leaves, `None` for no limits.
     """
 
     centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     p_max: Float[Array, " units"] = fixed(converter=jnp.asarray, default=1.0)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
         _check_shapes(self)
@@ -104,12 +96,14 @@ class FreeGaussians(GaussianUnits):
     Score, firing: $\partial_\alpha = 1$, $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$,
     $\partial_{\lambda_j} = z_j^2 - 1$; silent: the same times $-p/(1 - p)$.
 
-    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `log_mass` $\alpha$, `(units,)`.
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `log_mass` $\alpha$, `(units,)`;
+    `log_width_limits` as of `LocalGaussians`.
     """
 
     centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
     log_mass: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
         _check_shapes(self)
@@ -142,3 +136,5 @@ def _check_shapes(units: GaussianUnits) -> None:
         units.log_width.shape,
         f"of shape {units.centre.shape}",
     )
+    limits = units.log_width_limits
+    check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")

@@ -42,5 +42,8 @@ def grow(pool: P, more: P) -> P:
             check(np.array_equal(own, new), f"more.{name}", new.tolist(), f"the pool's, {own.tolist()}")
         return own
 
-    names = tuple(vars(pool))
+    names = tuple(name for name, part in vars(pool).items() if hasattr(part, "shape"))
+    for name in vars(pool).keys() - set(names):
+        own, new = getattr(pool, name), getattr(more, name)
+        check(own == new, f"more.{name}", new, f"the pool's, {own}")
     return eqx.tree_at(lambda each: [getattr(each, name) for name in names], pool, [joined(name) for name in names])

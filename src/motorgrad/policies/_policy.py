@@ -90,6 +90,14 @@ class Policy(eqx.Module):
         """
         return tuple(outer(block) for block in self.blocks(self.score(observation, action)))
 
+    def limited(self) -> Self:
+        """The policy with its parameters put back within their limits, where it has any: after every step."""
+        return self
+
+    def allowed(self, step: Any) -> Any:
+        """A step of the parameters without what must not move; by default all of it."""
+        return step
+
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """Entropy of the action's distribution, in nats."""
@@ -151,8 +159,12 @@ def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
 
 def unit_rows(policy: Policy, gradient: Any) -> Float[Array, "units parameters"]:
     """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
-    own = all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
-    return rows(gradient, policy.outputs if own else 1)
+    return rows(gradient, policy.outputs if has_rows(policy) else 1)
+
+
+def has_rows(policy: Policy) -> bool:
+    """Whether every trainable array leads with the units."""
+    return all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
 
 
 def is_plain(policy: Policy) -> bool:

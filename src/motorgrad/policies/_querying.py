@@ -1,6 +1,6 @@
 """Policies that also choose what they see next (active learning)."""
 
-from typing import Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -112,6 +112,12 @@ class Querying(Policy):
         self, observation: Float[Array, " 1"], action: Float[Array, " units+1"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         return self.policy.fisher(observation, action[:-1])
+
+    def allowed(self, step: Any) -> Any:
+        return eqx.tree_at(lambda each: each.policy, step, self.policy.allowed(step.policy))
+
+    def limited(self) -> Self:
+        return eqx.tree_at(lambda each: each.policy, self, self.policy.limited())
 
     def entropy(self, observation: Float[Array, " 1"]) -> Float[Array, ""]:
         return self.policy.entropy(observation)

@@ -9,11 +9,17 @@ from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
+from motorgrad.tasks._particle import FallingParticle
+from motorgrad.tasks._particle_navigation import ParticleNavigation
+from motorgrad.tasks._particle_orbit import ParticleOrbit
+from motorgrad.tasks._particle_task import ParticleTask, around
 from motorgrad.tasks._recruitment import Pull, Recruitment
+from motorgrad.tasks._regions import LAYOUTS, Region, region_reward
 from motorgrad.tasks._registry import TASKS, make
 from motorgrad.tasks._task import Reading, Task
 
 __all__ = [
+    "LAYOUTS",
     "TASKS",
     "ArmRecruitment",
     "BodyTask",
@@ -23,6 +29,7 @@ __all__ = [
     "EnvironmentBatch",
     "EnvironmentMemory",
     "EnvironmentState",
+    "FallingParticle",
     "FiniteTask",
     "Flight",
     "Gymnasium",
@@ -30,12 +37,18 @@ __all__ = [
     "HostBatch",
     "HostTask",
     "LinearRecruitment",
+    "ParticleNavigation",
+    "ParticleOrbit",
+    "ParticleTask",
     "Pull",
     "Reading",
     "Recruitment",
+    "Region",
     "Task",
     "ThreeState",
+    "around",
     "from_gymnasium",
     "make",
+    "region_reward",
     "spacing_error",
 ]

@@ -9,10 +9,25 @@ from motorgrad.tasks._finite import CallAdmission, Chain, ThreeState
 from motorgrad.tasks._gymnasium import Gymnasium
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._linear_recruitment import LinearRecruitment
+from motorgrad.tasks._particle import FallingParticle
+from motorgrad.tasks._particle_navigation import ParticleNavigation
+from motorgrad.tasks._particle_orbit import ParticleOrbit
 from motorgrad.tasks._task import Task
 
 TASKS: dict[str, type[Task]] = {
-    task.name: task for task in (ArmRecruitment, CallAdmission, Chain, Gymnasium, Hopper, LinearRecruitment, ThreeState)
+    task.name: task
+    for task in (
+        ArmRecruitment,
+        CallAdmission,
+        Chain,
+        FallingParticle,
+        Gymnasium,
+        Hopper,
+        LinearRecruitment,
+        ParticleNavigation,
+        ParticleOrbit,
+        ThreeState,
+    )
 }
 """The class of every task, by name; a task of your own may be added."""
 

@@ -70,6 +70,12 @@ class Task(abc.ABC):
         """Whether an episode ever ends, by the task or by its limit."""
         return self.episodic or self.episode_limit is not None
 
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...] | None:
+        """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
+        that is not known."""
+        return None
+
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
         """The memory at the start of an episode."""
         del uniforms

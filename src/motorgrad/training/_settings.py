@@ -13,19 +13,23 @@ from motorgrad.learning import (
     Agent,
     Baseline,
     BinnedBaseline,
+    Clock,
     Constant,
     Episodic,
     Estimator,
     Exponential,
     FisherMetric,
     FixedStep,
+    Growth,
     InputBaseline,
     LaggedGaussian,
     LinearBaseline,
     MeanReward,
     NoBaseline,
+    Plateau,
     RootMeanSquare,
     Trace,
+    Visited,
     Window,
     adam,
     decayed,
@@ -80,6 +84,19 @@ class AgentSettings:
     - `metric_initial`: what the Fisher matrix's diagonal starts from.
     - `damping`: what is added to the diagonal of every Fisher matrix.
     - `dampings`: the damping of each group of parameters, by name, in place of `damping`; those left out have none.
+    - `growth`: a policy of one size, or units that are added one by one, by the clock or where the reward is flat.
+    - `growth_units`: with how many units growth is complete; by default all of the policy's.
+    - `growth_interval` (decisions): from one unit to the next, by the clock.
+    - `growth_window` (decisions): over which rewards are averaged to see whether they still rise.
+    - `growth_confidence`: of the interval in which a rise counts as none.
+    - `growth_patience`: after how many units in a row that brought nothing none is added any more.
+    - `growth_placement`: whether a unit starts at `growth_centre`, or where the learner has been of late.
+    - `growth_centre`: where a unit starts, in every input.
+    - `growth_width`: its width then, in the units of the inputs.
+    - `growth_cutoff`: the width down to which it shrinks in its adding phase.
+    - `growth_shrink`: what its width is multiplied by at every decision of that phase.
+    - `growth_boost`: what its steps are multiplied by meanwhile.
+    - `growth_damp`: what those of the other units are multiplied by meanwhile.
 
     **Raises** `ValueError` for what is unknown or impossible, by name; from `agent` for what does not go with the task.
     """
@@ -115,6 +132,19 @@ class AgentSettings:
     metric_initial: float = 1.0
     damping: float = 0.01
     dampings: Mapping[str, float] | None = None
+    growth: Literal["none", "clock", "plateau"] = "none"
+    growth_units: int | None = None
+    growth_interval: int = 10_000
+    growth_window: int = 4_000
+    growth_confidence: float = 0.95
+    growth_patience: int = 3
+    growth_placement: Literal["centre", "visited"] = "centre"
+    growth_centre: float = 0.5
+    growth_width: float = 1.0
+    growth_cutoff: float = 0.15
+    growth_shrink: float = 0.99975
+    growth_boost: float = 8.0
+    growth_damp: float = 0.5
 
     def __post_init__(self) -> None:
         choice("policy", self.policy, policies.INITIAL)
@@ -124,11 +154,14 @@ class AgentSettings:
         choice("advantages", self.advantages, ("plain", "normalised"))
         choice("ascent", self.ascent, ("sgd", "adam"))
         choice("metric", self.metric, ("euclidean", "fisher"))
+        choice("growth", self.growth, ("none", "clock", "plateau"))
+        choice("growth_placement", self.growth_placement, ("centre", "visited"))
         self._start()
         # making them refuses impossible numbers at once
         self.estimate()
         self.rule()
         self.measure()
+        self._check_growth()
 
     def estimate(self) -> Estimator:
         """The estimator that the settings stand for."""
@@ -170,13 +203,50 @@ class AgentSettings:
         damping = self.damping if self.dampings is None else self.dampings
         return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial))
 
+    def grow(self) -> Growth | None:
+        """The schedule of growth that the settings stand for."""
+        if self.growth == "none":
+            return None
+        criteria = {
+            "clock": lambda: Clock(self.growth_interval),
+            "plateau": lambda: Plateau(self.growth_window, self.growth_confidence, self.growth_patience),
+        }
+        return Growth(
+            criteria[self.growth](),
+            self.growth_units,
+            self.growth_centre,
+            Visited() if self.growth_placement == "visited" else None,
+            self.growth_width,
+            self.growth_cutoff,
+            self.growth_shrink,
+            self.growth_boost,
+            self.growth_damp,
+        )
+
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
         units = {} if self.units is None else {"units": self.units}
         inputs = task.observation_size
         check((self.units or 1) * inputs <= LARGEST, "units", self.units, f"at most {LARGEST // inputs} here")
+        size = self.units or task.action_size
+        check(
+            (self.growth_units or 1) <= size, "growth_units", self.growth_units, f"at most the policy's units, {size}"
+        )
         start = policies.initial(self.policy, task, **units, **self._start())
-        return Agent(start, self.estimate(), self.rule(), self.measure())
+        return Agent(start, self.estimate(), self.rule(), self.measure(), self.grow())
+
+    def _check_growth(self) -> None:
+        """Refuse, by the settings' own names, what is impossible, and growth without the policy for it."""
+        if self.policy == "growing":
+            check(self.growth != "none", "growth", self.growth, "'clock' or 'plateau' where policy = 'growing'")
+        elif self.growth != "none":
+            check(False, "policy", self.policy, f"'growing' where growth = {self.growth!r}")
+        try:
+            self.grow()
+        except ValueError as error:
+            raise ValueError(f"growth_{error}") from None
+        moves = self.growth == "none" or self.estimate().improve != "never"
+        check(moves, "growth", self.growth, "'none' where parameters never move")
 
     def _start(self) -> dict[str, Any]:
         """`policy_settings` as the initial policy's function takes them."""
@@ -235,7 +305,13 @@ def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
         "estimator": estimator,
         "ascent": _rule(agent.ascent, policy),
         **metric,
+        **({} if agent.growth is None else {"growth": _growth(agent.growth)}),
     }
+
+
+def _growth(growth: Growth) -> dict[str, Any]:
+    criterion = {"kind": type(growth.criterion).__name__, **table(growth.criterion)}
+    return {**table(growth), "criterion": criterion}
 
 
 def _rule(rule: Any, policy: policies.Policy) -> dict[str, Any]:

@@ -84,6 +84,8 @@ class Stepper(abc.ABC):
         agent, tally = state.agent, state.tally
         look = self.cycle.read(tally)
         look["baseline"] = self.cycle.agent.estimator.baseline.value(agent.baseline)
+        if agent.growth is not None:
+            look["units"] = jnp.sum(agent.policy.active)  # type: ignore[attr-defined]
         look["parameters"] = ravel_pytree(trainable(agent.policy))[0]
         return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), look
 

@@ -1,0 +1,136 @@
+"""Sub-policies behind gates: what is possible, the scores of what is open, and exact Fisher matrices."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+from policy_examples import observation_of, policy_of
+
+from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Motoneurons, Softmax, trainable
+
+NAMES = ("gated", "gated-nested", "factored-gated")
+
+
+def simple(gate=0.3, below=0.8):
+    """One gate and one unit behind it, with these probabilities at 0."""
+    odds = [[np.log(p / (1 - p))] for p in (gate, below)]
+    return Gated(Hyperplanes([[1.0]], odds[0]), [Hyperplanes([[2.0]], odds[1])])
+
+
+def test_the_three_possible_actions_have_the_products_of_the_parts():
+    policy, y = simple(), jnp.zeros(1)
+    found = {tuple(map(int, a)): float(jnp.exp(policy.log_prob(y, a))) for a in policy.enumerate()}
+    assert found == pytest.approx({(0, 0): 0.7, (1, 0): 0.3 * 0.2, (1, 1): 0.3 * 0.8}, rel=1e-6)
+    assert policy.log_prob(y, jnp.array([0.0, 1.0])) == -jnp.inf
+    np.testing.assert_allclose(policy.prob(y), [0.3, 0.24], rtol=1e-6)
+
+
+def test_the_mode_is_the_likeliest_joint_action_and_not_that_of_each_unit():
+    y = jnp.zeros(1)
+    # the gate fires with .55, but then two actions share that: silence, .45, is likelier than .55 × .6
+    np.testing.assert_array_equal(simple(0.55, 0.6).mode(y), [0, 0])
+    np.testing.assert_array_equal(simple(0.55, 0.9).mode(y), [1, 1])
+    np.testing.assert_array_equal(simple(0.9, 0.1).mode(y), [1, 0])
+
+
+def test_a_sub_policy_has_a_score_only_where_its_gate_fired():
+    policy, y = simple(), jnp.array([0.4])
+    closed, opened = (policy.score(y, jnp.array([gate, 0.0])) for gate in (0.0, 1.0))
+    np.testing.assert_array_equal(closed.branches[0].weights, 0)
+    np.testing.assert_array_equal(opened.branches[0].weights, policy.branches[0].score(y, jnp.zeros(1)).weights)
+    assert (np.asarray(opened.branches[0].weights) != 0).all()
+    for gate, score in ((0.0, closed), (1.0, opened)):
+        np.testing.assert_array_equal(score.gate.weights, policy.gate.score(y, jnp.array([gate])).weights)
+
+
+def test_nothing_below_a_closed_gate_fires_however_deep():
+    inner = Gated(Hyperplanes([[0.0]], [50.0]), [Hyperplanes([[0.0]], [50.0])])
+    sure, never = (Gated(Hyperplanes([[0.0]], [bias]), [inner]) for bias in (50.0, -50.0))
+    half = jnp.full(3, 0.5)
+    np.testing.assert_array_equal(sure.sample(jnp.zeros(1), half), [1, 1, 1])
+    np.testing.assert_array_equal(never.sample(jnp.zeros(1), half), [0, 0, 0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_fisher_matrices_are_the_blocks_of_the_exact_one_which_has_no_others(name):
+    with jax.enable_x64(True):
+        policy = policy_of(name)
+        y = observation_of(policy)
+        actions = policy.enumerate()
+        weight = np.exp([float(policy.log_prob(y, a)) for a in actions])
+        rows = [[np.asarray(block) for block in policy.blocks(policy.score(y, a))] for a in actions]
+        matrices = policy.fisher(y, actions[0])
+        flat = np.array([np.concatenate([block.ravel() for block in each]) for each in rows])
+    exact, start = np.einsum("a,ai,aj->ij", weight, flat, flat), 0
+    rest = exact.copy()
+    for matrix in matrices:
+        for own in np.asarray(matrix):
+            end = start + len(own)
+            np.testing.assert_allclose(own, exact[start:end, start:end], rtol=1e-9, atol=1e-12)
+            rest[start:end, start:end] = 0
+            start = end
+    assert start == len(exact)
+    np.testing.assert_allclose(rest, 0, atol=1e-12 * (1 + np.abs(exact).max()))
+
+
+def test_where_units_share_parameters_the_fisher_matrix_is_the_sample_and_right_in_the_mean():
+    with jax.enable_x64(True):
+        shared = policy_of("admission-thresholds")
+        policy = Gated(Hyperplanes([[0.2, 0.0, 0.0, 0.1]], [0.3]), [Factored([shared, shared])])
+        y = jnp.array([0.0, 1.0, 0.0, 2.0])
+        actions = policy.enumerate()
+        weight = np.exp([float(policy.log_prob(y, a)) for a in actions])
+        mean = sum(w * np.asarray(policy.fisher(y, a)[1]) for w, a in zip(weight, actions, strict=True))
+        block = [np.asarray(policy.blocks(policy.score(y, a))[1]) for a in actions]
+    exact = sum(w * np.einsum("ui,uj->uij", b, b) for w, b in zip(weight, block, strict=True))
+    np.testing.assert_allclose(mean, exact, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_blocks_are_taken_apart_and_joined_again(name):
+    policy = policy_of(name)
+    score = policy.score(observation_of(policy), policy.enumerate()[-1])
+    joined = policy.from_blocks(policy.blocks(score))
+    assert jax.tree.structure(joined) == jax.tree.structure(trainable(policy))
+    np.testing.assert_array_equal(ravel_pytree(joined)[0], ravel_pytree(score)[0])
+
+
+@pytest.mark.parametrize(
+    ("build", "names"),
+    [
+        (lambda: Gated(Hyperplanes([[1.0]], [0.0]), []), "branches = []: must be as many as the gate has units, 1"),
+        (lambda: Gated(Softmax([[1.0]]), []), "gate = 'Softmax': must be a pool of binary units"),
+        (lambda: Gated(simple(), [simple()] * 2), "gate = 'Gated': must be a pool of independent units"),
+        (lambda: Gated(Hyperplanes([[1.0]], [0.0]), [Softmax([[1.0]])]), "branches = ['Softmax']"),
+        (lambda: Gated(Hyperplanes([[1.0, 1.0]], [0.0]), [Motoneurons([0.0], [0.0])]), "branches = [1]"),
+    ],
+)
+def test_impossible_hierarchies_are_refused_by_name(build, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        build()
+    assert names in str(error.value)
+
+
+def test_gates_and_their_units_are_learnt_together():
+    """A reward for the gate on the right and, there, for the unit behind it: both must find it."""
+    from motorgrad.learning import Agent, Olgarb, sgd
+
+    policy = Gated(
+        LocalGaussians([[0.0]], [[1.0]], 0.9), [Gated(Hyperplanes([[0.0]], [0.0]), [Hyperplanes([[0.0]], [0.0])])]
+    )
+    agent = Agent(policy, Olgarb(0.0), sgd(0.05))
+
+    def decide(state, numbers):
+        y = 2 * numbers[:1] - 1
+        state, action = agent.act(state, y, numbers[1:])
+        reward = jnp.where(y[0] > 0, action[2] - 0.5 * action[0] * (1 - action[2]), -action[0])
+        return agent.improve(agent.reinforce(state, reward, y)), reward
+
+    run = jax.jit(lambda key: jax.lax.scan(decide, agent.init(key), jax.random.uniform(key, (20_000, 4))))
+    state, rewards = run(jax.random.key(1))
+    # At most .5 can be had, where the whole right half fires; a Gaussian cannot end at 0 without losing on one side.
+    assert rewards[:500].mean() < 0
+    assert rewards[-5_000:].mean() > 0.2
+    left, right = (float(state.policy.prob(jnp.array([y]))[2]) for y in (-0.7, 0.7))
+    assert left < 0.1 < 0.5 < right  # before: 0.22 on either side

@@ -1,0 +1,145 @@
+"""Pools of fixed size of which some units are off: as the smaller pool, and the others do not exist."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from policy_examples import EXAMPLES, observation_of, policy_of
+
+from motorgrad.learning import Agent, FisherMetric, Olpomdp, adam, decayed, sgd
+from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
+
+POOLS = (
+    "motoneurons",
+    "hyperplanes",
+    "local-gaussians",
+    "local-gaussians-p-max",
+    "free-gaussians",
+    "soft-spheres",
+    "soft-boxes",
+)
+ACTIVE = np.array([True, False, True])
+
+
+def pair(name, seed=0):
+    """A pool with its second unit off, and the pool without that unit."""
+    pool = policy_of(name, seed)
+    return Masked(pool, ACTIVE), prune(pool, ACTIVE), observation_of(pool, seed)
+
+
+@pytest.mark.parametrize("name", POOLS)
+def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
+    with jax.enable_x64(True):
+        masked, smaller, y = pair(name)
+        np.testing.assert_allclose(masked.prob(y)[ACTIVE], smaller.prob(y), rtol=1e-12)
+        assert masked.prob(y)[1] == 0
+        assert float(masked.entropy(y)) == pytest.approx(float(smaller.entropy(y)), rel=1e-9)
+        for few in smaller.enumerate():
+            action = jnp.zeros(3).at[np.flatnonzero(ACTIVE)].set(few)
+            assert float(masked.log_prob(y, action)) == pytest.approx(float(smaller.log_prob(y, few)), rel=1e-12)
+            assert masked.log_prob(y, action.at[1].set(1.0)) == -jnp.inf
+            score, wanted = masked.score(y, action), smaller.score(y, few)
+            for mine, theirs in zip(jax.tree.leaves(score), jax.tree.leaves(wanted), strict=True):
+                np.testing.assert_allclose(mine[ACTIVE], theirs, rtol=1e-12)
+                np.testing.assert_array_equal(mine[1], 0)
+        action = masked.mode(y)
+        (fisher,), (own,) = masked.fisher(y, action), smaller.fisher(y, action[ACTIVE])
+        np.testing.assert_allclose(fisher[ACTIVE], own, rtol=1e-9)
+        np.testing.assert_array_equal(fisher[1], 0)
+
+
+@pytest.mark.parametrize("name", POOLS)
+def test_units_that_are_off_never_fire(name):
+    masked, smaller, y = pair(name)
+    uniforms = jax.random.uniform(jax.random.key(2), (512, 3))
+    taken = jax.vmap(lambda u: masked.sample(y, u))(uniforms)
+    np.testing.assert_array_equal(taken[:, 1], 0)
+    np.testing.assert_array_equal(taken[:, ACTIVE], jax.vmap(lambda u: smaller.sample(y, u))(uniforms[:, ACTIVE]))
+    np.testing.assert_array_equal(masked.sample(y, jnp.zeros(3))[1], 0)
+
+
+RULES = {
+    "sgd": (sgd(0.1), None),
+    "adam": (adam(0.1), None),
+    "decay": (decayed(sgd(0.1), 0.1), None),
+    "optax": (optax.chain(optax.add_decayed_weights(0.1), optax.sgd(0.1, momentum=0.9)), None),
+    "natural": (sgd(0.1), FisherMetric(rate=0.1)),
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):
+    masked, _, y = pair("local-gaussians-p-max")
+    policy = Factored([Gated(policy_of("hyperplanes"), [masked] * 3), masked]) if wrapped else masked
+    ascent, metric = RULES[rule]
+    agent = Agent(policy, Olpomdp(0.5), ascent, metric)
+    state = start = agent.init(jax.random.key(0))
+    for number in range(5):
+        state, _ = agent.act(state, y, jax.random.uniform(jax.random.key(number), (policy.uniforms,)))
+        state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
+    inner = lambda policy: policy.pools[1] if wrapped else policy  # noqa: E731
+    before, after = (inner(each.policy).pool for each in (start, state))
+    for old, new in zip(jax.tree.leaves(trainable(before)), jax.tree.leaves(trainable(after)), strict=True):
+        np.testing.assert_array_equal(new[1], old[1])
+        assert (np.asarray(new)[ACTIVE] != np.asarray(old)[ACTIVE]).any()
+
+
+def test_units_are_switched_on_within_one_compiled_program():
+    pool, y, count = policy_of("hyperplanes"), observation_of(policy_of("hyperplanes")), 0
+
+    @jax.jit
+    def probability(active):
+        nonlocal count
+        count += 1
+        return Masked(pool, active).prob(y)
+
+    for number in range(3):
+        p = probability(jnp.arange(3) < number)
+        np.testing.assert_allclose(p, np.where(np.arange(3) < number, pool.prob(y), 0), rtol=1e-6)
+    assert count == 1
+
+
+def test_the_mask_is_no_parameter_and_all_units_are_there_by_default():
+    masked = Masked(policy_of("hyperplanes"))
+    np.testing.assert_array_equal(masked.active, True)
+    assert trainable(masked).active is None
+    assert eqx.tree_equal(masked.pool, policy_of("hyperplanes"))
+
+
+@pytest.mark.parametrize(
+    ("build", "names"),
+    [
+        (lambda: Masked(Softmax([[1.0]])), "pool = 'Softmax': must be a pool of binary units"),
+        (lambda: Masked(policy_of("gated")), "pool = 'Gated': must be a pool of independent units"),
+        (lambda: Masked(policy_of("factored")), "pool = 'Factored'"),
+        (lambda: Masked(policy_of("admission-thresholds")), "pool = 'AdmissionThresholds'"),
+        (lambda: Masked(Hyperplanes([[1.0]], [0.0]), [True, False]), "active = (2,): must be of shape (1,)"),
+        (lambda: Masked(Hyperplanes([[1.0]], [0.0]), [0.5]), "active = 'float32': must be true or false"),
+    ],
+)
+def test_what_cannot_be_masked_is_refused_by_name(build, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        build()
+    assert names in str(error.value)
+
+
+def test_every_kind_of_pool_that_can_be_masked_is_tried_here():
+    for name in EXAMPLES:
+        if name in POOLS or name == "masked":
+            continue
+        with pytest.raises(ValueError, match="pool = "):
+            Masked(policy_of(name))
+
+
+def test_limits_hold_within_every_policy_that_wraps_a_pool():
+    wide = LocalGaussians(np.zeros((2, 2)), np.full((2, 2), 3.0), log_width_limits=(-4.0, 2.0))
+    gate = Hyperplanes(np.zeros((1, 2)), np.zeros(1))
+    for policy, inner in (
+        (Masked(wide), lambda p: p.pool),
+        (Factored([gate, wide]), lambda p: p.pools[1]),
+        (Gated(gate, [wide]), lambda p: p.branches[0]),
+    ):
+        np.testing.assert_array_equal(inner(policy.limited()).log_width, 2.0)

@@ -1,0 +1,135 @@
+"""Growing learners in training: resumed bit for bit, each seed by its own, recorded, in plain values, and refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from training_examples import assert_differ, assert_same, assert_same_run, columns, learner
+
+import motorgrad as mg
+from motorgrad.cli import main
+from motorgrad.learning import Agent, Clock, Growth, Olgarb, Plateau, Visited, sgd
+from motorgrad.policies import growing
+from motorgrad.training import AgentSettings, settings_for
+
+TASK = mg.make("linear-recruitment", units=6)
+QUICK = {"policy": "growing", "growth_shrink": 0.9, "rates": {"centre": 1e-2, "log_width": 1e-2}, "metric": "euclidean"}
+RULES = {
+    "clock": {**QUICK, "growth": "clock", "growth_interval": 40},
+    "plateau": {**QUICK, "growth": "plateau", "growth_window": 60, "growth_placement": "visited"},
+}
+
+
+def settings(rule, **changes):
+    return settings_for(TASK, **{**RULES[rule], **changes})
+
+
+def go(rule, out=None, steps=240, seeds=(3, 0, 8), **options):
+    return mg.train(TASK, settings(rule), steps, list(seeds), out, window=20, progress=False, **options)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_growing_run_is_resumed_bit_for_bit(rule, tmp_path):
+    whole = go(rule, tmp_path / "whole")
+    go(rule, tmp_path / "parts", steps=130)
+    parts = go(rule, tmp_path / "parts")
+    assert_same_run(mg.load(parts.path), mg.load(whole.path))
+    assert_differ(whole.policies, go(rule, steps=130).policies)
+    np.testing.assert_array_equal(mg.load(whole.path).policies.active, whole.policies.active)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_seeds_grow_each_by_its_own_rewards(rule):
+    together = go(rule)
+    for row, seed in enumerate((3, 0, 8)):
+        alone = go(rule, seeds=[seed])
+        np.testing.assert_array_equal(together.policies.active[row], alone.policies.active[0])
+        # another number of lanes may round differently
+        for mine, own in zip(jax.tree.leaves(together.policies), jax.tree.leaves(alone.policies), strict=True):
+            np.testing.assert_allclose(mine[row], own[0], rtol=1e-4, atol=1e-5)
+
+
+def test_the_metrics_say_how_many_units_there_are():
+    run = go("clock")
+    units = columns(run.metrics)["units"].reshape(-1, 3)
+    np.testing.assert_array_equal(units, np.repeat([1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 6], 3).reshape(-1, 3))
+    assert run.policies.active.all()
+    assert "units" not in go_plain().metrics.column_names
+
+
+def go_plain():
+    return mg.train(TASK, settings_for(TASK), 20, 1, window=20, progress=False)
+
+
+def test_one_chunk_or_many_are_the_same():
+    steppers = [learner(TASK, [5, 2], **RULES["plateau"]) for _ in range(2)]
+    steppers[0].advance(300)
+    for part in (1, 137, 62, 100):
+        steppers[1].advance(part)
+    assert_same(steppers[0].state, steppers[1].state)
+
+
+def test_it_grows_on_a_body():
+    task = mg.make("hopper")
+    hop = settings_for(task, **RULES["clock"])
+    run = mg.train(task, hop, 45, 2, window=15, progress=False)
+    np.testing.assert_array_equal(columns(run.metrics)["units"].reshape(-1, 2), [[1, 1], [1, 1], [2, 2]])
+
+
+def test_settings_make_the_schedule():
+    agent = settings("plateau", growth_patience=2, growth_confidence=0.9, growth_units=4, growth_boost=3.0).agent(TASK)
+    wanted = Growth(Plateau(60, 0.9, 2), 4, 0.5, Visited(), shrink=0.9, boost=3.0)
+    assert agent.growth == wanted
+    assert settings("clock").agent(TASK).growth == Growth(Clock(40), shrink=0.9)
+    assert settings_for(TASK).agent(TASK).growth is None
+
+
+def test_a_schedule_belongs_to_what_identifies_a_run(tmp_path):
+    def agent(interval):
+        return Agent(growing(TASK), Olgarb(0.5), sgd(1e-2), growth=Growth(Clock(interval), shrink=0.9))
+
+    mg.train(TASK, agent(40), 20, 1, tmp_path, progress=False)
+    with pytest.raises(mg.training.RunDirectoryError, match=r"growth\.criterion\.interval was 40 and is now 50"):
+        mg.train(TASK, agent(50), 20, 1, tmp_path, progress=False)
+
+
+def test_a_grown_run_is_taken_up_with_the_units_it_has():
+    first = go("clock", steps=60)
+    again = go("clock", steps=20, initial=first.policies)
+    # two were there, and one more is added at once
+    np.testing.assert_array_equal(np.sum(again.policies.active, 1), 3)
+    np.testing.assert_array_equal(again.initial.pool.centre[:, :2], first.policies.pool.centre[:, :2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({"growth": "clock"}, "policy = 'hyperplanes': must be 'growing' where growth = 'clock'"),
+        ({"policy": "growing"}, "growth = 'none': must be 'clock' or 'plateau' where policy = 'growing'"),
+        ({**QUICK, "growth": "clok"}, "growth 'clok': did you mean 'clock'"),
+        ({**RULES["clock"], "growth_interval": 10}, "growth_interval = 10: must be at least the 19 decisions"),
+        ({**RULES["clock"], "growth_width": 0.0}, "growth_width = 0.0: must be positive"),
+        ({**RULES["clock"], "growth_cutoff": -1.0}, "growth_cutoff = -1.0: must be positive"),
+        ({**RULES["clock"], "growth_units": 0}, "growth_units = 0: must be at least 1"),
+        ({**RULES["plateau"], "growth_window": 5}, "growth_window = 5: must be at least 40 decisions"),
+        ({**RULES["clock"], "improve": "never"}, "growth = 'clock': must be 'none' where parameters never move"),
+    ],
+)
+def test_impossible_schedules_are_refused_by_the_settings_names(changes, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        AgentSettings(**changes)
+    assert names in str(error.value)
+
+
+def test_a_pool_smaller_than_the_schedule_needs_is_refused_in_one_line_at_the_command_line(capsys):
+    asked = ["--agent.policy", "growing", "--agent.growth", "clock", "--task.units", "6", "--agent.growth-units", "7"]
+    assert main(["train", "linear-recruitment", "--check", *asked]) == 2
+    said = capsys.readouterr().err
+    assert said.strip() == "motorgrad train: growth_units = 7: must be at most the policy's units, 6"
+
+
+def test_a_growing_hierarchy_is_refused():
+    from motorgrad.policies import Gated, Hyperplanes
+
+    with pytest.raises(ValueError, match="'Gated': must be a Masked pool"):
+        Agent(Gated(Hyperplanes([[1.0]], jnp.zeros(1)), [growing(1, 2)]), growth=Growth()).init(jax.random.key(0))

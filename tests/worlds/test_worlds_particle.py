@@ -1,0 +1,313 @@
+"""The particle: against closed forms, and what must be conserved, lost, or the same in a mirror."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
+from motorgrad.worlds._particle_physics import runge_kutta
+
+OPEN = Walls(open=("left", "bottom", "right", "top"))
+RIGHT, UP = (1.0, 0.0), (0.0, 1.0)
+
+
+@pytest.fixture(autouse=True)
+def _double():
+    with jax.enable_x64(True):
+        yield
+
+
+def at(x, y, vx=0.0, vy=0.0):
+    return ParticleState(jnp.array([x, y], float), jnp.array([vx, vy], float), jnp.zeros(4, bool))
+
+
+def path(world, state, decisions, action=None, seed=0):
+    """Every state after so many decisions of one action."""
+    action = jnp.zeros(len(world.forces)) if action is None else jnp.asarray(action, float)
+    numbers = jax.random.uniform(jax.random.key(seed), (decisions, world.uniforms))
+
+    def decide(state, uniforms):
+        state = world.step(state, action, uniforms)
+        return state, state
+
+    return jax.jit(lambda state: jax.lax.scan(decide, state, numbers)[1])(state)
+
+
+def free(drag=0.0, gravity=(0.0, 0.0), walls=OPEN, **other):
+    return Particle((RIGHT, UP), ParticlePhysics(drag=drag, gravity=gravity, walls=walls, **other))
+
+
+def test_free_fall_drops_as_far_as_the_reading_says():
+    world = Particle((RIGHT,))
+    fallen = path(world, at(0.5, 1.0), 10)  # 2 s
+    assert 1 - float(fallen.position[-1, 1]) == pytest.approx(0.283834, abs=5e-7)
+    exact = 0.25 * (2 - (1 - math.exp(-2)))
+    assert 1 - float(fallen.position[-1, 1]) == pytest.approx(exact, abs=2e-6)
+    assert (fallen.position[:, 0] == 0.5).all()
+
+
+def test_free_fall_is_the_same_in_single_precision():
+    with jax.enable_x64(False):
+        state = ParticleState(jnp.array([0.5, 1.0]), jnp.zeros(2), jnp.zeros(4, bool))
+        world = Particle((RIGHT,))
+        for _ in range(10):
+            state = world.step(state, jnp.zeros(1), jnp.zeros(0))
+        assert state.position.dtype == jnp.float32
+        assert 1 - float(state.position[1]) == pytest.approx(0.283834, abs=1e-6)
+
+
+@pytest.mark.parametrize(("mass", "drag", "gravity"), [(1.0, 1.0, -0.25), (2.0, 0.5, -1.0), (0.5, 3.0, 0.7)])
+def test_terminal_velocity(mass, drag, gravity):
+    world = free(mass=mass, drag=drag, gravity=(0.0, gravity))
+    assert path(world, at(0.5, 0.5), 500).velocity[-1, 1] == pytest.approx(mass * gravity / drag, rel=1e-9)
+
+
+def test_a_force_moves_as_newton_says_and_actions_grade_it():
+    world = free(mass=2.0)
+    for action in ([1.0, 0.0], [0.0, 1.0], [0.5, -0.25]):
+        moved = path(world, at(0.0, 0.0), 5, action)  # 1 s without drag: exact
+        np.testing.assert_allclose(moved.position[-1], 0.5 * np.array(action) / 2.0, atol=1e-12)
+        np.testing.assert_allclose(moved.velocity[-1], np.array(action) / 2.0, atol=1e-12)
+
+
+def test_several_forces_add_up():
+    world = Particle(((0.1, 0.0), (0.2, 0.3), (-0.5, 0.1)), ParticlePhysics(drag=0.0, gravity=(0.0, 0.0), walls=OPEN))
+    moved = path(world, at(0.0, 0.0), 5, [1.0, 1.0, 0.0])
+    np.testing.assert_allclose(moved.velocity[-1], [0.3, 0.3], atol=1e-12)
+
+
+def test_the_integration_is_of_fourth_order():
+    def error(steps):
+        state = (jnp.array(1.0), jnp.array(0.0))
+        for _ in range(steps):
+            state = runge_kutta(lambda s: (s[1], -s[0]), state, 2.0 / steps)
+        return math.hypot(float(state[0]) - math.cos(2.0), float(state[1]) + math.sin(2.0))
+
+    orders = [math.log2(error(steps) / error(2 * steps)) for steps in (8, 16, 32)]
+    assert all(3.8 < order < 4.2 for order in orders)
+
+
+@pytest.mark.parametrize("timestep", [0.2, 0.1, 0.05])
+def test_the_particle_converges_to_fourth_order(timestep):
+    def drop(h):
+        world = free(drag=1.0, gravity=(0.0, -0.25), timestep=h, substeps=round(2 / h))
+        return -float(path(world, at(0.0, 0.0), 1).position[-1, 1]) - 0.25 * (1 + math.exp(-2))
+
+    assert 3.7 < math.log2(abs(drop(timestep) / drop(timestep / 2))) < 4.3
+
+
+@pytest.mark.parametrize(
+    ("mass", "drag", "tangential", "radial", "radius"),
+    [(1.0, 1.0, 0.5, 1.0, 0.25), (1.0, 1.0, -0.3, 2.0, 0.2), (2.0, 0.8, 0.2, 1.0, 0.3), (1.0, 1.0, 0.0, 1.0, 0.25)],
+)
+def test_the_unforced_orbit_has_the_radius_of_the_closed_form(mass, drag, tangential, radial, radius):
+    field = CircularField(tangential, radial, radius)
+    world = free(mass=mass, drag=drag, field=field)
+    expected = radial * radius / (radial - mass * (tangential / drag) ** 2)
+    assert world.physics.orbit_radius == pytest.approx(expected)
+    end = jax.tree.map(lambda leaf: leaf[-1], path(world, at(0.6, 0.8), 2000))
+    assert float(field.distance(*end.position)) == pytest.approx(expected, rel=1e-6)
+    away = np.asarray(end.position) - 0.5
+    turning = away[0] * float(end.velocity[1]) - away[1] * float(end.velocity[0])
+    assert np.sign(round(turning, 6)) == -np.sign(tangential)  # clockwise, y pointing up
+    assert math.hypot(*map(float, end.velocity)) == pytest.approx(abs(tangential) * expected / drag, abs=1e-6)
+
+
+def test_the_circular_field_is_that_of_the_appendix_with_its_slips_mended():
+    field = CircularField(0.5, 1.0, 0.25, (0.4, 0.6))
+    for x, y in ((0.9, 0.6), (0.4, 0.1), (0.1, 0.9), (0.35, 0.55)):
+        angle, r = math.atan2(y - 0.6, x - 0.4), math.hypot(x - 0.4, y - 0.6)
+        first = r * math.sin(angle), -r * math.cos(angle)
+        second = 0.25 * math.cos(angle) + 0.4 - x, 0.25 * math.sin(angle) + 0.6 - y
+        found = field.force(jnp.array(x), jnp.array(y))
+        np.testing.assert_allclose(found, [0.5 * a + 1.0 * b for a, b in zip(first, second, strict=True)], atol=1e-12)
+    np.testing.assert_allclose(field.force(jnp.array(0.4), jnp.array(0.6)), [0.25, 0.0])  # atan2(0, 0) = 0
+
+
+def test_without_drag_gravity_and_loss_energy_is_kept():
+    world = free(walls=Walls(restitution=1.0))
+    moved = path(world, at(0.3, 0.6, 0.37, -0.53), 2000)
+    np.testing.assert_allclose(np.hypot(*moved.velocity.T), math.hypot(0.37, 0.53), rtol=1e-12)
+    np.testing.assert_allclose(np.abs(moved.velocity), np.broadcast_to([0.37, 0.53], (2000, 2)), rtol=1e-12)
+    assert moved.reached.any(0).all()
+    assert ((moved.position >= 0) & (moved.position <= 1)).all()
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.5, 1.0])
+def test_a_bounce_leaves_the_square_of_the_restitution_of_the_energy(restitution):
+    world = free(walls=Walls(restitution=restitution))
+    before, along = 0.4, 0.1
+    moved = path(world, at(0.9, 0.2, before, along), 3)
+    assert bool(moved.reached[-2:, 2].any())
+    assert float(moved.velocity[-1, 0]) == pytest.approx(-restitution * before)
+    assert float(moved.velocity[-1, 1]) == pytest.approx(along)  # no force presses: nothing rubs
+    lost = before**2 - float(moved.velocity[-1, 0]) ** 2
+    assert lost == pytest.approx((1 - restitution**2) * before**2)
+
+
+def test_a_particle_that_moves_inwards_is_not_thrown_back():
+    walls = Walls()
+    _, (vx, vy), _ = walls.collide(
+        (jnp.array(-0.01), jnp.array(1.2)), (jnp.array(0.3), jnp.array(-0.1)), (jnp.array(0.0), jnp.array(0.0))
+    )
+    assert (float(vx), float(vy)) == (0.3, -0.1)
+
+
+@pytest.mark.parametrize("side", ["left", "bottom", "right", "top"])
+def test_an_open_side_lets_through_and_says_so(side):
+    place = ("left", "bottom", "right", "top").index(side)
+    speed = [(-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0)][place]
+    world = free(walls=Walls(open=(side,)))
+    moved = path(world, at(0.5, 0.5, *speed), 10)
+    np.testing.assert_allclose(moved.position[-1], 0.5 + 2.0 * np.array(speed))
+    assert bool(moved.reached[-1, place])
+    assert not moved.reached[:, [n for n in range(4) if n != place]].any()
+    shut = path(free(), at(0.5, 0.5, *speed), 10)
+    assert shut.position[-1] == pytest.approx(0.5 + 2.0 * np.array(speed))
+    walled = path(free(walls=Walls()), at(0.5, 0.5, *speed), 10)
+    assert ((walled.position >= 0) & (walled.position <= 1)).all()
+
+
+def test_a_side_that_was_reached_within_the_decision_is_told_once():
+    world = Particle((RIGHT,), ParticlePhysics(gravity=(0.0, 0.0), drag=0.0, walls=Walls(restitution=1.0)))
+    moved = path(world, at(0.5, 0.05, 0.0, -1.0), 3)
+    np.testing.assert_array_equal(moved.reached[:, 1], [True, False, False])
+    assert float(moved.position[0, 1]) > 0  # it was there, and is away again
+
+
+@pytest.mark.parametrize("push", [0.05, 0.4, 3.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_what_is_pressed_against_a_wall_comes_to_rest_and_does_not_sink(push, restitution):
+    world = Particle(((push, 0.0),), ParticlePhysics(gravity=(0.0, 0.0), walls=Walls(restitution=restitution)))
+    moved = path(world, at(0.5, 0.5, 0.0, 0.3), 400, [1.0])
+    assert (moved.position <= 1).all()
+    np.testing.assert_array_equal(moved.position[-100:, 0], 1.0)
+    np.testing.assert_array_equal(moved.velocity[-100:, 0], 0.0)
+    away = world.step(jax.tree.map(lambda leaf: leaf[-1], moved), jnp.array([-1.0]), jnp.zeros(0))
+    assert float(away.position[0]) < 1.0  # it is not glued
+
+
+def test_a_corner_bears_both_ways():
+    world = Particle(((1.0, 0.0),))
+    moved = path(world, at(0.9, 0.1), 200, [1.0])
+    np.testing.assert_array_equal(moved.position[-1], [1.0, 0.0])
+    np.testing.assert_array_equal(moved.velocity[-1], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
+def test_friction_is_proportional_to_the_pressing_force_and_the_speed(friction):
+    world = Particle(
+        ((2.0, 0.0),), ParticlePhysics(gravity=(0.0, 0.0), drag=0.0, mass=0.5, walls=Walls(friction=friction))
+    )
+    moved = path(world, at(1.0, 0.2, 0.0, 0.1), 10, [1.0])
+    times = 0.2 * np.arange(1, 11)
+    np.testing.assert_allclose(moved.velocity[:, 1], 0.1 * np.exp(-friction * 2.0 / 0.5 * times), rtol=1e-3)
+    if not friction:  # momentum along a smooth wall is kept
+        np.testing.assert_array_equal(moved.velocity[:, 1], 0.1)
+
+
+def test_nothing_rubs_away_from_the_walls_or_where_nothing_presses():
+    world = free(walls=Walls(friction=5.0))
+    np.testing.assert_array_equal(path(world, at(0.5, 0.2, 0.0, 0.1), 5, [0.0, 0.0]).velocity[:, 1], 0.1)
+    np.testing.assert_array_equal(path(world, at(1.0, 0.2, 0.0, 0.1), 5, [0.0, 0.0]).velocity[:, 1], 0.1)
+
+
+unit, speed, force = st.floats(-1, 1), st.floats(-2, 2), st.floats(-3, 3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(x=unit, y=unit, vx=speed, vy=speed, fx=force, fy=force)
+def test_walls_never_add_energy_and_are_the_same_in_mirrors(x, y, vx, vy, fx, fy):
+    # about zero, so that a mirror image is exact
+    physics = ParticlePhysics(gravity=(0.0, 0.0), drag=0.0, walls=Walls(-1.0, -1.0))
+    motion = ((jnp.array(x), jnp.array(y)), (jnp.array(vx), jnp.array(vy)))
+    held = physics.walls.resting(*motion)
+    bx, by = physics.walls.bear((jnp.array(fx), jnp.array(fy)), motion[1], held)
+    assert float(bx) * vx + float(by) * vy <= fx * vx + fy * vy + 1e-12
+    (position, velocity), reached = physics.step(motion, (jnp.array(fx), jnp.array(fy)))
+    assert all(-1 <= float(part) <= 1 for part in position)
+    turned = physics.step(((-motion[0][0], motion[0][1]), (-motion[1][0], motion[1][1])), (jnp.array(-fx), fy))
+    np.testing.assert_allclose(turned[0][0], (-position[0], position[1]), atol=1e-9)
+    np.testing.assert_allclose(turned[0][1], (-velocity[0], velocity[1]), atol=1e-9)
+    # the axes are alike
+    swapped = physics.step((motion[0][::-1], motion[1][::-1]), (jnp.array(fy), jnp.array(fx)))
+    np.testing.assert_allclose(swapped[0][0], position[::-1], atol=1e-9)
+    np.testing.assert_allclose(swapped[0][1], velocity[::-1], atol=1e-9)
+    assert [bool(flag) for pair in swapped[1][::-1] for flag in pair] == [
+        bool(flag) for pair in reached for flag in pair
+    ]
+
+
+def test_noise_is_a_random_force_of_its_deviation():
+    still = ParticlePhysics(gravity=(0.0, 0.0), drag=0.0, walls=OPEN, substeps=1)
+    noisy = Particle((RIGHT,), ParticlePhysics(gravity=(0.0, 0.0), drag=0.0, walls=OPEN, substeps=1, noise=0.3))
+    assert (Particle((RIGHT,), still).uniforms, noisy.uniforms) == (0, 2)
+    kicks = np.diff(np.asarray(path(noisy, at(0.5, 0.5), 20_000).velocity), axis=0) / 0.1
+    np.testing.assert_allclose(kicks.std(0), 0.3, rtol=0.02)
+    np.testing.assert_allclose(kicks.mean(0), 0.0, atol=0.01)
+    assert abs(np.corrcoef(kicks.T)[0, 1]) < 0.03
+    assert abs(np.corrcoef(kicks[1:, 0], kicks[:-1, 0])[0, 1]) < 0.03
+    edge = noisy.step(at(0.5, 0.5), jnp.zeros(1), jnp.zeros(2))
+    assert np.isfinite(np.asarray(edge.velocity)).all()
+
+
+@pytest.mark.parametrize("substeps", [1, 4, 7])  # unrolled, and in a loop
+def test_an_action_is_held_for_its_time_steps(substeps):
+    world = Particle((RIGHT,), ParticlePhysics(substeps=substeps))
+    single = Particle((RIGHT,), ParticlePhysics(substeps=1))
+    together = world.step(at(0.2, 0.9, 0.1, 0.0), jnp.ones(1), jnp.zeros(0))
+    apart = path(single, at(0.2, 0.9, 0.1, 0.0), substeps, [1.0])
+    np.testing.assert_allclose(together.position, apart.position[-1], atol=1e-12)
+    np.testing.assert_allclose(together.velocity, apart.velocity[-1], atol=1e-12)
+    assert world.physics.period == pytest.approx(0.1 * substeps)
+
+
+def test_the_start_is_drawn_from_its_box():
+    world = Particle((RIGHT,), start=ParticleStart((0.2, 0.6), (0.9, 0.9), (0.0, 0.0), (-1.0, 1.0)))
+    assert world.reset_uniforms == 2
+    for numbers, x, vy in (((0.0, 0.0), 0.2, -1.0), ((0.5, 0.75), 0.4, 0.5)):
+        state = world.reset(jnp.array(numbers))
+        np.testing.assert_allclose(state.position, [x, 0.9])
+        np.testing.assert_allclose(state.velocity, [0.0, vy])
+    fixed = Particle((RIGHT,), start=ParticleStart((0.5, 0.5), (0.5, 0.5)))
+    assert fixed.reset_uniforms == 0
+    np.testing.assert_array_equal(fixed.reset(jnp.zeros(0)).position, 0.5)
+
+
+nan, inf = math.nan, math.inf
+REFUSED = [
+    (lambda: Walls(left=1.0), "left, bottom, right, top"),
+    (lambda: Walls(top=nan), "left, bottom, right, top"),
+    (lambda: Walls(open=("up",)), "unknown open 'up'"),
+    (lambda: Walls(restitution=1.1), "restitution = 1.1: must be from 0 to 1"),
+    (lambda: Walls(friction=-0.1), "friction = -0.1"),
+    (lambda: CircularField(radius=0.0), "radius = 0.0: must be positive"),
+    (lambda: CircularField(radial=-1.0), "radial = -1.0"),
+    (lambda: CircularField(tangential=inf), "tangential = inf"),
+    (lambda: CircularField(centre=(nan, 0.0)), "centre = "),
+    (lambda: ParticlePhysics(mass=0.0), "mass = 0.0"),
+    (lambda: ParticlePhysics(drag=-1.0), "drag = -1.0"),
+    (lambda: ParticlePhysics(noise=-0.1), "noise = -0.1"),
+    (lambda: ParticlePhysics(gravity=(0.0, nan)), "gravity = "),
+    (lambda: ParticlePhysics(substeps=0), "substeps = 0: must be from 1"),
+    (lambda: ParticlePhysics(timestep=3.0), "timestep = 3.0: must be below 2.78"),
+    (lambda: ParticlePhysics(field=CircularField(0.5, 0.25)), "field.radial = 0.25: must be above mass"),
+    (lambda: ParticlePhysics(drag=0.0, field=CircularField(0.5, 1.0)), "field.radial = 1.0: must be above mass"),
+    (lambda: ParticlePhysics().orbit_radius, "field.radial = 0.0: must be positive"),
+    (lambda: ParticleStart(x=(0.5, 0.2)), "x = (0.5, 0.2): must be low <= high"),
+    (lambda: Particle(()), "number of forces = 0"),
+    (lambda: Particle(((nan, 0.0),)), "forces = "),
+    (lambda: Particle((RIGHT,), start=ParticleStart(x=(-0.1, 0.5))), "start.x = (-0.1, 0.5): must be within the box"),
+]
+
+
+@pytest.mark.parametrize(("build", "words"), REFUSED, ids=[words[:40] for _, words in REFUSED])
+def test_what_cannot_be_is_refused_by_name(build, words):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        build()
+    assert words in str(error.value)
