@@ -1,6 +1,8 @@
-"""How JAX compiles for the processor. This has to be said before it compiles anything, and loads nothing."""
+"""How JAX compiles for the processor. Importing this loads nothing: part of it must be said before JAX compiles."""
 
+import functools
 import os
+from typing import Any
 
 THRESHOLD = 4 * 2**20  # bytes: what a core has in its cache
 EXTRA = "--xla_backend_extra_options="
@@ -17,3 +19,20 @@ def compile_small_loops_whole() -> None:
     if EXTRA not in flags:
         ours = f"{EXTRA}xla_cpu_small_while_loop_byte_threshold={THRESHOLD}"
         os.environ["XLA_FLAGS"] = f"{flags} {ours}".strip()
+
+
+@functools.cache
+def loop_options() -> dict[str, Any] | None:
+    """Options to compile a loop over decisions with: sums within it are fused with what is around them.
+
+    XLA would hand every sum to a library of its own, which wants seeds to lie first in memory. `None` where this XLA
+    has no such library.
+    """
+    import jax
+
+    options = {"xla_cpu_experimental_ynn_fusion_type": ""}
+    try:
+        jax.jit(lambda: 0, compiler_options=options)()
+    except jax.errors.JaxRuntimeError:
+        return None
+    return options

@@ -9,11 +9,12 @@ import pytest
 from motorgrad.benchmarks import Row
 from motorgrad.benchmarks._hopper import hopper_rows
 from motorgrad.benchmarks._measure import in_turn
+from motorgrad.benchmarks._particle import hand_written
 from motorgrad.benchmarks._recruitment_loop import recruitment_loop
 from motorgrad.benchmarks._three_state_loop import three_state_loop
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
-from motorgrad.tasks import LinearRecruitment, ThreeState
+from motorgrad.tasks import FallingParticle, LinearRecruitment, ThreeState
 from motorgrad.training import settings_for, train
 from motorgrad.worlds import oracle
 
@@ -66,6 +67,18 @@ def test_the_recruitment_loop_learns_as_the_library_does():
     assert gains.mean() > 1  # something was learnt
 
 
+def test_the_particle_loop_learns_as_the_library_does():
+    decisions, seeds = 40_000, 20
+    loops = [hand_written(FallingParticle(), seed)(decisions) for seed in range(seeds)]
+    run = train("particle", steps=decisions, seeds=seeds, progress=False)
+    widths, rewards = np.array([loop[1].mean() for loop in loops]), np.array([loop[2] for loop in loops])
+    ours = np.asarray(run.policies.log_width).mean((1, 2)), run.curve("reward")[1].mean(1)
+    for found, expected in zip((widths, rewards), ours, strict=True):
+        noise = np.hypot(found.std(ddof=1), expected.std(ddof=1)) / np.sqrt(seeds)
+        assert abs(found.mean() - expected.mean()) < 4 * noise
+    assert rewards.mean() > 0.15  # something was learnt
+
+
 @pytest.mark.slow
 def test_bench_measures_every_row(tmp_path, capsys):
     assert main(["bench", "--quick", "--json", "bench.json"]) == 0
@@ -78,6 +91,9 @@ def test_bench_measures_every_row(tmp_path, capsys):
         "three-state",
         "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
         "natural ÷ plain step",
+        "particle with 8 local units, OLGARB ÷ compiled loop, 1 seed",
+        "particle, 20 seeds × 20 episodes, with compilation",
+        "memory of a seed",
         "import motorgrad",
         "peak memory",
         "apex",

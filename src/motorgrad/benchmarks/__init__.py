@@ -12,7 +12,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
     from motorgrad.benchmarks._hopper import hopper_rows
     from motorgrad.benchmarks._learning import learning_rows
-    from motorgrad.benchmarks._process import memory_row, start_row
+    from motorgrad.benchmarks._particle import local_learning_row, particle_row
+    from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
     from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
     from motorgrad.benchmarks._three_state import three_state_row
 
@@ -25,10 +26,14 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield recruitment_row(1024, 100 if quick else 2000, pairs, "≥ 0.8")
     yield natural_row(1, 5_000 if quick else 300_000, pairs)
     yield natural_row(1024, 50 if quick else 500, pairs)
+    yield particle_row(1, 5_000 if quick else 300_000, pairs, "≥ 0.2")
+    yield particle_row(1024, 50 if quick else 1000, pairs, "≥ 0.8")
+    yield local_learning_row(20, 20 if quick else 2000, "≤ 15")
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
     yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
     yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
     yield memory_row("≤ 1.5")
+    yield seed_memory_row()
     yield from learning_rows(2 if quick else 16, 50.0 if quick else 1500.0)

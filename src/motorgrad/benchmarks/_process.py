@@ -13,6 +13,12 @@ import resource, motorgrad as mg
 mg.train("hopper", steps=2000, seeds=16, progress=False)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
+PARTICLES = """
+import resource, motorgrad as mg
+mg.train("particle", steps=256, seeds={seeds}, window=256, progress=False)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+SEEDS = (1_000, 21_000)
 
 
 def start_row(name: str, arguments: list[str], wanted: str, runs: int = 7) -> Row:
@@ -30,6 +36,18 @@ def start_row(name: str, arguments: list[str], wanted: str, runs: int = 7) -> Ro
 
 def memory_row(wanted: str) -> Row:
     """Peak memory of a fresh process that trains 16 hoppers."""
-    done = subprocess.run([sys.executable, "-c", HOPPERS], check=True, capture_output=True, text=True)
+    return Row("peak memory, 16 hoppers", _peak(HOPPERS) / 1e9, None, "GB", None, None, wanted)
+
+
+def seed_memory_row() -> Row:
+    """What one more seed of the particle's learner adds to the peak memory of a fresh process."""
+    fewer, more = (_peak(PARTICLES.format(seeds=seeds)) for seeds in SEEDS)
+    each = (more - fewer) / (SEEDS[1] - SEEDS[0])
+    return Row("memory of a seed, particle with 8 local units", each / 1e3, None, "kB", None, None)
+
+
+def _peak(script: str) -> int:
+    """Peak memory in bytes of a fresh interpreter with a script that prints it as the system has it."""
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
     unit = 1024 if sys.platform != "darwin" else 1  # ru_maxrss is in KiB on Linux, in bytes on macOS
-    return Row("peak memory, 16 hoppers", int(done.stdout) * unit / 1e9, None, "GB", None, None, wanted)
+    return int(done.stdout) * unit

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from motorgrad._compiler import loop_options
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
@@ -29,7 +30,7 @@ class WorldStepper(Stepper):
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
         self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds, initial)
-        self._run = jax.jit(self._decisions, donate_argnums=0)
+        self._run = jax.jit(self._decisions, donate_argnums=0, compiler_options=loop_options())
         self._harvest = jax.jit(jax.vmap(self._look, in_axes=-1, out_axes=-1), donate_argnums=0)
 
     def advance(self, decisions: int) -> None:
@@ -74,7 +75,8 @@ class WorldStepper(Stepper):
     def _decide(self, carry: Carry, numbers: dict[str, Array]) -> Carry:
         cycle, state = carry
         cycle = self.cycle.act(cycle, numbers["policy"])
-        state = self.world.step(state, cycle.action, numbers["world"])
+        # The barrier keeps the compiler from stepping the world again for everything that depends on where it leads.
+        state = jax.lax.optimization_barrier(self.world.step(state, cycle.action, numbers["world"]))
         cycle, ended = self.cycle.settle(cycle, state, numbers["observe"])
         if not isinstance(ended, bool):
             fresh = self.world.reset(numbers["reset"])
