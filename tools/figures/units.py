@@ -156,11 +156,11 @@ def gaussian_free() -> Figure:
     z = np.linspace(-2.0, 2.0, 401)
     figure, (height, width) = panels(2)
     for sigma, colour in ((0.25, RED), (0.5, BLUE), (1.0, GREEN)):
-        unit = FreeGaussians([[0.0]], np.log([[sigma]]), [-0.25])
+        unit = FreeGaussians([[0.0]], np.log([[sigma]]), log_mass=[-0.25])
         height.plot(z, over(unit.prob, z)[:, 0], color=colour, label=rf"$\sigma$ = {sigma:g}")
     height.set(title=r"probability of firing, $\alpha$ = −0.25", xlabel="input $y$", ylim=(0, 1.1))
     height.legend()
-    free = FreeGaussians([[0.0]], np.log([[0.5]]), [-0.25])
+    free = FreeGaussians([[0.0]], np.log([[0.5]]), log_mass=[-0.25])
     local = LocalGaussians([[0.0]], np.log([[0.5]]), p_max=free.prob(jnp.zeros(1))[0])
     for unit, colour, words in ((free, BLUE, r"free: $z^2 - 1$"), (local, ORANGE, r"local: $z^2$")):
         for action, line in ((FIRES, "-"), (SILENT, "--")):

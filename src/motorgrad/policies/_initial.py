@@ -234,7 +234,7 @@ def growing(
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
     check(0 < hardness < math.inf, "hardness", hardness, "positive")
     kinds: dict[str, Callable[[], BinaryUnits]] = {
-        "gaussians": lambda: LocalGaussians(centre, jnp.zeros_like(centre), jnp.asarray(p_max)),
+        "gaussians": lambda: LocalGaussians(centre, jnp.zeros_like(centre), p_max=jnp.asarray(p_max)),
         "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), wall),
         "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), wall),
     }
