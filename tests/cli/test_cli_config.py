@@ -133,6 +133,15 @@ def test_a_default_learner_is_that_of_the_task_as_asked_for(capsys):
     assert checked(capsys, "train", "gymnasium", "--task.env-id", "Acrobot-v1")["agent"]["policy"] == "softmax"
 
 
+@pytest.mark.parametrize("how", ["--agent.policy growing", "--agent.policy=growing", "--config a.toml"])
+def test_a_tasks_settings_of_its_own_policy_go_with_no_other(how, capsys):
+    write("a.toml", "[agent]\npolicy = 'growing'")
+    own, other = checked(capsys, "train", "particle"), checked(capsys, "train", "particle", *how.split())
+    assert own["agent"]["policy_settings"] == {"copies": 2}
+    assert "policy_settings" not in other["agent"]
+    assert other["agent"]["growth"] == "clock"  # nothing else to say for a learner that grows
+
+
 def test_the_initial_policys_settings(capsys):
     wanted = {"width": 0.16, "low": -2.0}
     settings = ("--agent.policy", "gaussians", "--agent.policy-settings", "width", 0.16, "low", -2.0)
@@ -190,7 +199,19 @@ REFUSED = [
         "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = 'wide'}",
         "agent.policy_settings.width = 'wide': must be a finite number",
     ),
-    ("train hopper", "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = -1}", "width = -1.0"),
+    ("train hopper", "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = -1}", "policy_settings.width = -1.0"),
+    ("train particle", "[agent]\npolicy_settings = {width = 0}", "policy_settings.width = 0.0: must be positive"),
+    ("train particle", "[task]\nunits = 0", "task.units = 0: must be from 1 to 10000"),
+    ("train particle", "[agent]\ndecay = 1.0", "agent.decay = 1.0: must be in [0, 1)"),
+    ("train particle", "[task]\nregions = [[1, 2, 0.5, 0.1, 0.1]]", "regions[0] centre = (2.0, 0.5): must be within"),
+    ("train particle", "[task]\nregions = [[1, 0.5, 0.5, 0, 0.1]]", "regions[0] widths = (0.0, 0.1): must be positive"),
+    (
+        "train particle",
+        "[task]\nunits = 4\n[agent]\npolicy = 'growing'\ngrowth_units = 9",
+        "growth_units = 9: must be at most the policy's units, 4",
+    ),
+    ("train particle", "[agent]\npolicy = 'growing'\ngrowth = 'none'", "growth = 'none': must be 'clock' or 'plateau'"),
+    ("train particle", "[agent]\npolicy = 'growing'\ngrowth_width = -1", "growth_width = -1.0: must be positive"),
     ("train hopper", "[agent.policy]\nkind = 'x'", "give the agent"),
     ("train hopper", "out = ''", "out = '': must be a path"),
     ("demo", "seconds = 1e30", "seconds = 1e+30"),

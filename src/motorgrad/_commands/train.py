@@ -11,6 +11,7 @@ from motorgrad._commands._shared import in_words, summary, write_json
 from motorgrad._errors import check, choice
 from motorgrad._files import check_writable
 from motorgrad._settings import as_hinted, table
+from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
     AgentSettings,
@@ -54,7 +55,7 @@ class Options:
     """Also write the result to this file, for machines; - for the standard output."""
 
     def __post_init__(self: Any) -> None:
-        object.__setattr__(self, "agent", settled(self.agent, settings_for(self.task)))
+        object.__setattr__(self, "agent", settled(self.agent, settings_for(self.task, policy=self.agent.policy)))
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")
@@ -92,13 +93,13 @@ def run(arguments: list[str]) -> int:
         print(f"usage: motorgrad train TASK [options]\n\ntasks: {', '.join(TASKS)}\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
         return 0 if asked else 2
-    # The learner's defaults are those of the task as it is asked for, so that is found out first.
+    # The learner's defaults are those of the task and of the policy that are asked for, so these are found out first.
     about_task = any(argument.startswith("--task") for argument in given.rest)
     settings = {key: value for key, value in given.table.items() if key == "task"}
     draft = given._replace(table=settings, rest=given.rest if about_task else [])
     asked = fill(_command(TASKS[name]()), draft, f"train {name}").get("task", {})
     task = as_hinted(TASKS[name], asked, "task")
-    options = resolve(_command(task), given, f"train {name}")
+    options = resolve(_command(task, _policy_of(given)), given, f"train {name}")
     initial = given_initial(options.directory)
     if begun and initial is None:
         how = "go on with it by --resume, or begin another in Python, train(..., initial=...)"
@@ -119,9 +120,17 @@ def run(arguments: list[str]) -> int:
     return 0 if result.complete else 130
 
 
-def _command(task: Any) -> type[Options]:
-    """The options with those of a task and of the learner that goes with it."""
-    parts = {"task": task, "agent": settings_for(task)}
+def _policy_of(given: Given) -> dict[str, str]:
+    """The initial policy that is asked for, as a setting; nothing where none is, or none that there is."""
+    agent = given.table.get("agent")
+    filed = agent.get("policy") if isinstance(agent, dict) else None
+    asked = take("agent.policy", given.rest)[0] or filed
+    return {"policy": asked} if isinstance(asked, str) and asked in INITIAL else {}
+
+
+def _command(task: Any, policy: dict[str, str] | None = None) -> type[Options]:
+    """The options with those of a task and of the learner that goes with it, and with a policy."""
+    parts = {"task": task, "agent": settings_for(task, **(policy or {}))}
     fields = [(name, type(part), dataclasses.field(default_factory=lambda p=part: p)) for name, part in parts.items()]
     doc = f"Learn: {(type(task).__doc__ or '').partition(chr(10))[0]}"
     return dataclasses.make_dataclass("Train", fields, bases=(Options,), frozen=True, namespace={"__doc__": doc})

@@ -232,8 +232,7 @@ class AgentSettings:
         check(
             (self.growth_units or 1) <= size, "growth_units", self.growth_units, f"at most the policy's units, {size}"
         )
-        start = policies.initial(self.policy, task, **units, **self._start())
-        return Agent(start, self.estimate(), self.rule(), self.measure(), self.grow())
+        return Agent(self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow())
 
     def _check_growth(self) -> None:
         """Refuse, by the settings' own names, what is impossible, and growth without the policy for it."""
@@ -247,6 +246,15 @@ class AgentSettings:
             raise ValueError(f"growth_{error}") from None
         moves = self.growth == "none" or self.estimate().improve != "never"
         check(moves, "growth", self.growth, "'none' where parameters never move")
+
+    def _policy(self, task: Task, units: dict[str, int]) -> policies.Policy | Callable[..., policies.Policy]:
+        """The initial policy; what it refuses of its settings is named as they are."""
+        settings = self._start()
+        try:
+            return policies.initial(self.policy, task, **units, **settings)
+        except ValueError as error:
+            known = str(error).split()[0].strip(",") in settings
+            raise ValueError(f"policy_settings.{error}" if known else str(error)) from None
 
     def _start(self) -> dict[str, Any]:
         """`policy_settings` as the initial policy's function takes them."""
@@ -263,13 +271,18 @@ class AgentSettings:
 
 def settings_for(task: Task | str, **changes: Any) -> AgentSettings:
     """The settings that go with a task, or with the one of this name, some of them changed. One number for all, such as
-    `rate`, takes the place of the task's own by group.
+    `rate`, takes the place of the task's own by group; the task's own `policy_settings` go with its own policy only.
+    The policy `"growing"` grows by the clock, unless it is said how.
 
     **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
     """
     task = make(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     own = {name: value for name, value in task.learner.items() if name.removesuffix("s") not in changes}
+    if changes.get("policy", own.get("policy")) != own.get("policy"):
+        own.pop("policy_settings", None)
+    if changes.get("policy") == "growing":
+        own["growth"] = "clock"
     return build(AgentSettings, {**own, **changes}, "agent")
 
 
