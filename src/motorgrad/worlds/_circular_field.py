@@ -24,7 +24,7 @@ class CircularField:
     - `tangential` (1/s² for a mass of 1): $k_1$; 0 for none.
     - `radial` (1/s² for a mass of 1): $k_2$, at least 0; 0 for none.
     - `radius`: $r^*$, towards which the second part pushes.
-    - `centre`: x, y.
+    - `centre` (x, y): the place round which it drives.
     """
 
     tangential: float = 0.0

@@ -33,7 +33,12 @@ class ParticleState(NamedTuple):
 class ParticleStart:
     """Where an episode begins: every number is drawn by itself from U[low, high].
 
-    **Arguments:** `x`, `y`, `velocity_x`, `velocity_y`: low and high of each; both the same for a number that is fixed.
+    **Arguments:** low and high of each; both the same for a number that is fixed.
+
+    - `x`: where it begins, from left to right.
+    - `y`: where it begins, from below upwards.
+    - `velocity_x`: speed to the right, per second.
+    - `velocity_y`: speed upwards, per second.
     """
 
     x: Span = (0.0, 1.0)

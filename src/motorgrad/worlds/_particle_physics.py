@@ -27,7 +27,7 @@ class ParticlePhysics:
 
     **Arguments:**
 
-    - `mass`: positive.
+    - `mass`: of the particle, positive.
     - `gravity`: acceleration, x and y.
     - `drag`: $k_d$, force by speed, at least 0.
     - `noise`: deviation of a random force in each axis, drawn anew at every time step; 0 for none.

@@ -28,7 +28,10 @@ class Walls:
 
     **Arguments:**
 
-    - `left`, `bottom`, `right`, `top`: where the sides are.
+    - `left`: x of the left side.
+    - `bottom`: y of the lower side.
+    - `right`: x of the right side.
+    - `top`: y of the upper side.
     - `open`: the sides that have no wall.
     - `restitution`: speed after a collision by the speed before, from 0 to 1.
     - `friction` (s/length): $k_f$, at least 0.
