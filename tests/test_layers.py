@@ -22,7 +22,7 @@ BELOW = {
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
-    "sim": {"bodies"},
+    "sim": {"tasks", "policies"} | DYNAMICS,  # it shows bodies and learners
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim"} | DYNAMICS | LEARNING,

@@ -6,11 +6,11 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
+from motorgrad.experiments._curves import first_time
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     NORMAL,
     firing,
-    first_time,
     force_error,
     history,
     least_error,

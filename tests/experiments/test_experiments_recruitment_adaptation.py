@@ -11,7 +11,8 @@ from scipy import stats
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments.chapter_4._pools import NATURAL, entropy, final, firing, least_error, numbers, parameters
+from motorgrad.experiments._curves import final
+from motorgrad.experiments.chapter_4._pools import NATURAL, entropy, firing, least_error, numbers, parameters
 from motorgrad.experiments.chapter_4.section_4_4_1_baseline import OF
 from motorgrad.experiments.chapter_4.section_4_4_1_sizes import order, order_pay, orders_of, recruitment_loads
 from motorgrad.experiments.chapter_4.section_4_4_inputs import LOADS, LOWS, among, best_activation, stuck

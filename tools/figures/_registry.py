@@ -45,6 +45,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-call-admission": tasks.call_admission_learning,
     "learning-arm-recruitment": recruitment.arm_learning,
     "learning-particle": particle.falling_learning,
+    "film-particle": particle.film,
     "learning-particle-orbit": particle.orbit_learning,
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,

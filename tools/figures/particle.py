@@ -1,23 +1,19 @@
 """Figures of the tasks on a particle: regions, fields, paths, and how they are learnt."""
 
-from collections.abc import Callable
-from typing import Any
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 
+from motorgrad.experiments import course_of
 from motorgrad.policies import Policy
-from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, ParticleTask, Region, region_reward
+from motorgrad.sim import draw_paths, draw_regions, draw_reward, draw_units, trajectories
+from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, ParticleTask
 from motorgrad.training import settings_for
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, band, level, over, panels
 from tools.figures._work import Work
 
 SEEDS = 20
-Units = Any  # of Gaussians
 
 
 def layouts() -> Figure:
@@ -25,12 +21,12 @@ def layouts() -> Figure:
     figure, axes = panels(3, height=2.9, sharey=True)
     for panel, name in zip(axes, ("R1", "R2", "R3"), strict=True):
         task = FallingParticle(layout=name)
-        _regions(panel, task.places)
+        draw_reward(panel, task)
         policy = _first(task)
-        _paths(panel, task, policy, 6, 40)
         if name == "R1":
-            _ellipses(panel, task, policy)
-        _box(panel, f'layout "{name}"')
+            draw_units(panel, policy, task.dynamics.forces)
+        _paths(panel, task, policy, 6)
+        panel.set_title(f'layout "{name}"')
     return figure
 
 
@@ -48,10 +44,25 @@ def falling_learning(work: Work) -> Figure:
     curve.legend(loc="lower right", ncols=3)
     for panel, name in ((one, "R1"), (two, "R2")):
         task, policy = learnt[name]
-        _regions(panel, task.places)
-        _paths(panel, task, policy, 10, 40)
-        _ellipses(panel, task, policy)
-        _box(panel, f"{name}, learnt")
+        draw_reward(panel, task)
+        draw_units(panel, policy, task.dynamics.forces)
+        _paths(panel, task, policy, 10)
+        panel.set_title(f"{name}, learnt")
+    return figure
+
+
+def film(work: Work) -> Figure:
+    """Four moments of the film of a learner."""
+    task = FallingParticle()
+    course = course_of(work.train(task, None, 49_000, SEEDS))
+    figure, axes = panels(4, height=2.2)
+    last = len(course.decision) - 1
+    for panel, moment in zip(axes, (0, min(last, 3), last // 4, last), strict=True):
+        policy = course.policy(moment)
+        draw_reward(panel, task)
+        draw_units(panel, policy, task.dynamics.forces)
+        _paths(panel, task, policy, 8)
+        panel.set_title(f"decision {course.decision[moment]:,}")
     return figure
 
 
@@ -69,7 +80,8 @@ def orbit() -> Figure:
         for radius, line in ((task.physics.field.radius, ":"), (task.physics.orbit_radius, "--")):
             turn = np.linspace(0, 2 * np.pi, 100)
             panel.plot(0.5 + radius * np.cos(turn), 0.5 + radius * np.sin(turn), line, color=RED, linewidth=1.2)
-        _box(panel, title)
+        draw_regions(panel, (), task.physics.walls)
+        panel.set_title(title)
     return figure
 
 
@@ -82,7 +94,8 @@ def orbit_learning(work: Work) -> Figure:
         decisions, radius = run.curve("radius")
         band(curve, decisions / 1000, radius, colour, f'"{wanted}"')
         _paths(panel, task, run.policy(0), 1, 150, colour)
-        _box(panel, f'"{wanted}", learnt')
+        draw_regions(panel, (), task.physics.walls)
+        panel.set_title(f'"{wanted}", learnt')
     level(curve, ParticleOrbit().physics.orbit_radius, "without pushes")
     curve.set(xlabel="thousand decisions", ylabel="mean radius", ylim=(0, 0.55))
     curve.legend(loc="center right", bbox_to_anchor=(1, 0.8))
@@ -94,15 +107,14 @@ def navigation() -> Figure:
     task = ParticleNavigation()
     figure, axes = panels(2, height=3.2, sharey=True)
     for panel in axes:
-        _regions(panel, task.obstacles)
-        _goal(panel, task)
+        draw_reward(panel, task)
     start = task.start
     axes[0].axvspan(*start.x, ymin=start.y[0], ymax=start.y[1], color=BLUE, alpha=0.12)
     axes[0].text(np.mean(start.x), 0.5, "start", ha="center", color=BLUE)
     axes[0].text(task.goal[1], task.goal[2] + 0.12, "goal", ha="center", color=GREEN)
-    _box(axes[0], "goal and obstacle")
+    axes[0].set_title("goal and obstacle")
     _paths(axes[1], task, _first(task), 4, 60)
-    _box(axes[1], "paths of the untrained policy")
+    axes[1].set_title("paths of the untrained policy")
     return figure
 
 
@@ -114,14 +126,13 @@ def navigation_learning(work: Work) -> Figure:
     decisions, arrival = run.curve("arrival")
     band(curve, decisions / 1000, np.nan_to_num(arrival, nan=float(task.time_limit)), BLUE, "")
     curve.set(xlabel="thousand decisions", ylabel="decisions to the goal", ylim=(0, None))
-    _regions(flow, task.obstacles)
+    draw_reward(flow, task)
     policy = run.policy(0)
     points = np.meshgrid(np.linspace(0.03, 0.97, 15), np.linspace(0.03, 0.97, 15))
     push = over(policy.prob, *points) @ np.array(task.dynamics.forces)
     flow.quiver(*points, push[..., 0], push[..., 1], color=FAINT, width=0.005)
     _paths(flow, task, policy, 8, 60)
-    _goal(flow, task)
-    _box(flow, "mean push, and paths")
+    flow.set_title("mean push, and paths")
     return figure
 
 
@@ -131,51 +142,7 @@ def _first(task: ParticleTask) -> Policy:
     return policy
 
 
-def _paths(axes: Axes, task: ParticleTask, policy: Policy, count: int, decisions: int, colour: str = BLUE) -> None:
-    """Paths from random starts, each until its episode ends."""
-    world = task.dynamics
-    keys = jax.random.split(jax.random.key(1), count)
-
-    def decide(state: Any, key: jax.Array) -> Any:
-        action = policy.sample(state.position, jax.random.uniform(key, (policy.uniforms,)))
-        state = world.step(state, action, jnp.zeros(world.uniforms))
-        ended = jnp.asarray(task.reward(task.init(jnp.zeros(0)), state, action)[2])
-        return state, (state.position, ended)
-
-    def one(key: jax.Array) -> Any:
-        start, moves = jax.random.split(key)
-        state = world.reset(jax.random.uniform(start, (world.reset_uniforms,)))
-        _, (places, ended) = jax.lax.scan(decide, state, jax.random.split(moves, decisions))
-        return jnp.concatenate([state.position[None], places]), ended
-
-    tracks, ended = jax.jit(jax.vmap(one))(keys)
-    for track, ends in zip(np.asarray(tracks), np.asarray(ended), strict=True):
-        last = int(ends.argmax()) + 1 if ends.any() else decisions
-        axes.plot(*track[: last + 1].T, ".-", color=colour, linewidth=0.8, markersize=2, alpha=0.8)
-
-
-def _regions(axes: Axes, regions: tuple[Region, ...]) -> None:
-    x, y = np.meshgrid(np.linspace(0, 1, 121), np.linspace(0, 1, 121))
-    worth: Callable[[Any], Any] = lambda place: region_reward(regions, place)  # noqa: E731
-    most = 1.05 * max(abs(region[0]) for region in regions)
-    axes.contourf(x, y, over(worth, x, y), levels=np.linspace(-1, 1, 15) * most, cmap="RdYlGn", alpha=0.55)
-
-
-def _ellipses(axes: Axes, task: ParticleTask, policy: Units) -> None:
-    """The units, one deviation about each centre; the colour says whether they push to the left or to the right."""
-    for place, width, force in zip(policy.centre, np.exp(policy.log_width), task.dynamics.forces, strict=True):
-        colour = RED if force[0] < 0 else "black"
-        axes.add_patch(
-            Ellipse((float(place[0]), float(place[1])), *(2 * width), fill=False, color=colour, linewidth=0.9)
-        )
-
-
-def _goal(axes: Axes, task: ParticleNavigation) -> None:
-    _, x, y, *widths = task.goal
-    axes.add_patch(Ellipse((x, y), *(2 * np.array(widths)), color=GREEN, alpha=0.6))
-
-
-def _box(axes: Axes, title: str) -> None:
-    axes.set(title=title, xlim=(0, 1), ylim=(0, 1), aspect="equal", xticks=(0, 0.5, 1), yticks=(0, 0.5, 1))
-    for spine in axes.spines.values():
-        spine.set_visible(True)
+def _paths(
+    axes: Axes, task: ParticleTask, policy: Policy, count: int, decisions: int = 200, colour: str = "#26292e"
+) -> None:
+    draw_paths(axes, trajectories(task, policy, count, decisions=decisions), colour)

@@ -1,4 +1,4 @@
-"""`motorgrad plot RUN…`: learning curves."""
+"""`motorgrad plot RUN…`: learning curves, and films of learning."""
 
 import dataclasses
 from pathlib import Path
@@ -9,6 +9,8 @@ import tyro
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._shared import write_json
 from motorgrad._errors import check
+from motorgrad._files import check_writable
+from motorgrad.experiments import animate, course_of
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 
 
@@ -32,6 +34,13 @@ class Plot:
     """The figure's format, where --out does not say it."""
     tensorboard: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[DIR]")] = None
     """Also write TensorBoard event files: into this folder, or without one into tensorboard/ of each run."""
+    animate: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[FILE]")] = None
+    """Also film how one run of a task on a particle was learnt: into this file (.mp4, .gif), or without one into
+    figures/learning.mp4 of the run."""
+    seed: int | None = None
+    """The seed to film; by default the one in the middle, by its reward in the last quarter."""
+    seconds: float = 12.0
+    """How long the film is."""
     json: Path | None = None
     """Also write where the figure is and the numbers drawn to this file, for machines; - for the standard output."""
 
@@ -40,11 +49,22 @@ class Plot:
         if self.tensorboard is not None:
             check(len(self.tensorboard) <= 1, "tensorboard", self.tensorboard, "one folder, or none")
             check_tensorboard()
+        if self.animate is not None:
+            check(len(self.animate) <= 1, "animate", self.animate, "one file, or none")
+            check(len(self.runs) == 1, "runs", [str(path) for path in self.runs], "a single one, to be filmed")
+            for file in self.animate:
+                check(file.suffix.lower() in (".mp4", ".gif"), "animate", str(file), "a file ending in .mp4 or .gif")
+                check_writable("animate", file)
+        check(0 < self.seconds <= 600, "seconds", self.seconds, "above 0, up to 600 s of film")
+        alone = self.seed is not None and self.animate is None
+        check(not alone, "seed", self.seed, "given with --animate: the curves are of all seeds")
 
 
 def run(arguments: list[str]) -> int:
     options = parse(Plot, arguments, "plot")
     runs = [load(path) for path in options.runs]
+    if options.animate is not None:
+        course_of(runs[0], options.seed)  # refuses at once what cannot be filmed
     out = options.out or options.runs[0] / "figures"
     figure = learning_curves(
         runs,
@@ -67,6 +87,10 @@ def run(arguments: list[str]) -> int:
         folders = _folders(options.runs, *options.tensorboard)
         found["tensorboard"] = [str(write_tensorboard(run, folder)) for run, folder in zip(runs, folders, strict=True)]
         said += [f"event files in {folder}" for folder in folders]
+    if options.animate is not None:
+        film = animate(runs[0], *options.animate, seed=options.seed, seconds=options.seconds)
+        found["film"] = {"path": str(film.path), "frames": film.frames, "seconds": film.seconds}
+        said.append(f"filmed to {film.path}")
     if str(options.json) != "-":
         print("\n".join(said))
     write_json(options.json, found)

@@ -27,6 +27,8 @@ class Reproduce:
     """A smoke size: everything happens, in a minute or two for all, and the numbers mean nothing."""
     strict: bool = False
     """Exit with status 1 where a claim does not hold."""
+    animate: bool = False
+    """Also film how it is learnt, where an experiment has learners in a plane: animation.mp4 in its folder."""
     threads: int = 0
     """Threads that step the physics; 0 for one per processor."""
     json: Path | None = None
@@ -53,7 +55,7 @@ def run(arguments: list[str]) -> int:
             kind = EXPERIMENTS[name]
             experiment = settings or (kind.quick() if options.quick else kind())
             print(f"{name}: {experiment.title} ({len(done) + 1} of {len(names)})", file=sys.stderr)
-            done.append(reproduce(experiment, out, quick=options.quick, threads=options.threads))
+            done.append(reproduce(experiment, out, quick=options.quick, threads=options.threads, films=options.animate))
     except KeyboardInterrupt:
         print(f"stopped; everything is saved in {out}, and the same command goes on", file=sys.stderr)
         return 130
@@ -90,6 +92,8 @@ def _say(done: list[Reproduction], report: Path) -> None:
         held = sum(claim.holds for claim in each.claims)
         judged = f": {held} of {len(each.claims)} claims hold" if each.claims else ""
         print(f"\n{each.experiment.source}, {each.experiment.title}{judged}  {each.figure}")
+        for film in each.films:
+            print(f"  filmed: {film}")
         for claim in each.claims:
             print(f"  {'✓' if claim.holds else '✗'} {claim.statement}")
             unit = f" ({claim.unit})" if claim.unit else ""

@@ -39,7 +39,9 @@ class Rows:
         self._size, self._limit = task.observation_size, task.episode_limit
         self.generators = [np_random()[0] for _ in range(count)]
         self.decisions = np.zeros(count, np.int64)
-        self._body = BodyBatch(task.dynamics, count, task.substeps, threads) if isinstance(task, BodyTask) else None
+        on_body = isinstance(task, BodyTask)
+        self._body = BodyBatch(task.dynamics, count, task.substeps, threads) if on_body else None
+        self._control = task.control if on_body else np.asarray
         self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
         self._every, self._nothing = np.ones(count, bool), np.zeros((count, 0), np.float32)
         self._functions = compiled(task)
@@ -82,7 +84,7 @@ class Rows:
         if body is None:
             diverged = np.zeros(len(action), bool)
         else:
-            body.step(action)
+            body.step(np.asarray(self._control(action)))
             diverged = body.packed[:, -1] > 0
         numbers = self._draw(self._functions.decides, self._every if live is None else live)
         self._carry, outcome = self._functions.decide(self._carry, self._packed, action, numbers)

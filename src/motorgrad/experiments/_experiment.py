@@ -4,13 +4,14 @@ import abc
 import dataclasses
 import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from motorgrad.experiments._claim import Claim
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.training import Run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,3 +61,9 @@ class Experiment(abc.ABC):
         """Hold what was found against what the source says. A mere drawing claims nothing."""
         del values
         return ()
+
+    def films(self, work: Workspace) -> Mapping[str, Run]:
+        """The runs whose learning can be filmed, by the names of the films: `{"animation": run}`, or
+        `{"animation-R1": run, …}`. They are those that `run` asked `work` for, which are finished. By default none."""
+        del work
+        return {}

@@ -2,6 +2,7 @@
 
 from motorgrad.experiments._experiment import Experiment
 from motorgrad.experiments.appendix_a.figure_a_1 import Wrapping
+from motorgrad.experiments.appendix_a.figure_a_2 import Circular
 from motorgrad.experiments.chapter_2.figure_2_1 import Process
 from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
 from motorgrad.experiments.chapter_3.figure_3_1 import Learner
@@ -31,6 +32,25 @@ from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
 from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
 from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
+from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
+from motorgrad.experiments.chapter_6.figure_6_2 import Partition
+from motorgrad.experiments.chapter_6.figure_6_3 import ParticlePolicy
+from motorgrad.experiments.chapter_6.figure_6_4 import InitialPolicy
+from motorgrad.experiments.chapter_6.figure_6_5 import LocalPolicies
+from motorgrad.experiments.chapter_6.figure_6_6 import AnyUnitFires
+from motorgrad.experiments.chapter_6.figure_6_7 import GrowingPolicy
+from motorgrad.experiments.chapter_6.figure_6_8 import GrowingReward
+from motorgrad.experiments.chapter_6.figure_6_9 import Orbits
+from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import Forgetting
+from motorgrad.experiments.chapter_6.section_6_2_natural import NaturalStep
+from motorgrad.experiments.chapter_6.section_6_3_noise import Noise
+from motorgrad.experiments.chapter_6.section_6_4_criteria import Criteria
+from motorgrad.experiments.chapter_6.section_6_4_placement import Placement
+from motorgrad.experiments.chapter_6.section_6_5_4_hierarchy import Hierarchy
+from motorgrad.experiments.chapter_6.section_6_5_4_hopper import LocalHopper
+from motorgrad.experiments.chapter_6.section_6_5_4_navigation import Navigation
+from motorgrad.experiments.chapter_6.section_6_5_4_pruning import Pruning
+from motorgrad.experiments.chapter_6.section_6_5_mixtures import Mixtures
 
 EXPERIMENTS: dict[str, type[Experiment]] = {
     kind.name: kind
@@ -64,7 +84,27 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HopperDynamics,
         HopperWeights,
         ActionPeriod,
+        Approximators,
+        Forgetting,
+        Partition,
+        NaturalStep,
+        ParticlePolicy,
+        Noise,
+        InitialPolicy,
+        LocalPolicies,
+        AnyUnitFires,
+        Criteria,
+        Placement,
+        GrowingPolicy,
+        GrowingReward,
+        Orbits,
+        Mixtures,
+        Pruning,
+        Hierarchy,
+        Navigation,
+        LocalHopper,
         Wrapping,
+        Circular,
     )
 }
 """A new experiment is a file, and a name in this table."""

@@ -1,4 +1,5 @@
-"""The report: every experiment in a folder on one page, figures and claims and numbers, in one file of HTML."""
+"""The report: every experiment in a folder on one page, figures and claims and numbers, in one file of HTML; films
+lie beside it."""
 
 import base64
 import html
@@ -59,7 +60,7 @@ def _section(record: dict[str, Any], out: Path) -> str:
 <h2>{about}</h2>
 <p>{_text(record["summary"])}</p>
 <figure><img src="data:image/svg+xml;base64,{picture}" alt="{about}"></figure>
-{_claims(record)}
+{_films(record)}{_claims(record)}
 <details><summary>Settings, versions, time</summary>
 <p>Settings: {_text(settings)}.</p>
 <p>{_text(versions)}; {_text(record["processor"])}. {_text(_took(record))}</p>
@@ -71,6 +72,16 @@ def _section(record: dict[str, Any], out: Path) -> str:
 def _heading(record: dict[str, Any]) -> str:
     source = record["source"]
     return _text(f"{source[0].upper()}{source[1:]}: {record['title']}")
+
+
+def _films(record: dict[str, Any]) -> str:
+    """Films are too large to be part of the page: they are shown from their folder beside it."""
+    names = [f"{record['name']}/{Path(film).name}" for film in record.get("films", [])]
+    return "".join(
+        f'<figure><video controls muted loop preload="metadata" src="{_text(name)}"></video>'
+        f'<figcaption>How it is learnt: <a href="{_text(name)}">{_text(name)}</a></figcaption></figure>\n'
+        for name in names
+    )
 
 
 def _claims(record: dict[str, Any]) -> str:
@@ -134,7 +145,8 @@ body { font: 16px/1.5 system-ui, sans-serif; margin: 0; }
 main { max-width: 60rem; margin: 0 auto; padding: 1rem; }
 section { border-top: 1px solid var(--line); margin-top: 2.5rem; }
 figure { margin: 1rem 0; background: #fff; padding: .5rem; border: 1px solid var(--line); border-radius: 6px; }
-img { max-width: 100%; height: auto; display: block; margin: 0 auto; }
+img, video { max-width: 100%; height: auto; display: block; margin: 0 auto; }
+figcaption { color: #555; text-align: center; }
 table { border-collapse: collapse; width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .4rem .7rem .4rem 0; border-bottom: 1px solid var(--line); }
 td:last-child { white-space: nowrap; }

@@ -16,11 +16,14 @@ import tomli_w
 from motorgrad._errors import unknown
 from motorgrad._files import read_json, write_atomically
 from motorgrad._settings import table
+from motorgrad.experiments._animate import animate
 from motorgrad.experiments._claim import Claim
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._style import STYLE
 from motorgrad.experiments._workspace import Workspace, read_arrays, write_arrays
 from motorgrad.training import RunWarning, provenance, what_changed
+
+QUICK = 2.0  # seconds of film at a smoke size
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +59,11 @@ class Reproduction:
         return self.folder / "figure.svg"
 
     @property
+    def films(self) -> list[Path]:
+        """The films of learning that lie there."""
+        return sorted(self.folder.glob("animation*.mp4"))
+
+    @property
     def command(self) -> str:
         """What does it again."""
         kind = type(self.experiment)
@@ -80,6 +88,7 @@ class Reproduction:
             "versions": _every([session["versions"] for session in self.sessions]),
             "processor": " and ".join(dict.fromkeys(session["processor"] for session in self.sessions)),
             "figure": str(self.figure),
+            "films": [str(film) for film in self.films],
         }
 
 
@@ -90,11 +99,13 @@ def reproduce(
     quick: bool = False,
     threads: int = 0,
     progress: bool = True,
+    films: bool = False,
 ) -> Reproduction:
     """Run an experiment in `out/NAME`; finished parts that lie there are not done again.
 
     **Arguments:** the experiment, with its settings; `out`, a folder; `quick`, whether to call it a smoke size;
-    `threads` for physics, 0 for one per processor; `progress`, whether to show it.
+    `threads` for physics, 0 for one per processor; `progress`, whether to show it; `films`, whether to film the
+    learning too, where the experiment says what of.
 
     **Raises:** `ValueError` if the folder holds the experiment with other settings; `KeyboardInterrupt` where it was
     stopped by Ctrl-C: the same call goes on.
@@ -103,12 +114,13 @@ def reproduce(
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with filelock.FileLock(folder / ".lock", timeout=0):
-            return _reproduce(experiment, folder, Workspace(folder, Path(out) / "trained", threads, progress), quick)
+            work = Workspace(folder, Path(out) / "trained", threads, progress)
+            return _reproduce(experiment, folder, work, quick, films)
     except filelock.Timeout:
         raise RuntimeError(f"{folder} is in use by another process") from None
 
 
-def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool) -> Reproduction:
+def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool, films: bool) -> Reproduction:
     _settle(experiment, folder)
     stored, about = folder / "values.npz", folder / "provenance.json"
     sessions = read_json(about)["sessions"] if about.exists() else []
@@ -123,6 +135,8 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
         claims = tuple(experiment.claims(values))
     except KeyError as error:
         raise ValueError(f"{stored}: holds no {error}: made by another version; delete the folder {folder}") from None
+    if films:
+        _film(experiment, work, QUICK if quick else None)
     done = Reproduction(experiment, folder, claims, tuple(read_json(about)["sessions"]), quick)
     write_atomically(folder / "record.json", json.dumps(done.record(), indent=2, allow_nan=False).encode())
     return done
@@ -161,6 +175,17 @@ def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
         figure = experiment.figure(values)
         figure.savefig(folder / "figure.svg", metadata={"Date": None})
         figure.savefig(folder / "figure.png", dpi=160)
+
+
+def _film(experiment: Experiment, work: Workspace, seconds: float | None) -> None:
+    """The films that are not there yet."""
+    runs = experiment.films(work)
+    if not runs:
+        work.say("nothing of it can be filmed")
+    for name, run in runs.items():
+        path = work.path / f"{name}.mp4"
+        if not path.exists():
+            animate(run, path, seconds=seconds, progress=work.progress)
 
 
 def _every(versions: Sequence[dict[str, str]]) -> dict[str, str]:

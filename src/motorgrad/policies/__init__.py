@@ -6,16 +6,20 @@ from motorgrad.policies._factored import Factored
 from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
+from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._initial import (
     INITIAL,
     Initial,
+    gated,
     gaussians,
     graded_motoneurons,
+    graded_tiles,
     growing,
     hyperplanes,
     initial,
+    mixture,
     motoneurons,
     querying_motoneurons,
     soft_boxes,
@@ -40,6 +44,7 @@ __all__ = [
     "Gated",
     "GaussianUnits",
     "GradedMotoneurons",
+    "GradedPool",
     "GradedUnits",
     "Hyperplanes",
     "Initial",
@@ -55,12 +60,15 @@ __all__ = [
     "activity",
     "describe",
     "fixed",
+    "gated",
     "gaussians",
     "graded_motoneurons",
+    "graded_tiles",
     "grow",
     "growing",
     "hyperplanes",
     "initial",
+    "mixture",
     "motoneurons",
     "prune",
     "querying_motoneurons",

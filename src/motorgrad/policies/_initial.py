@@ -15,8 +15,11 @@ import numpy as np
 from motorgrad._errors import check, choice, unknown
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._box import SoftBoxes
+from motorgrad.policies._factored import Factored
+from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons
+from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._masked import Masked
 from motorgrad.policies._motoneuron import Motoneurons
@@ -157,9 +160,7 @@ def tiles(
     check(isinstance(copies, int) and 1 <= copies <= outputs, "copies", copies, f"from 1 to the {outputs} units")
     check(0 < width < math.inf, "width", width, "positive")
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
-    spans = getattr(task, "observation_range", None) or [(0.0, 1.0)] * inputs
-    ends = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])
-    check((ends[:, 0] < ends[:, 1]).all(), "low, high", (low, high), "an interval, low < high, in every input")
+    ends = _ends(task, inputs, low, high)
     limits = (least_log_width, most_log_width)
     check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
     spread = ends[:, 1] - ends[:, 0]
@@ -168,6 +169,47 @@ def tiles(
     centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
     wide = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
     return LocalGaussians(centre, wide, p_max=jnp.asarray(p_max), log_width_limits=limits)
+
+
+def graded_tiles(
+    task: Any,
+    units: int | None = None,
+    copies: int = 1,
+    width: float = 0.16,
+    p_max: float = 1.0,
+    strength: float = 0.0,
+    deviation: float = 0.5,
+    floor: float = 0.05,
+) -> GradedPool:
+    """Units as `tiles` lays them out, each of which acts with a learnt `strength` when it fires: positive with its
+    force, negative against it.
+
+    The strength is drawn with a standard deviation, which is learnt too, from `deviation`, but stays above `floor`.
+    """
+    check(-math.inf < strength < math.inf, "strength", strength, "a finite number")
+    check(0 < floor < deviation < math.inf, "floor, deviation", (floor, deviation), "positive, floor < deviation")
+    pool = tiles(task, units, copies, width, p_max)
+    spread = jnp.full(pool.outputs, math.log(deviation - floor), pool.centre.dtype)
+    return GradedPool(pool, jnp.full_like(spread, strength), spread, jnp.asarray(floor, spread.dtype))
+
+
+def mixture(
+    task: Any,
+    units: int | None = None,
+    hyperplanes: int = 2,
+    copies: int = 1,
+    width: float = 0.16,
+    p_max: float = 1.0,
+    bias: float = 0.0,
+) -> Factored:
+    """Local units as `tiles` lays them out, and beside them `hyperplanes` global ones, the last of the actions, with
+    zero weights and one `bias` (section 6.5.2 of the thesis)."""
+    inputs, outputs = _sizes(task, units)
+    valid = isinstance(hyperplanes, int) and 1 <= hyperplanes < outputs
+    check(valid, "hyperplanes", hyperplanes, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
+    check(-math.inf < bias < math.inf, "bias", bias, "a finite number")
+    everywhere = Hyperplanes(jnp.zeros((hyperplanes, inputs)), jnp.full(hyperplanes, bias))
+    return Factored([tiles(task, outputs - hyperplanes, copies, width, p_max), everywhere])
 
 
 def _lattice(places: int, inputs: int) -> np.ndarray:
@@ -243,6 +285,52 @@ def growing(
     return Masked(kinds[kind](), jnp.zeros(outputs, bool))
 
 
+def gated(
+    task: Any,
+    units: int | None = None,
+    gates: int = 1,
+    levels: int = 1,
+    width: float = 0.3,
+    p_max: float = 1.0,
+) -> Gated:
+    """Local Gaussian gates over the range of the inputs, and hyperplane units behind each (thesis, section 6.5.4).
+
+    The units begin with zero weights. The gates lie as the places of `tiles` do. With more than one of `levels` there
+    are further gates behind each, laid out alike from one of its widths below its centre to one above; the units are
+    behind the last. `units` counts gates too: behind each gate are as many of the rest as behind another, or one fewer.
+    An action is ordered as in `Gated`: the gates, then all that is behind the first, and so on. `width` is a standard
+    deviation as part of the range.
+    """
+    inputs, outputs = _sizes(task, units)
+    for name, value in (("gates", gates), ("levels", levels)):
+        check(isinstance(value, int) and value >= 1, name, value, "a whole number of at least 1")
+    check(0 < width < math.inf, "width", width, "positive")
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+    ends = _ends(task, inputs)
+    places = _lattice(gates, inputs)
+
+    def pool(low: np.ndarray, spread: np.ndarray, count: int, level: int) -> Gated:
+        wanted = f"more than the {gates} gates of each pool: at least one unit behind every gate"
+        check(count >= 2 * gates, "outputs", outputs, wanted)
+        centre, wide = low + spread * places, width * spread
+        shares = [len(part) for part in np.array_split(np.arange(count - gates), gates)]
+        gate = LocalGaussians(centre, np.log(np.broadcast_to(wide, centre.shape)), p_max=jnp.asarray(p_max))
+        below = zip(centre, shares, strict=True)
+        if level == 1:
+            return Gated(gate, [hyperplanes(inputs, share) for _, share in below])
+        return Gated(gate, [pool(middle - wide, 2 * wide, share, level - 1) for middle, share in below])
+
+    return pool(ends[:, 0], ends[:, 1] - ends[:, 0], outputs, levels)
+
+
+def _ends(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:
+    """The range of each input, `(inputs, 2)`: the task's, or from 0 to 1, or what is given."""
+    spans = getattr(task, "observation_range", None) or [(0.0, 1.0)] * inputs
+    ends = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])
+    check((ends[:, 0] < ends[:, 1]).all(), "low, high", (low, high), "an interval, low < high, in every input")
+    return ends
+
+
 def _check_local(sizes: dict[str, float], low: float, high: float) -> None:
     for name, value in sizes.items():
         check(0 < value < math.inf, name, value, "positive")
@@ -250,10 +338,13 @@ def _check_local(sizes: dict[str, float], low: float, high: float) -> None:
 
 
 INITIAL: dict[str, Callable[..., Initial]] = {
+    "gated": gated,
     "gaussians": gaussians,
     "graded-motoneurons": graded_motoneurons,
+    "graded-tiles": graded_tiles,
     "growing": growing,
     "hyperplanes": hyperplanes,
+    "mixture": mixture,
     "motoneurons": motoneurons,
     "querying-motoneurons": querying_motoneurons,
     "soft-boxes": soft_boxes,

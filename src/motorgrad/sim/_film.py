@@ -67,7 +67,7 @@ def film(
     `renderer="gl"` and OpenGL does not work here.
     """
     motions = _motions(motions)
-    target = _target(path, ".mp4")
+    target = target_of(path, ".mp4")
     check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
     check(np.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
     kind, note = choose(renderer)
@@ -124,7 +124,7 @@ def still(
     **Raises:** as `film` does.
     """
     _motions(motion)
-    target = None if path is None else _target(path, ".png")
+    target = None if path is None else target_of(path, ".png")
     count = motion.time.size
     check(isinstance(frame, int | np.integer) and -count <= frame < count, "frame", frame, f"in [{-count}, {count})")
     kind, _ = choose(renderer)
@@ -152,9 +152,10 @@ def _motions(motions: Motion | Sequence[Motion]) -> list[Motion]:
     return listed
 
 
-def _target(path: str | os.PathLike[str], suffix: str) -> Path:
+def target_of(path: str | os.PathLike[str], *suffixes: str) -> Path:
+    """The file of a picture or a film. **Raises** `ValueError` for another ending than these, and for a folder."""
     target = Path(path)
-    check(target.suffix.lower() == suffix, "path", str(path), f"a file name ending in {suffix}")
+    check(target.suffix.lower() in suffixes, "path", str(path), f"a file name ending in {' or '.join(suffixes)}")
     check(not target.is_dir(), "path", str(path), "a file, not a folder")
     return target
 

@@ -1,7 +1,8 @@
-"""Frames into an mp4 file that browsers play."""
+"""Frames into an mp4 file that browsers play, or into a GIF."""
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import tempfile
@@ -9,6 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+
+from motorgrad._files import write_atomically
 
 
 def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], fps: float) -> None:
@@ -45,6 +48,22 @@ def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], f
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.ndarray) -> None:
+    """Write a GIF that repeats for ever.
+
+    **Arguments:** as of `write_mp4`, but that a frame's length is a whole number of hundredths of a second; `like`, a
+    frame whose 256 most useful colours are those of all: where all have the same, only what moves takes bytes.
+    """
+    from PIL import Image
+
+    colours = Image.fromarray(like).quantize(256)
+    pictures = (Image.fromarray(frame).quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames)
+    content = io.BytesIO()
+    length = max(1, round(100 / fps)) * 10
+    next(pictures).save(content, "GIF", save_all=True, append_images=pictures, duration=length, loop=0)
+    write_atomically(path, content.getvalue())
 
 
 def _command(path: Path, size: tuple[int, int], fps: float) -> list[str]:

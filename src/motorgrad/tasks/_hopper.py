@@ -16,7 +16,8 @@ from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._body_task import BodyTask
 from motorgrad.tasks._task import Reading
 
-MOST = 10_000  # physics steps between two decisions
+MOST = 10_000  # physics steps between two decisions, and units
+FASTEST = 50.0  # rad/s
 
 
 class Flight(NamedTuple):
@@ -33,8 +34,8 @@ class Hopper(BodyTask):
     """Hop as high as possible.
 
     Observed: foot contact (±1), knee angle about `centre` in rad, knee velocity × `velocity_scale` (rad/s).
-    Actions: the flexor pair, the extensor pair. Reward: `reward_scale` × the height (m) of a hop, a flight above
-    `hop_height`, minus `penalty` for each active muscle at each decision.
+    Actions: the flexor pair, the extensor pair, or units that drive these. Reward: `reward_scale` × the height (m) of a
+    hop, a flight above `hop_height`, minus `penalty` for each active muscle at each decision.
 
     **Arguments:**
 
@@ -44,10 +45,13 @@ class Hopper(BodyTask):
     - `reward_scale`: reward per metre.
     - `penalty`: cost of a muscle that is active for one decision.
     - `hop_height`: in metres; a lower flight does not count.
+    - `observe_contact`: whether foot contact is observed beside the knee.
     - `centre`: the interior knee angle, in degrees, that is observed as 0; 0 gives the raw angle.
     - `velocity_scale`: brings the knee's velocity into the range of the other inputs.
     - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
     - `time_limit`: simulated seconds after which an episode is cut; `None` for a continuing task.
+    - `units`: actions, dealt out in turn over the groups of muscles: the first drives the flexors, the second the
+      extensors, the third the flexors again. A group is active while any of its units fires. By default one for each.
     """
 
     name: ClassVar[str] = "hopper"
@@ -61,10 +65,12 @@ class Hopper(BodyTask):
     reward_scale: float = 100.0
     penalty: float = 0.1
     hop_height: float = 0.03
+    observe_contact: bool = True
     centre: float = 90.0
     velocity_scale: float = 0.02
     action_period: float = 0.01
     time_limit: float | None = None
+    units: int | None = None
 
     def __post_init__(self) -> None:
         choice("paid", self.paid, ("landing", "apex"))
@@ -84,13 +90,39 @@ class Hopper(BodyTask):
             f"None or at least one action period, {self.action_period} s, and fewer than 2147483648 of them",
         )
 
+        groups = len(self.body.groups)
+        enough = self.units is None or (isinstance(self.units, int) and groups <= self.units <= MOST)
+        check(enough, "units", self.units, f"None, or from one for each of the {groups} groups of muscles to {MOST:,}")
+
     @property
     def dynamics(self) -> HopperBody:
         return self.body
 
     @property
     def observation_size(self) -> int:
-        return 3
+        return 3 if self.observe_contact else 2
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...]:
+        """Of the velocity the range that learnt hops have: some 50 rad/s to either side."""
+        low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)
+        fast = max(FASTEST * abs(self.velocity_scale), 1e-6)
+        knee = (low, high), (-fast, fast)
+        return ((-1.0, 1.0), *knee) if self.observe_contact else knee
+
+    @property
+    def action_size(self) -> int:
+        return len(self.body.groups) if self.units is None else self.units
+
+    def control(self, action: Any) -> Any:
+        """The activation of each group of muscles, `(…, action_size)` to `(…, groups)`."""
+        return action if self.units is None else jnp.minimum(action @ self._drives, 1.0)
+
+    @functools.cached_property
+    def _drives(self) -> np.ndarray:
+        """Which group each unit drives, `(units, groups)`."""
+        groups = len(self.body.groups)
+        return np.eye(groups, dtype=np.float32)[np.arange(self.action_size) % groups]
 
     @property
     def substeps(self) -> int:
@@ -114,13 +146,14 @@ class Hopper(BodyTask):
 
     def observe(
         self, memory: Flight, state: BodyState, uniforms: Float[Array, " 0"]
-    ) -> tuple[Flight, Float[Array, " 3"]]:
+    ) -> tuple[Flight, Float[Array, " inputs"]]:
         contact = jnp.where(state.sensors["foot_contact"] > 0, 1.0, -1.0)
         angle = state.sensors["knee_angle"] + np.deg2rad(90.0 - self.centre)
-        return memory, jnp.stack([contact, angle, self.velocity_scale * state.sensors["knee_velocity"]])
+        knee = [angle, self.velocity_scale * state.sensors["knee_velocity"]]
+        return memory, jnp.stack([contact, *knee] if self.observe_contact else knee)
 
     def reward(
-        self, memory: Flight, state: BodyState, action: Float[Array, " groups"]
+        self, memory: Flight, state: BodyState, action: Float[Array, " units"]
     ) -> tuple[Flight, Float[Array, ""], Bool[Array, ""] | bool]:
         now = state.sensors["foot_height"]
         down = state.sensors["foot_contact"] > 0
@@ -130,7 +163,7 @@ class Hopper(BodyTask):
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
         paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
-        cost = self.penalty * jnp.sum(action * self._muscles_per_group)
+        cost = self.penalty * jnp.sum(self.control(action) * self._muscles_per_group)
         return Flight(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
 
     def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:

@@ -50,6 +50,10 @@ class HostTask(Task):
     def batch(self, seeds: Sequence[int], threads: int = 0) -> HostBatch:
         """The dynamics, one row for each seed, at the start of an episode; `threads`, where they can use them."""
 
+    def control(self, action: Any) -> Any:
+        """What the dynamics are told of an action, `(…, action_size)`: by default the action itself."""
+        return action
+
     @property
     def no_resume(self) -> str | None:
         """Why the dynamics cannot be saved and restored; `None` where they can."""

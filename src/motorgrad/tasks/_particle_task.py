@@ -69,6 +69,11 @@ class ParticleTask(Task):
         return self.units
 
     @property
+    def takes(self) -> tuple[str, ...]:
+        """Zeros and ones, or real numbers: an action multiplies its unit's force, which a negative one turns round."""
+        return ("binary", "graded")
+
+    @property
     def period(self) -> float:
         return self.physics.period
 

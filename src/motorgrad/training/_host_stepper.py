@@ -26,6 +26,8 @@ class HostStepper(Stepper):
     **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them.
     """
 
+    task: HostTask
+
     def __init__(
         self,
         task: HostTask,
@@ -146,13 +148,13 @@ class HostStepper(Stepper):
 
     def _act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(cycle.action, 0.0)
+        return cycle, _row(self.task.control(cycle.action), 0.0)
 
     def _settle_and_act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         diverged = packed[-1] > 0
         cycle, ended = self.cycle.settle(cycle, self.batch.unpack(packed), numbers["observe"], diverged)
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(cycle.action, ended)
+        return cycle, _row(self.task.control(cycle.action), ended)
 
     def _restart_and_act(
         self, cycle: CycleState, packed: Array, numbers: Numbers, ended: Bool[Array, ""], out: Array
@@ -165,6 +167,6 @@ class HostStepper(Stepper):
         return jax.tree.map(lambda new, old: jnp.where(ended, new, old), (fresh, action), (cycle, out))
 
 
-def _row(action: Array, ended: Any) -> Float[Array, " size"]:
-    """What crosses to the host: the action's numbers, then whether the episode has ended."""
-    return jnp.append(jnp.asarray(action, jnp.result_type(float)), ended)
+def _row(control: Array, ended: Any) -> Float[Array, " size"]:
+    """What crosses to the host: the numbers that the dynamics are told, then whether the episode has ended."""
+    return jnp.append(jnp.asarray(control, jnp.result_type(float)), ended)

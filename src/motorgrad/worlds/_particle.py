@@ -113,7 +113,8 @@ class Particle(World):
     def step(
         self, state: ParticleState, action: Float[Array, " forces"], uniforms: Float[Array, " uniforms"]
     ) -> ParticleState:
-        physics, forces = self.physics, jnp.asarray(self.forces, action.dtype)
+        physics = self.physics
+        forces = jnp.asarray(self.forces, jnp.promote_types(action.dtype, jnp.float32))
         push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
         gusts = physics.noise * normals(uniforms).reshape(-1, 2) if physics.noise else None
 

@@ -90,23 +90,12 @@ def history(run: Run, fields: int) -> np.ndarray:
     return rows.reshape(-1, len(run.seeds), fields, rows.shape[1] // fields).transpose(2, 1, 0, 3)
 
 
-def first_time(decision: np.ndarray, happened: np.ndarray) -> np.ndarray:
-    """When something happened first, NaN where it never did: `(records,)` and `(…, records)` to `(…)`."""
-    return np.where(happened.any(-1), decision[happened.argmax(-1)], np.nan)
-
-
 def with_another(pools: Policy, threshold: Any, gain: float = 0.0) -> Motoneurons:
     """The pools of all seeds, each with one more unit; its threshold is one number, or one for each seed."""
     thresholds = jnp.broadcast_to(jnp.asarray(threshold, jnp.float32), jax.tree.leaves(pools)[0].shape[:1])
     grown = jax.vmap(lambda pool, at: grow(pool, Motoneurons(at[None], jnp.full(1, gain))))(pools, thresholds)
     assert isinstance(grown, Motoneurons)
     return grown
-
-
-def final(run: Run, quantity: str, share: float = 0.25) -> np.ndarray:
-    """The mean of a quantity over the last part of training, for each seed."""
-    values = run.curve(quantity)[1]
-    return values[:, -max(1, round(share * values.shape[1])) :].mean(axis=1)
 
 
 def least_error(task: LinearRecruitment, strength: float = 1.0) -> float:

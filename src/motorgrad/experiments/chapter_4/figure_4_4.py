@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from motorgrad.experiments._claim import LEVEL, Claim, mean_of, share_of
+from motorgrad.experiments._curves import final
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
 from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place, spaced_from
-from motorgrad.experiments.chapter_4._pools import final, least_error, parameters
+from motorgrad.experiments.chapter_4._pools import least_error, parameters
 from motorgrad.tasks import LinearRecruitment
 
 if TYPE_CHECKING:

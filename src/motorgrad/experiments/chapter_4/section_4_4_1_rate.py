@@ -8,9 +8,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, median_of
+from motorgrad.experiments._curves import final, first_time
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._pools import NATURAL, final, first_time, history, least_error
+from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
 from motorgrad.experiments.chapter_4._rate_figure import draw_rate
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import evaluate, settings_for

@@ -9,10 +9,11 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, Measured, mean_of, share_of
+from motorgrad.experiments._curves import final
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
 from motorgrad.experiments.chapter_4._inputs_figure import draw_inputs
-from motorgrad.experiments.chapter_4._pools import final, firing, numbers
+from motorgrad.experiments.chapter_4._pools import firing, numbers
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, settings_for
 

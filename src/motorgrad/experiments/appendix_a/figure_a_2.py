@@ -1,0 +1,184 @@
+"""Figure A.2: the circular field of force."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.appendix_a._circular_drawing import draw_field, draw_limits
+from motorgrad.worlds import CircularField, ParticlePhysics, Walls
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FREE = Walls(left=-50.0, right=50.0, bottom=-50.0, top=50.0)
+PLACES = 400  # at random, where the force is checked
+STARTS = ((0.55, 0.5), (0.5, 0.98), (0.1, 0.2), (0.9, 0.9))
+CLOSE = 1e-3  # single precision, over thousands of steps
+
+
+@dataclasses.dataclass(frozen=True)
+class Circular(Experiment):
+    """A force that drives a particle clockwise round a centre and, like a spring, towards a radius r*; the paths that
+    it gives, and the orbit that they end on. With drag the orbit is wider than r*: k₂ r*/(k₂ − k₁²) for a mass and a
+    drag of 1, and there is none unless k₂ is above k₁².
+
+    **Arguments:**
+
+    - `tangential` (1/s²): k₁, as drawn.
+    - `radial` (1/s²): k₂, as drawn.
+    - `radius`: r*, as drawn.
+    - `seconds` (simulated s): for which a particle moves before its orbit is measured.
+    """
+
+    name: ClassVar[str] = "fig-a.2"
+    title: ClassVar[str] = "the circular field of force"
+    source: ClassVar[str] = "figure A.2"
+
+    tangential: float = 0.5
+    radial: float = 1.0
+    radius: float = 0.25
+    seconds: float = 200.0
+
+    def __post_init__(self) -> None:
+        check(1 <= self.seconds <= 1e5, "seconds", self.seconds, "in 1 … 100,000 simulated s")
+        self.physics(self.tangential, self.radial)
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seconds=40.0)
+
+    def physics(self, tangential: float, radial: float, mass: float = 1.0, drag: float = 1.0) -> ParticlePhysics:
+        """A particle in such a field, without gravity and far from all walls."""
+        field = CircularField(tangential, radial, self.radius)
+        return ParticlePhysics(mass=mass, gravity=(0.0, 0.0), drag=drag, walls=FREE, field=field)
+
+    def run(self, work: Workspace) -> Values:
+        physics = self.physics(self.tangential, self.radial)
+        # tangential, radial, mass, drag: as drawn, less and more tangential, and other particles
+        share = np.array([0.0, 0.3, 0.6, 0.8, 0.9])
+        cases = [(s * np.sqrt(self.radial), self.radial, 1.0, 1.0) for s in share]
+        cases += [(self.tangential, self.radial, 0.5, 1.0), (self.tangential, self.radial, 1.0, 1.5)]
+        measured = [orbit(self.physics(*case), (0.5 + self.radius, 0.5), self.seconds) for case in cases]
+        places = np.random.default_rng(0).random((PLACES, 2))
+        return {
+            "share": share,
+            "cases": np.array(cases),
+            "expected": np.array([self.physics(*case).orbit_radius for case in cases]),
+            "measured": np.array([radius for radius, _ in measured]),
+            "turning": np.array([turning for _, turning in measured]),
+            "places": places,
+            "force": force_at(physics.field, places),
+            "paths": np.stack([path(physics, start, 20.0) for start in STARTS]),
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(11, 3.9), layout="constrained")
+        axes = figure.subplots(1, 3, width_ratios=[1, 1, 1.15])
+        physics = self.physics(self.tangential, self.radial)
+        draw_field(axes[0], physics, force_at, ())
+        draw_field(axes[1], physics, None, list(values["paths"]))
+        draw_limits(axes[2], values, self.radius)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        away = values["places"] - 0.5
+        distance = np.linalg.norm(away, axis=1)
+        outwards = away / distance[:, None]
+        clockwise = np.stack([outwards[:, 1], -outwards[:, 0]], axis=1)
+        wanted = self.tangential * distance[:, None] * clockwise
+        wanted = wanted + self.radial * (self.radius - distance)[:, None] * outwards
+        off = float(np.abs(values["force"] - wanted).max())
+        radius = np.abs(values["measured"] / values["expected"] - 1)
+        mass, drag = values["cases"][:, 2:].T
+        turning = np.abs(values["turning"] + values["cases"][:, 0] / drag)
+        return [
+            Claim(
+                "The force is k₁ r clockwise and k₂ (r* − r) outwards.",
+                "appendix A.3",
+                "no difference: at most 1e-6",
+                exact(off),
+                off <= 1e-6,
+                note=f"The greatest at {len(away)} places. As printed, the first part turns anticlockwise.",
+            ),
+            Claim(
+                "Without pushes the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
+                "appendix A.3, solved for a steady circle",
+                f"ratio of measured and expected: at most {CLOSE:g} from 1",
+                exact(float(radius.max())),
+                radius.max() <= CLOSE,
+                note=f"The greatest of {len(radius)} fields and particles, masses {mass.min():g} and {mass.max():g}, "
+                f"drags {drag.min():g} and {drag.max():g}.",
+            ),
+            Claim(
+                "It is gone round clockwise, k₁/k_d radians in a second.",
+                "appendix A.3, solved for a steady circle",
+                f"no difference: at most {CLOSE:g}",
+                exact(float(turning.max())),
+                turning.max() <= CLOSE,
+                "rad/s",
+            ),
+            Claim(
+                "Without the tangential part the particle comes to rest at r*.",
+                "appendix A.3",
+                f"radius / r*: at most {CLOSE:g} from 1",
+                exact(float(values["measured"][0] / self.radius)),
+                abs(values["measured"][0] / self.radius - 1) <= CLOSE,
+            ),
+            Claim(
+                "There is no orbit unless k₂ is above k₁².",
+                "appendix A.3, solved for a steady circle",
+                "a field with k₂ = k₁² is refused (1 where it is)",
+                exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
+                refused(lambda: self.physics(np.sqrt(self.radial), self.radial)),
+            ),
+        ]
+
+
+def refused(make: Any) -> bool:
+    """Whether something cannot be made."""
+    try:
+        make()
+    except ValueError:
+        return True
+    return False
+
+
+def force_at(field: CircularField, places: np.ndarray) -> np.ndarray:
+    """The force at each place, `(places, 2)`."""
+    import jax
+    import jax.numpy as jnp
+
+    return np.asarray(jax.vmap(lambda place: jnp.stack(field.force(*place)))(jnp.asarray(places, jnp.float32)))
+
+
+def path(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> np.ndarray:
+    """Positions at every time step of a particle that begins at rest, `(steps + 1, 2)`."""
+    import jax
+    import jax.numpy as jnp
+
+    zero = jnp.zeros(())
+    begin = ((jnp.asarray(start[0]), jnp.asarray(start[1])), (zero, zero))
+
+    def move(motion: Any, _: None) -> Any:
+        after = physics.step(motion, (zero, zero))[0]
+        return after, jnp.stack(after[0])
+
+    moved = jax.lax.scan(move, begin, length=round(seconds / physics.timestep))[1]
+    return np.concatenate([[start], np.asarray(moved)])
+
+
+def orbit(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> tuple[float, float]:
+    """Radius and angular velocity (rad/s, anticlockwise) at the end of a path from rest: means over its last tenth."""
+    away = path(physics, start, seconds) - 0.5
+    last = away[-max(2, len(away) // 10) :]
+    angle = np.unwrap(np.arctan2(last[:, 1], last[:, 0]))
+    turning = (angle[-1] - angle[0]) / (physics.timestep * (len(angle) - 1))
+    return float(np.linalg.norm(last, axis=1).mean()), float(turning)

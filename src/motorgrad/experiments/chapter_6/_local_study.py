@@ -1,0 +1,118 @@
+"""What the experiments on local policies have in common: two tasks, their learner, and how well it has learnt."""
+
+import dataclasses
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._experiment import Experiment
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.policies import LocalGaussians, Policy
+from motorgrad.sim import trajectories
+from motorgrad.tasks import FallingParticle, ParticleTask, Task
+from motorgrad.training import Run, settings_for
+
+LAYOUTS = ("R1", "R2")
+EPISODES = 2_000  # of learning, in the thesis
+LATE = 0.1  # of the episodes, the last, over which the end of learning is measured
+FORGETTING = {"baseline": "fixed-step", "baseline_rate": 1e-3}
+"""A baseline that forgets in a thousand decisions, in place of the mean of all rewards so far."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalStudy(Experiment):
+    """Learners of the falling particle, in the two layouts R1 and R2.
+
+    **Arguments:**
+
+    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `seeds`: learners of each kind.
+    """
+
+    decisions: int = 50_000
+    seeds: int = 48
+
+    def __post_init__(self) -> None:
+        check(1_000 <= self.decisions <= 10**8, "decisions", self.decisions, "in 1,000 … 100,000,000")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=2_000, seeds=3)
+
+    def learnt(self, work: Workspace, task: ParticleTask | str, **changes: Any) -> Run:
+        """A task, or a layout, learnt by its own learner, or by a changed one."""
+        task = FallingParticle(layout=task) if isinstance(task, str) else task  # type: ignore[arg-type]
+        return work.train(task, settings_for(task, **changes), self.decisions, self.seeds)
+
+
+@dataclasses.dataclass(frozen=True)
+class LayoutStudy(LocalStudy):
+    """Learners in layouts that can be chosen.
+
+    **Arguments:** `decisions` and `seeds`, as of `LocalStudy`; `layouts`, of the falling particle.
+    """
+
+    layouts: tuple[str, ...] = LAYOUTS
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(len(self.layouts) > 0, "layouts", self.layouts, "at least one")
+        for layout in self.layouts:
+            FallingParticle(layout=layout)  # type: ignore[arg-type]
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=2_000, seeds=3, layouts=LAYOUTS[:1])
+
+
+def late(run: Run, episodes: int = EPISODES) -> np.ndarray:
+    """Mean reward per decision in the last tenth of so many episodes, `(seeds,)`.
+
+    Runs are recorded by decisions, so the tenth begins and ends with a record: of 2,000 episodes it is the records
+    within episodes 1,801 to 2,000, each of about ten.
+    """
+    count = np.cumsum(run.curve("episodes")[1], axis=1)
+    end = np.minimum(episodes, count[:, -1:])
+    inside = (count > (1 - LATE) * end) & (count <= end)
+    return (run.curve()[1] * inside).sum(1) / inside.sum(1)
+
+
+def judged(work: Workspace, task: Task, policies: Policy, decisions: int, **changes: Any) -> np.ndarray:
+    """Mean reward per decision of policies that do not learn, `(policies,)`; they lead in every array.
+
+    Each acts by the random numbers of its neighbour, so that none is judged on those that it learnt from.
+    """
+    settings = settings_for(task, **changes, improve="never")
+    moved = jax.tree.map(lambda leaf: jnp.roll(leaf, 1, axis=0), policies)
+    count = jax.tree.leaves(policies)[0].shape[0]
+    run = work.train(task, settings, decisions, count, moved)
+    return np.roll(run.curve()[1].mean(1), -1)
+
+
+def one(policies: Policy, row: int) -> Any:
+    """One of several policies."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf[row]), policies)
+
+
+def middle(values: np.ndarray) -> int:
+    """Which seed is the typical one: the one at, or next above, the median."""
+    return int(np.argsort(values)[len(values) // 2])
+
+
+def gaussians(centre: Any, log_width: Any) -> LocalGaussians:
+    """Local units from stored numbers."""
+    return LocalGaussians(jnp.asarray(centre, jnp.float32), jnp.asarray(log_width, jnp.float32))
+
+
+def visited(task: ParticleTask, policy: Policy, episodes: int, seed: int = 0) -> np.ndarray:
+    """The positions at which decisions are made in some episodes, `(decisions, 2)`."""
+    return np.concatenate([path[:-1] for path in trajectories(task, policy, episodes, seed)])
+
+
+def outside(centre: np.ndarray) -> np.ndarray:
+    """Whether each centre, `(…, 2)`, lies beyond a wall of the unit square."""
+    return np.any((centre < 0) | (centre > 1), axis=-1)

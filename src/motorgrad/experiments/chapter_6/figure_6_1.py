@@ -1,0 +1,94 @@
+"""Figure 6.1: a global and a local unit."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.experiments._claim import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.policies import Hyperplanes, LocalGaussians, Policy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CELLS = 81
+REACH = 3.0  # of the inputs drawn, to either side
+FAR = 1_000.0  # from the origin, in units of the inputs
+LEVEL = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Approximators(Experiment):
+    """The probability with which a hyperplane unit and a Gaussian unit fire, over two inputs: the one divides all of
+    the plane in two, the other acts in one place."""
+
+    name: ClassVar[str] = "fig-6.1"
+    title: ClassVar[str] = "global and local approximators"
+    source: ClassVar[str] = "figure 6.1"
+
+    def run(self, work: Workspace) -> Values:
+        del work
+        side = np.linspace(-REACH, REACH, CELLS)
+        turn = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+        plane = np.stack(np.meshgrid(side, side), axis=-1)
+        circle = FAR * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        found: Values = {"side": side}
+        for name, unit in _units().items():
+            found[name] = _fires(unit, plane)
+            found[f"{name} far"] = _fires(unit, circle)
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9, 4.4), layout="constrained")
+        x, y = np.meshgrid(values["side"], values["side"])
+        titles = {"global": "global: a hyperplane", "local": "local: an axis-aligned Gaussian"}
+        for column, (name, title) in enumerate(titles.items(), 1):
+            axes: Any = figure.add_subplot(1, 2, column, projection="3d")
+            axes.plot_surface(x, y, values[name], cmap="viridis", vmin=0, vmax=1, rcount=60, ccount=60, linewidth=0)
+            axes.contour(x, y, values[name], levels=[0.1, 0.5, 0.9], zdir="z", offset=-0.5, cmap="viridis")
+            axes.set(zlim=(-0.5, 1), xticks=(-2, 0, 2), yticks=(-2, 0, 2), zticks=(0, 0.5, 1))
+            axes.set(xlabel="$y_1$", ylabel="$y_2$", title=title)
+            axes.title.set_fontsize(10)
+            axes.view_init(elev=26, azim=-58)
+            axes.set_box_aspect((1, 1, 0.7), zoom=0.95)
+        figure.suptitle("probability of firing", fontsize=11)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        half = float((values["global far"] > 0.5).mean())
+        away = float(values["local far"].max())
+        return [
+            Claim(
+                "A global unit responds however far it is from what it has seen.",
+                "section 6.1",
+                f"share of directions in which it fires more often than not, {FAR:g} away: one half, to 0.01",
+                exact(half),
+                abs(half - 0.5) <= 0.01,
+            ),
+            Claim(
+                "A local unit responds in a neighbourhood only.",
+                "section 6.1",
+                f"greatest probability of firing {FAR:g} away: below {LEVEL:g}",
+                exact(away),
+                away < LEVEL,
+            ),
+        ]
+
+
+def _units() -> dict[str, Policy]:
+    return {
+        "global": Hyperplanes([[2.0, 1.2]], [0.4]),
+        "local": LocalGaussians([[0.4, -0.3]], jnp.log(jnp.array([[0.7, 1.1]]))),
+    }
+
+
+def _fires(unit: Policy, places: np.ndarray) -> np.ndarray:
+    flat = jnp.asarray(places.reshape(-1, 2), jnp.float32)
+    return np.asarray(jax.vmap(unit.prob)(flat))[:, 0].reshape(places.shape[:-1])

@@ -1,0 +1,180 @@
+"""Figure 6.2: how predictors of the dynamics divide the space of inputs, and with it a simple decision."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, exact, mean_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPEED = 1.0  # towards where it looks, in units of distance a second
+NEAR, DISTANT = 0.25, 2.0  # distances
+ROUNDS = 60  # of fitting
+FITTED = 40  # places along each side by which predictors are fitted, or a few more
+
+
+@dataclasses.dataclass(frozen=True)
+class Partition(Experiment):
+    """A target is seen at a distance and a bearing by something that moves straight ahead. Where each of some
+    predictors of what will be seen next is the best one is its region. The decision to brake at a certain distance, a
+    horizontal line, is cut by these regions: by constant predictors of the change, as in the thesis, and by linear ones
+    that were fitted, each to where it is the best.
+
+    **Arguments:**
+
+    - `predictors`: of each kind.
+    - `brake`: the distance at which to brake.
+    - `cells`: along each side of the picture.
+    - `fits`: of linear predictors, each from another random start.
+    """
+
+    name: ClassVar[str] = "fig-6.2"
+    title: ClassVar[str] = "input space partitioning"
+    source: ClassVar[str] = "figure 6.2"
+
+    predictors: int = 8
+    brake: float = 0.6
+    cells: int = 161
+    fits: int = 24
+
+    def __post_init__(self) -> None:
+        check(2 <= self.predictors <= 100, "predictors", self.predictors, "in 2 … 100")
+        check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"in {NEAR:g} … {DISTANT:g}")
+        check(20 <= self.cells <= 2_000, "cells", self.cells, "in 20 … 2,000")
+        check(2 <= self.fits <= 10_000, "fits", self.fits, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(cells=41, fits=3)
+
+    def run(self, work: Workspace) -> Values:
+        bearing = np.linspace(-np.pi / 2, np.pi / 2, self.cells)
+        distance = np.linspace(NEAR, DISTANT, self.cells)
+        places = np.stack(np.meshgrid(bearing, distance), axis=-1)
+        changes = change(places)
+        constant = np.linspace(-np.pi / 2, np.pi / 2, self.predictors)
+        # the change of distance is predicted alike by all, so it favours none
+        best = np.abs(changes[..., :1] - constant).argmin(-1)
+        fitted = work.part("fitted", lambda: {"best": self._fitted(places, changes)})["best"]
+        return {"bearing": bearing, "distance": distance, "change": changes, "constant": best, "linear": fitted}
+
+    def _fitted(self, places: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Which linear predictor is the best at each place, `(fits, rows, columns)`."""
+        # a part of the grid is enough to fit by
+        step = max(1, self.cells // FITTED)
+        some, moved = (grid[::step, ::step].reshape(-1, 2) for grid in (places, changes))
+        fits = [fit(some, moved, self.predictors, seed) for seed in range(self.fits)]
+        errors = (np.einsum("rci,nio->rcno", _affine(places), weights) - changes[..., None, :] for weights in fits)
+        return np.stack([((error / changes.std((0, 1))) ** 2).sum(-1).argmin(-1) for error in errors])
+
+    def _boundary(self, values: Values) -> int:
+        return int(np.abs(values["distance"] - self.brake).argmin())
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9.4, 4.2), layout="constrained")
+        row = self._boundary(values)
+        kinds = (
+            (values["constant"], f"{self.predictors} constant predictors of the change"),
+            (values["linear"][0], f"{self.predictors} linear predictors, fitted"),
+        )
+        for axes, (best, title) in zip(figure.subplots(1, 2, sharey=True), kinds, strict=True):
+            _draw(axes, values, best)
+            axes.axhline(self.brake, color="#c8452f", linewidth=2.2, linestyle="--")
+            axes.set(title=f"{title}: the line in {len(parts(best[row]))} parts", xlabel="bearing (rad)")
+            axes.title.set_fontsize(10)
+        figure.axes[0].set_ylabel("distance")
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        row, count = self._boundary(values), self.predictors
+        cut = len(parts(values["constant"][row]))
+        fitted = mean_of([len(parts(best[row])) for best in values["linear"]])
+        used = [len(np.unique(best)) for best in values["linear"]]
+        return [
+            Claim(
+                f"{count} predictors cut a boundary that ignores the bearing into {count} parts (constant changes).",
+                "figure 6.2",
+                f"stretches of the line with the same best predictor: {count}",
+                exact(cut),
+                cut == count,
+                "parts",
+            ),
+            Claim(
+                f"So do {count} linear predictors, each fitted where it is the best.",
+                "figure 6.2",
+                f"stretches of the line, mean over fits from random starts: {count} within the interval",
+                fitted,
+                fitted.low <= count <= fitted.high,
+                "parts",
+                f"From {min(len(parts(best[row])) for best in values['linear'])} to "
+                f"{max(len(parts(best[row])) for best in values['linear'])}; {np.mean(used):.1f} predictors are the "
+                "best somewhere.",
+            ),
+            Claim(
+                "A decision that is simple is split: more than one predictor has a part in it.",
+                "section 6.1.2",
+                "stretches of the line by fitted predictors: more than 1 with the interval",
+                fitted,
+                fitted.low > 1,
+                "parts",
+            ),
+        ]
+
+
+def change(places: np.ndarray) -> np.ndarray:
+    """By how much bearing and distance change in a second, `(…, 2)` as the places."""
+    bearing, distance = places[..., 0], places[..., 1]
+    return np.stack([SPEED * np.sin(bearing) / distance, -SPEED * np.cos(bearing)], axis=-1)
+
+
+def fit(places: np.ndarray, changes: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """Linear predictors of the changes, `(count, 3, 2)`: each is fitted by least squares where it is the best, over and
+    over, from random regions (those nearest to random places)."""
+    rng = np.random.default_rng(seed)
+    inputs, scale = _affine(places), changes.std(0)
+    centres = places[rng.choice(len(places), count, replace=False)]
+    best = ((places[:, None] - centres) ** 2).sum(-1).argmin(1)
+    weights = np.zeros((count, 3, 2))
+    for _ in range(ROUNDS):
+        for one in range(count):
+            mine = best == one
+            if mine.sum() > 3:
+                weights[one] = np.linalg.lstsq(inputs[mine], changes[mine], rcond=None)[0]
+        error = (np.einsum("pi,nio->pno", inputs, weights) - changes[:, None]) / scale
+        after = (error**2).sum(-1).argmin(1)
+        if (after == best).all():
+            break
+        best = after
+    return weights
+
+
+def _affine(places: np.ndarray) -> np.ndarray:
+    """What linear predictors see: bearing, distance, 1."""
+    return np.concatenate([places, np.ones((*places.shape[:-1], 1))], axis=-1)
+
+
+def parts(best: np.ndarray) -> np.ndarray:
+    """The predictors of the stretches of a line, one after the other."""
+    return best[np.concatenate([[True], best[1:] != best[:-1]])]
+
+
+def _draw(axes: "Axes", values: Values, best: np.ndarray) -> None:
+    """Regions, their borders, and the dynamics of what is seen."""
+    bearing, distance = values["bearing"], values["distance"]
+    axes.pcolormesh(bearing, distance, best, cmap="tab20", alpha=0.35, rasterized=True, shading="nearest")
+    for one in np.unique(best):
+        axes.contour(bearing, distance, (best == one).astype(float), levels=[0.5], colors="0.25", linewidths=0.8)
+    step = len(bearing) // 14
+    some = np.s_[step // 2 :: step, step // 2 :: step]
+    moved = values["change"][some]
+    axes.quiver(*np.meshgrid(bearing[some[1]], distance[some[0]]), *np.moveaxis(moved, -1, 0), width=0.003, color="0.2")

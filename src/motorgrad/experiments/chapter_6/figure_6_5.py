@@ -1,0 +1,211 @@
+"""Figure 6.5: local policies learnt in two layouts of rewards, and where they take the particle."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, Measured, mean_of, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_6._local_study import (
+    FORGETTING,
+    LAYOUTS,
+    LocalStudy,
+    gaussians,
+    judged,
+    late,
+    middle,
+    one,
+    outside,
+    visited,
+)
+from motorgrad.policies import activity
+from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
+from motorgrad.tasks import FallingParticle
+from motorgrad.training import Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+JUNK = 0.05  # expected firings in an episode, below which a unit takes no part
+ONE_SIDED = 0.1  # of the time more on one side than on the other
+# mean reward of an independent model, over 20 seeds: untrained; after 2,000 episodes, with its deviation over seeds
+INDEPENDENT = {"R1": (-0.001, 0.283, 0.024), "R2": (0.123, 0.329, 0.008)}
+SAMPLE = 20
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalPolicies(LocalStudy):
+    """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of a typical seed, some
+    of its paths, and its stationary distribution.
+
+    **Arguments:**
+
+    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `seeds`: learners of each layout.
+    - `episodes`: of the typical seed, over which its share of time in each place is sampled.
+    - `looks` (episodes): of every seed, over which the activity of its units is averaged.
+    - `drawn` (episodes): paths in each picture.
+    """
+
+    name: ClassVar[str] = "fig-6.5"
+    title: ClassVar[str] = "local policy learning"
+    source: ClassVar[str] = "figure 6.5"
+
+    episodes: int = 15_000
+    looks: int = 200
+    drawn: int = 12
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("episodes", "looks", "drawn"):
+            check(1 <= getattr(self, name) <= 10**6, name, getattr(self, name), "in 1 … 1,000,000 episodes")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for layout in LAYOUTS:
+            task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
+            reward = late(run)
+            found |= {
+                f"{layout} late": reward,
+                f"{layout} late forgetting": late(self.learnt(work, layout, **FORGETTING)),
+                f"{layout} untrained": judged(work, task, run.initial, min(self.decisions, 5_000)),
+                f"{layout} decision": run.curve()[0],
+                f"{layout} reward": run.curve()[1],
+            }
+            work.say(f"{layout}: {self.episodes:,} episodes")
+            shown = self._shown(task, run, middle(reward))
+            found |= {f"{layout} {name}": value for name, value in (shown | self._units(task, run)).items()}
+        return found
+
+    def films(self, work: Workspace) -> Mapping[str, Run]:
+        return {f"animation-{layout}": self.learnt(work, layout) for layout in LAYOUTS}
+
+    def _shown(self, task: FallingParticle, run: Run, row: int) -> Values:
+        """Paths and stationary distribution of one seed."""
+        policy = one(run.policies, row)
+        paths = trajectories(task, policy, self.drawn)
+        return {
+            "row": np.array(row),
+            "paths": np.concatenate(paths),
+            "ends": np.cumsum([len(path) for path in paths]),
+            "occupancy": occupancy(task, policy, self.episodes),
+        }
+
+    def _units(self, task: FallingParticle, run: Run) -> Values:
+        """Of every seed: its units, how often each fires in an episode, and the share of time left of the middle."""
+        policies = [one(run.policies, row) for row in range(self.seeds)]
+        seen = [visited(task, policy, self.looks) for policy in policies]
+        firing = [
+            np.asarray(activity(policy, at)) * len(at) / self.looks for policy, at in zip(policies, seen, strict=True)
+        ]
+        return {
+            "centre": np.stack([policy.centre for policy in policies]),
+            "log width": np.stack([policy.log_width for policy in policies]),
+            "firing": np.stack(firing),
+            "left": np.array([(at[:, 0] < 0.5).mean() for at in seen]),
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8.4, 8.6), layout="constrained")
+        for axes, layout in zip(figure.subplots(2, 2), LAYOUTS, strict=True):
+            task, row = FallingParticle(layout=layout), int(values[f"{layout} row"])  # type: ignore[arg-type]
+            draw_regions(axes[0], task.places)
+            draw_paths(axes[0], np.split(values[f"{layout} paths"], values[f"{layout} ends"][:-1]))
+            policy = gaussians(values[f"{layout} centre"][row], values[f"{layout} log width"][row])
+            draw_units(axes[0], policy, task.dynamics.forces)
+            reward = values[f"{layout} late"]
+            axes[0].set_title(
+                f"{layout}: seed {row}, {reward[row]:.3f} a decision (mean of {len(reward)}: {reward.mean():.3f})",
+                fontsize=9.5,
+            )
+            draw_occupancy(axes[1], values[f"{layout} occupancy"])
+            axes[1].set_title("share of time in each place", fontsize=9.5)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made = []
+        for layout, (before, after, deviation) in INDEPENDENT.items():
+            late, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
+            gained = mean_of(late - values[f"{layout} untrained"])
+            made += [
+                Claim(
+                    f"Local units learn {layout}.",
+                    "section 6.3.1",
+                    "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
+                    gained,
+                    gained.low > 0,
+                    "per decision",
+                ),
+                Claim(
+                    f"Before learning {layout} pays {before:g}.",
+                    "an independent model of section 6.3",
+                    f"{before:g}, to 0.005 with the interval",
+                    untrained,
+                    abs(untrained.low - before) < 0.005 and abs(untrained.high - before) < 0.005,
+                    "per decision",
+                ),
+                _as_far(layout, late, after, deviation, ""),
+                _as_far(layout, values[f"{layout} late forgetting"], after, deviation, " with a baseline that forgets"),
+            ]
+        return [*made, *self._about_units(values)]
+
+    def _about_units(self, values: Values) -> list[Claim]:
+        junk = values["R1 firing"] < JUNK
+        beyond = outside(values["R1 centre"])
+        some, out = share_of(junk.any(1)), share_of((junk & beyond).any(1))
+        most = "in most seeds"
+        sided = share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED)
+        return [
+            Claim(
+                "Some units end up taking no part in the policy (R1).",
+                "section 6.3.1",
+                f"at least one unit that fires less than once in {1 / JUNK:g} episodes: {most}",
+                some,
+                some.low > 0.5,
+                note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
+                f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
+            ),
+            Claim(
+                "Some of them are pushed out of the box (R1).",
+                "section 6.3.1",
+                f"at least one unit that takes no part and whose centre is beyond a wall: {most}",
+                out,
+                out.low > 0.5,
+                note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
+            ),
+            Claim(
+                "Policies for a symmetrical task are highly asymmetrical (R2).",
+                "section 6.3.1",
+                f"more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle: {most}",
+                sided,
+                sided.low > 0.5,
+            ),
+        ]
+
+
+def _as_far(layout: str, late: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
+    """Whether learners come as far as those of an independent model, of which mean and deviation are known."""
+    from scipy import stats
+
+    error = np.hypot(late.std(ddof=1) / np.sqrt(len(late)), deviation / np.sqrt(SAMPLE))
+    away = late.mean() - expected
+    half = stats.norm.ppf(0.975) * error
+    return Claim(
+        f"In {layout} learners come to {expected:g} (± {deviation:g} over seeds){words}.",
+        "an independent model of section 6.3",
+        f"difference from its {SAMPLE} seeds: 0 within the interval of both samples",
+        Measured(away, away - half, away + half, len(late), "difference of means"),
+        abs(away) <= half,
+        "per decision",
+        f"{late.mean():.4f} ± {late.std(ddof=1):.4f} over {len(late)} seeds.",
+    )

@@ -1,0 +1,144 @@
+"""Figure 6.8: the reward of a policy that grows."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from motorgrad.experiments._claim import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_6._growing_figure import draw_growth
+from motorgrad.experiments.chapter_6._growing_study import RATES, GrowingStudy, after_units, disturbance, settled
+from motorgrad.experiments.chapter_6._local_study import middle
+from motorgrad.tasks import FallingParticle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INDEPENDENT = {1: 0.033, 5: 0.141, 9: 0.154, 13: 0.175, 19: 0.184}
+"""Reward per decision of an independent model after so many units."""
+WITHIN = 0.03
+DROP, DROP_WITHIN = 0.13, 0.03
+PEAK = 13
+RIGHT_FIRST = ((0.4, 0.0), (-0.4, 0.0))
+STATIC = {"static": {}, "static like grown": {"policy_settings": {"copies": 2, "p_max": 0.5}, "rates": RATES}}
+
+
+@dataclasses.dataclass(frozen=True)
+class GrowingReward(GrowingStudy):
+    """The reward in R3 of a policy that grows, against episodes, with the additions; that of a typical seed and of all.
+    Beside it eight units that are there from the start, and what growth is worth if the first unit pushes to the right.
+
+    **Arguments:**
+
+    - `units`: of the pool, which is full in the end; 20 take 8,000 episodes.
+    - `seeds`: learners of each kind.
+    """
+
+    name: ClassVar[str] = "fig-6.8"
+    title: ClassVar[str] = "the reward of a policy that grows"
+    source: ClassVar[str] = "figure 6.8"
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for name, task in (
+            ("grown", FallingParticle(layout="R3", units=self.units)),
+            ("right first", FallingParticle(layout="R3", units=self.units, forces=RIGHT_FIRST)),
+        ):
+            run = self.learnt(work, task, self.growing(task))
+            decision, reward = run.curve()
+            found |= {
+                f"{name} reward": reward,
+                f"{name} after": after_units(decision, reward, self.units),
+                f"{name} drop": disturbance(decision, reward, self.units),
+            }
+            if name == "grown":
+                found |= {"decision": decision, "episode": np.cumsum(run.curve("episodes")[1], axis=1)}
+        for name, changes in STATIC.items():
+            task = FallingParticle(layout="R3")
+            found[f"{name} reward"] = self.learnt(work, task, self.static(task, **changes)).curve()[1]
+        found["row"] = np.array(middle(found["grown after"][:, -1]))
+        return found
+
+    def figure(self, values: Values) -> "Figure":
+        independent = {units: INDEPENDENT[units] for units in self.counts(tuple(INDEPENDENT))}
+        return draw_growth(values, self.units, independent, WITHIN)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        after, other = values["grown after"], values["right first after"]
+        made = []
+        for units in self.counts(tuple(INDEPENDENT)):
+            expected, found = INDEPENDENT[units], mean_of(after[:, units - 1])
+            made.append(
+                Claim(
+                    f"Reward after {units} unit{'s' * (units > 1)}.",
+                    "an independent model",
+                    f"within {WITHIN:g} of {expected:.3f}",
+                    found,
+                    abs(found.value - expected) <= WITHIN,
+                    "reward per decision",
+                    f"{mean_of(other[:, units - 1])} where the first unit pushes to the right.",
+                )
+            )
+        drop = mean_of(values["grown drop"].mean(1))
+        made.append(
+            Claim(
+                "A large drop in reward as each new unit disrupts the dynamics.",
+                "figure 6.8; an independent model",
+                f"within {DROP_WITHIN:g} of {DROP:g}: the last record before an addition less the first after it",
+                drop,
+                abs(drop.value - DROP) <= DROP_WITHIN,
+                "reward per decision",
+                f"A record is {int(values['decision'][0]):,} decisions.",
+            )
+        )
+        return [*made, *self._peak(after), *self._static(values)]
+
+    def _peak(self, after: np.ndarray) -> list[Claim]:
+        if self.units <= PEAK:
+            return []
+        best = share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1)
+        later = mean_of(after[:, -1] - after[:, PEAK - 1])
+        return [
+            Claim(
+                "Performance peaks after approximately 13 units.",
+                "figure 6.8",
+                f"the best of all learning phases is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
+                best,
+                best.low > 0.5,
+                note="The thesis saw one run.",
+            ),
+            Claim(
+                "There is no true peak at 13 units.",
+                "an independent model",
+                f"not less reward after {self.units} units than after {PEAK}: the interval of the difference is not "
+                "below 0",
+                later,
+                later.high > 0,
+                "reward per decision",
+            ),
+        ]
+
+    def _static(self, values: Values) -> list[Claim]:
+        made = []
+        for name, words in (
+            ("static", "with the height 1 and the step sizes of figure 6.5"),
+            ("static like grown", "with the height and the step sizes of the grown units"),
+        ):
+            last = settled(values["decision"], self.units - 1)
+            static, grown = (values[f"{each} reward"][:, last].mean(1) for each in (name, "grown"))
+            found = mean_of(static - grown)
+            made.append(
+                Claim(
+                    f"Two units at each of 2 × 2 places, there from the start, do as well in two dimensions ({words}).",
+                    "an independent model",
+                    "not less reward at the end of as many decisions: the interval of the difference above −0.02",
+                    found,
+                    found.low > -0.02,
+                    "reward per decision",
+                    f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
+                )
+            )
+        return made

@@ -1,0 +1,219 @@
+"""Section 6.1.1: what learning in one region takes away from another."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, mean_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._recorded import recorded
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_6._forgetting_figure import draw_forgetting
+from motorgrad.experiments.chapter_6._local_study import LocalStudy, judged, late
+from motorgrad.experiments.chapter_6._powers import Powers
+from motorgrad.tasks import FallingParticle
+from motorgrad.training import Run, settings_for
+from motorgrad.worlds import ParticleStart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KEPT = 0.1  # of what was gained: no more than that is lost by one that does not forget
+CHECKS = 8  # records of each phase at which the policies are judged
+LOOKS = 5_000  # decisions for which each policy is judged
+INWARD = 0.15  # from where the starts of a side end to its goal
+
+
+class Kind(NamedTuple):
+    """A kind of policy: in words, what it sees, its units, and what its learner has otherwise than the task's own."""
+
+    words: str
+    task: type[FallingParticle]
+    units: int
+    changes: Mapping[str, Any]
+
+
+GLOBAL = {"policy": "hyperplanes", "policy_settings": {}, "rate": 0.1}
+"""At the best of several rates from 0.003 to 0.3 for either kind, on 24 other seeds, each side learnt alone."""
+NARROW = {"policy_settings": {"copies": 2, "width": 0.08}}
+KINDS = {
+    "local": Kind("local: 8 Gaussians, σ = 0.16", FallingParticle, 8, {}),
+    "narrow": Kind("local: 32 Gaussians, σ = 0.08", FallingParticle, 32, NARROW),
+    "linear": Kind("global: 8 hyperplanes", FallingParticle, 8, GLOBAL),
+    "quadratic": Kind("global: 8 quadratic boundaries", Powers, 8, GLOBAL),
+}
+LOCAL, FAR = ("local", "narrow"), ("linear", "quadratic")
+
+
+@dataclasses.dataclass(frozen=True)
+class Forgetting(LocalStudy):
+    """A particle that starts on the left (A) learns to fall through a goal there; then it starts on the right (B),
+    where there is another. What of the first is left is judged with the learner switched off. Beside local units of two
+    widths learn hyperplanes on the same inputs, and on their squares and product too, at the rate that suits each best.
+
+    **Arguments:**
+
+    - `decisions`: of learning on each side.
+    - `seeds`: learners of each kind.
+    - `kinds`: of policies: `local`, `narrow`, `linear`, `quadratic`.
+    - `gaps`: between where particles start on the left and where on the right, as parts of the box; the closest first.
+    """
+
+    name: ClassVar[str] = "sec-6.1.1-forgetting"
+    title: ClassVar[str] = "catastrophic forgetting"
+    source: ClassVar[str] = "section 6.1.1"
+
+    kinds: tuple[str, ...] = tuple(KINDS)
+    gaps: tuple[float, ...] = (0.2, 0.4)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = len(set(self.kinds)) == len(self.kinds) and set(self.kinds) <= set(KINDS)
+        check(known and "local" in self.kinds, "kinds", self.kinds, f"some of {', '.join(KINDS)}, local among them")
+        rising = len(self.gaps) > 0 and list(self.gaps) == sorted(set(self.gaps))
+        check(rising and min(self.gaps) >= 0 and max(self.gaps) <= 0.6, "gaps", self.gaps, "in 0 … 0.6, rising")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=1_000, seeds=3, kinds=("local", "linear"), gaps=(0.2,))
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for gap in self.gaps:
+            for name in self.kinds:
+                learnt = self._learnt_in_turn(work, KINDS[name], gap)
+                found |= {f"{gap:g} {name} {key}": value for key, value in learnt.items()}
+        return found
+
+    def _learnt_in_turn(self, work: Workspace, kind: Kind, gap: float) -> Values:
+        """Rewards on A of frozen policies, `(checks, seeds)`: before learning, while A is learnt, and while B is; and
+        those of the learner on B, `(seeds, records)`."""
+        sides = [_task(kind, gap, side) for side in "AB"]
+        first = self.learnt(work, sides[0], **kind.changes)
+        settings = settings_for(sides[1], **kind.changes)
+        second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
+        checked = [recorded(run, _checks(run)) for run in (first, second)]
+        way = _together([first.initial, *(jax.tree.map(_flat, policies) for policies in checked)])
+        reward = judged(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
+        times = [n * self.decisions + run.curve()[0][_checks(run)] for n, run in enumerate((first, second))]
+        return {
+            "checked": np.concatenate([[0], *times]),
+            "A": reward.reshape(-1, self.seeds),
+            "decision": self.decisions + second.curve()[0],
+            "B": second.curve()[1],
+            "B gain": late(second) - second.curve()[1][:, :2].mean(1),
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_forgetting(values, self.gaps, {name: KINDS[name].words for name in self.kinds})
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return [claim for gap in self.gaps for claim in _claims(values, gap, self.kinds)]
+
+
+def gained(values: Values, gap: float, name: str) -> np.ndarray:
+    """What learning A brought on A, for each seed."""
+    reward = values[f"{gap:g} {name} A"]
+    return reward[len(reward) // 2] - reward[0]
+
+
+def lost(values: Values, gap: float, name: str) -> np.ndarray:
+    """What learning B took from A, for each seed."""
+    reward = values[f"{gap:g} {name} A"]
+    return reward[len(reward) // 2] - reward[-1]
+
+
+def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
+    shares = {name: mean_of(lost(values, gap, name) / gained(values, gap, name).mean()) for name in kinds}
+    gains = {name: [mean_of(gained(values, gap, name)), mean_of(values[f"{gap:g} {name} B gain"])] for name in kinds}
+    worst = min((each for pair in gains.values() for each in pair), key=lambda each: each.low)
+    apart = f"(gap {gap:g})"
+    made = [
+        Claim(
+            f"Every kind learns both sides, one after the other {apart}.",
+            "what the comparison needs",
+            "gain on the side that is learnt, the least of all: above 0",
+            worst,
+            worst.low > 0,
+            "per decision",
+            "Gain on A: " + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items()) + ".",
+        ),
+    ]
+    if "quadratic" in kinds:
+        made.append(_as_well(values, gap, apart))
+    for name in (name for name in LOCAL if name in kinds):
+        made.append(
+            Claim(
+                f"Learning in one region does not affect another {apart}: {KINDS[name].words}.",
+                "section 6.1.1",
+                f"lost of what was gained on A while B is learnt: at most {KEPT:.0%} with the interval",
+                shares[name],
+                shares[name].high <= KEPT,
+                "of the gain",
+            )
+        )
+    for name in (name for name in FAR if name in kinds):
+        made.append(
+            Claim(
+                f"Global policies forget {apart}: {KINDS[name].words}.",
+                "section 6.1.1",
+                "lost of what was gained on A while B is learnt: above one half with the interval",
+                shares[name],
+                shares[name].low > 0.5,
+                "of the gain",
+            )
+        )
+        for local in (local for local in LOCAL if local in kinds):
+            more = mean_of(lost(values, gap, name) - lost(values, gap, local))
+            made.append(
+                Claim(
+                    f"They lose more than local ones {apart}: {KINDS[name].words}, {KINDS[local].words}.",
+                    "section 6.1.1",
+                    "reward lost on A, less that which local units lose: above 0",
+                    more,
+                    more.low > 0,
+                    "per decision",
+                )
+            )
+    return made
+
+
+def _as_well(values: Values, gap: float, apart: str) -> Claim:
+    """Whether the richer of the global policies is a fair peer."""
+    half = len(values[f"{gap:g} local A"]) // 2
+    fair = mean_of(values[f"{gap:g} quadratic A"][half] / values[f"{gap:g} local A"][half].mean())
+    return Claim(
+        f"Quadratic boundaries learn one side as well as local units do {apart}.",
+        "what the comparison needs",
+        "reward on A after A, by the mean of eight local units: at least 0.95 with the interval",
+        fair,
+        fair.low >= 0.95,
+    )
+
+
+def _task(kind: Kind, gap: float, side: str) -> FallingParticle:
+    """One side of the task, of which both goals are always there."""
+    end = 0.5 - gap / 2
+    goals = tuple((1.0, x, 0.35, 0.1, 0.1) for x in (end - INWARD, 1 - end + INWARD))
+    start = ParticleStart(x=(0.0, end) if side == "A" else (1 - end, 1.0))
+    return kind.task(units=kind.units, regions=goals, start=start)
+
+
+def _checks(run: Run) -> np.ndarray:
+    """Records at which a phase is looked at, the last among them."""
+    count = len(run.curve()[0])
+    return np.linspace(0, count - 1, min(CHECKS, count) + 1).round().astype(int)[1:]
+
+
+def _flat(leaf: Any) -> Any:
+    """Records and seeds as one axis."""
+    return leaf.reshape(-1, *leaf.shape[2:])
+
+
+def _together(policies: Sequence[Any]) -> Any:
+    return jax.tree.map(lambda *leaves: jnp.concatenate([jnp.asarray(leaf) for leaf in leaves]), *policies)

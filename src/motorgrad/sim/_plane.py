@@ -1,0 +1,232 @@
+"""What happens in the plane of a particle, drawn on matplotlib axes: reward, units, paths, occupancy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check
+from motorgrad.sim._plane_units import Shapes, direction_colours, shapes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+
+    from motorgrad.policies import Policy
+    from motorgrad.tasks import ParticleTask, Region
+    from motorgrad.worlds import Walls
+
+GOOD, BAD, INK = "#009E73", "#CC3311", "#26292e"
+"""Reward, penalty, paths: a green and a red that colour-blind people can tell apart."""
+GRID = 161  # points along each side at which a reward is looked up
+DASH = 0.62  # of a transition is drawn, the rest is a gap
+
+
+def draw_regions(axes: Axes, regions: Sequence[Region], walls: Walls | None = None) -> None:
+    """The reward of Gaussian regions as filled contours in the box: green where it is positive, red where negative.
+
+    Lines at half of the greatest amplitude are solid about reward, dashed about penalty. Without regions only the box
+    is drawn.
+
+    **Arguments:** `regions`, of five numbers each (`motorgrad.tasks.Region`); `walls`, by default the unit square. The
+    axes get the box as their fixed limits, equal scales and no ticks; a side without a wall is dotted.
+    """
+    walls = _box(axes, walls)
+    if not len(regions):
+        return
+
+    def worth(place: Any) -> Any:
+        from motorgrad.tasks import region_reward
+
+        return region_reward(regions, place)
+
+    _field(axes, worth, walls, max(abs(region[0]) for region in regions))
+
+
+def draw_reward(axes: Axes, task: ParticleTask) -> None:
+    """The reward of any task on a particle as filled contours in its box, as `draw_regions` has them.
+
+    A goal is a green disc of its width. Of a task without regions the reward is drawn that is paid for being at a place
+    at rest.
+    """
+    from matplotlib.patches import Ellipse
+
+    from motorgrad.tasks import FallingParticle, ParticleNavigation
+
+    walls = task.physics.walls
+    if isinstance(task, FallingParticle):
+        draw_regions(axes, task.places, walls)
+    elif isinstance(task, ParticleNavigation):
+        draw_regions(axes, task.obstacles, walls)
+        _, x, y, *widths = task.goal
+        axes.add_patch(Ellipse((x, y), *(2 * np.array(widths)), facecolor=GOOD, edgecolor="none", alpha=0.7))
+    else:
+        _field(axes, _paid(task), _box(axes, walls), None)
+
+
+def draw_units(
+    axes: Axes, policy: Policy, forces: Float[np.ndarray, "units 2"] | Sequence[Any], active: Any = None
+) -> DrawnUnits:
+    """Each local unit as an ellipse of one standard deviation about its centre, with an arrow of its force's direction.
+
+    Soft spheres are circles of their radius, soft boxes rectangles. Colours tell the directions of the forces, on a
+    wheel: purple to the right, ochre up, blue to the left, black down, grey without a force. The line is the
+    fainter, the less surely the unit fires at its centre. Units that are off in a `Masked` pool are left out.
+
+    **Arguments:** `policy`, of local units over x and y, which further inputs may follow, plain or made of others;
+    `forces`, one for each unit, such as `task.dynamics.forces`; `active`, true for the units to draw, beside what the
+    policy's own mask says.
+
+    **Returns:** a `DrawnUnits`, whose `update` shows another policy with the same number of units.
+
+    **Raises:** `ValueError` for units that have no centre in a plane, and for another number of forces.
+    """
+    return DrawnUnits(axes, policy, forces, active)
+
+
+def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: Any = INK) -> DrawnPaths:
+    """Trajectories, one dash for each decision and a dot where they start: the longer a dash, the faster the particle.
+
+    **Arguments:** `paths`, positions at successive decisions, as `trajectories` gives them; `colour`, of all.
+
+    **Returns:** a `DrawnPaths`, whose `update` shows other trajectories.
+    """
+    return DrawnPaths(axes, paths, colour)
+
+
+def draw_occupancy(
+    axes: Axes, occupancy: Float[np.ndarray, "rows columns"], walls: Walls | None = None, most: float | None = None
+) -> AxesImage:
+    """Where the particle is how often, as a picture: the darker, the more often. Shades follow the square root, so that
+    rare places are seen too.
+
+    **Arguments:** `occupancy`, as the function of that name gives it, rows from the bottom; `walls`, by default the
+    unit square; `most`, what is black, by default what one cell in two hundred exceeds: give pictures that are compared
+    the same.
+    """
+    from matplotlib.colors import PowerNorm
+
+    walls = _box(axes, walls)
+    shares = np.asarray(occupancy)
+    check(shares.ndim == 2, "occupancy", shares.shape, "a grid, rows and columns")
+    top = float(np.percentile(shares, 99.5)) if most is None else most
+    extent = (walls.left, walls.right, walls.bottom, walls.top)
+    norm = PowerNorm(0.5, 0, top or 1.0, clip=True)
+    return axes.imshow(shares, cmap="Greys", norm=norm, origin="lower", extent=extent, interpolation="nearest")
+
+
+class DrawnUnits:
+    """Units on axes; `draw_units` makes them."""
+
+    def __init__(self, axes: Axes, policy: Policy, forces: Any, active: Any = None) -> None:
+        from matplotlib.collections import PolyCollection
+
+        self._forces = np.asarray(forces, float)
+        check(self._forces.shape[1:] == (2,), "forces", self._forces.shape, "of shape (units, 2)")
+        self._colours = direction_colours(self._forces)
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        self._length = 0.06 * min(abs(x1 - x0), abs(y1 - y0))
+        self._outlines = PolyCollection([], facecolors="none", linewidths=1.3, zorder=3)
+        self._arrows = PolyCollection([], edgecolors="white", linewidths=0.4, zorder=4)
+        for part in (self._outlines, self._arrows):
+            axes.add_collection(part, autolim=False)
+        self.artists = (self._outlines, self._arrows)
+        """The matplotlib artists."""
+        self.update(policy, active)
+
+    def update(self, policy: Policy, active: Any = None) -> None:
+        """Show another policy, with as many units."""
+        shapes = shapes_of(policy)
+        count = len(self._forces)
+        check(len(shapes.centre) == count, "forces", count, f"as many as there are units, {len(shapes.centre)}")
+        wanted = np.ones(count, bool) if active is None else np.asarray(active, bool)
+        check(wanted.shape == (count,), "active", wanted.shape, f"true or false for each unit, {(count,)}")
+        there = shapes.there & wanted
+        colours = self._colours[there].copy()
+        self._arrows.set_verts(_arrows(shapes, there, self._forces, self._length))
+        self._arrows.set(facecolor=colours[np.any(self._forces[there] != 0, axis=1)])
+        colours[:, 3] = 0.2 + 0.8 * shapes.surely[there]
+        self._outlines.set_verts(shapes.outlines(there))
+        self._outlines.set(edgecolor=colours)
+
+
+class DrawnPaths:
+    """Trajectories on axes; `draw_paths` makes them."""
+
+    def __init__(self, axes: Axes, paths: Sequence[Any], colour: Any = INK) -> None:
+        from matplotlib.collections import LineCollection
+
+        self._dashes = LineCollection([], colors=[colour], linewidths=1.0, alpha=0.8, zorder=2, capstyle="butt")
+        axes.add_collection(self._dashes, autolim=False)
+        (self._starts,) = axes.plot([], [], "o", color=colour, markersize=3, alpha=0.9, zorder=2.5, scaley=False)
+        self.artists = (self._dashes, self._starts)
+        """The matplotlib artists."""
+        self.update(paths)
+
+    def update(self, paths: Sequence[Any]) -> None:
+        """Show other trajectories, of any number and lengths."""
+        listed = [np.asarray(path, float) for path in paths]
+        for path in listed:
+            check(path.ndim == 2 and path.shape[1] == 2, "paths", path.shape, "positions of two numbers in each path")
+        pieces = [np.stack([path[:-1], path[:-1] + DASH * np.diff(path, axis=0)], axis=1) for path in listed]
+        self._dashes.set_segments([dash for path in pieces for dash in path])
+        starts = np.array([path[0] for path in listed if len(path)]).reshape(-1, 2)
+        self._starts.set_data(*starts.T)
+
+
+def _arrows(shapes: Shapes, there: np.ndarray, forces: np.ndarray, length: float) -> list[np.ndarray]:
+    """From each centre in the direction of the force, as outlines; the strongest has the whole length."""
+    template = length * np.array(
+        [(0, 0.09), (0.55, 0.09), (0.55, 0.3), (1, 0), (0.55, -0.3), (0.55, -0.09), (0, -0.09)]
+    )
+    most = np.hypot(*forces.T).max() or 1.0
+    along = forces / most
+    pushing = there & np.any(forces != 0, axis=1)
+    turned = [np.stack([template @ (fx, -fy), template @ (fy, fx)], axis=1) for fx, fy in along[pushing]]
+    return [arrow + centre for arrow, centre in zip(turned, shapes.centre[pushing], strict=True)]
+
+
+def _box(axes: Axes, walls: Walls | None) -> Walls:
+    """The fixed box, without ticks."""
+    from motorgrad.worlds import Walls
+
+    walls = Walls() if walls is None else walls
+    across, up = walls.spans
+    axes.set(xlim=across, ylim=up, aspect="equal", xticks=(), yticks=())
+    for side, spine in axes.spines.items():
+        spine.set(visible=True, linestyle=":" if side in walls.open else "-", color=INK, linewidth=1.0)
+    return walls
+
+
+def _field(axes: Axes, worth: Any, walls: Walls, most: float | None) -> None:
+    """A function of the position as filled contours, of one scale for reward and penalty."""
+    import jax
+    from matplotlib.colors import LinearSegmentedColormap
+
+    x, y = np.meshgrid(*(np.linspace(low, high, GRID) for low, high in walls.spans))
+    places = np.stack([x, y], axis=-1, dtype=np.float32).reshape(-1, 2)
+    values = np.asarray(jax.vmap(worth)(places)).reshape(x.shape)
+    # overlapping regions may add up to more than the greatest amplitude
+    most = max(float(np.abs(values).max()), most or 0.0) or 1.0
+    shades = LinearSegmentedColormap.from_list("reward", [BAD, "#eda396", "white", "#8fd0bb", GOOD])
+    axes.contourf(x, y, values, levels=np.linspace(-most, most, 22), cmap=shades, alpha=0.75, zorder=0)
+    for level, line in ((-most / 2, "--"), (most / 2, "-")):
+        if values.min() < level < values.max():
+            axes.contour(x, y, values, [level], colors=[BAD if level < 0 else GOOD], linestyles=line, linewidths=0.8)
+
+
+def _paid(task: ParticleTask) -> Any:
+    """What a task pays at a place for a particle at rest on which nothing pushes."""
+    import jax.numpy as jnp
+
+    from motorgrad.worlds import ParticleState
+
+    def worth(place: Any) -> Any:
+        state = ParticleState(place, jnp.zeros(2), jnp.zeros(4, bool))
+        memory = task.init(jnp.zeros(task.init_uniforms))
+        return task.reward(memory, state, jnp.zeros(task.action_size))[1]
+
+    return worth

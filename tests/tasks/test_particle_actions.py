@@ -1,0 +1,49 @@
+"""Graded actions on a particle: they multiply the forces, and units of learnt strength learn."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.tasks import FallingParticle, make
+from motorgrad.training import settings_for, train
+from motorgrad.worlds import ParticleState
+
+
+def rest():
+    return ParticleState(jnp.full(2, 0.5), jnp.zeros(2), jnp.zeros(4, bool))
+
+
+def test_an_action_multiplies_its_force_and_turns_it_round():
+    world = FallingParticle(units=2).dynamics
+
+    def moved(*action):
+        return np.asarray(world.step(rest(), jnp.array(action, jnp.float32), jnp.zeros(0)).velocity)
+
+    np.testing.assert_allclose(moved(0, 0.5)[0], moved(0, 1)[0] / 2, rtol=1e-5)
+    np.testing.assert_allclose(moved(0, -1), moved(1, 0), rtol=1e-5)
+    assert moved(0, 1)[0] > 0
+
+
+@pytest.mark.parametrize("name", ["particle", "particle-orbit", "particle-navigation"])
+def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
+    task = make(name)
+    assert task.takes == ("binary", "graded")
+    rates = {"centre": 1e-4, "log_width": 1e-4, "strength": 1e-3, "log_deviation": 1e-3}
+    settings = settings_for(task, policy="graded-tiles", policy_settings={"copies": 2}, rates=rates)
+    run = train(task, settings, 300, 2, progress=False)
+    assert np.isfinite(run.curve()[1]).all()
+    assert (run.policies.strength != 0).any()
+
+
+def test_a_mixture_learns_all_its_parts():
+    task = FallingParticle(units=10)
+    rates = {"centre": 2e-4, "log_width": 8e-4, "weights": 0.03, "bias": 0.03}
+    settings = settings_for(task, policy="mixture", policy_settings={"copies": 2}, rates=rates)
+    run = train(task, settings, 500, 2, progress=False)
+    local, everywhere = run.policies.pools
+    first = run.initial.pools
+    assert (local.centre != first[0].centre).any()
+    assert (everywhere.weights != first[1].weights).any()
+    with pytest.raises(ValueError, match="discrete actions, but the task 'particle' takes binary or graded"):
+        mg.train(task, settings_for(task, policy="softmax", policy_settings=None, rate=1e-3), 10, progress=False)
