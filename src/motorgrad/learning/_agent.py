@@ -56,6 +56,7 @@ class AgentState(NamedTuple):
     last: Decision | None = None
     scale: ScaleState | None = None
     growth: GrowthState | None = None
+    index: Any = None
 
 
 Flag = Bool[Array, ""] | bool
@@ -120,6 +121,10 @@ class Agent:
             scale=None if self.estimator.scale is None else self.estimator.scale.init(dtype),
             growth=growth,
         )
+
+    def uniforms(self, state: AgentState) -> int:
+        """How many numbers from U[0, 1) `act` takes."""
+        return state.policy.uniforms
 
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
@@ -188,6 +193,19 @@ class Agent:
         `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
         """
         return self._grow(self._improve(state, ended, diverged))
+
+    def publish(self, state: AgentState) -> AgentState:
+        """The state with its policy as it is now, for a learner that brings parameters up to date only where they are
+        used. What is learnt from there is the same, published or not."""
+        return state
+
+    def due(self, state: AgentState) -> Flag:
+        """Whether `refresh` must come before the next action."""
+        return False
+
+    def refresh(self, states: AgentState) -> AgentState:
+        """Do, outside compiled code, what is `due`, for one seed or many along a last axis."""
+        return states
 
     def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
         estimator = self.estimator
@@ -263,10 +281,10 @@ class Agent:
             metric, measured = self.metric, state.metric
 
             def direction(g: PyTree[Array]) -> PyTree[Array]:
-                # The barrier keeps the compiler from solving ahead of the loop in `_where_any`.
+                # The barrier keeps the compiler from solving ahead of the loop in `where_any`.
                 return metric.precondition(*jax.lax.optimization_barrier((measured, state.policy, g)))
 
-            gradient = _where_any(due, direction, gradient)
+            gradient = where_any(due, direction, gradient)
         descent = jax.tree.map(jnp.negative, gradient)
         updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
         updates = state.policy.allowed(updates)
@@ -291,7 +309,7 @@ def _no_decision(policy: Policy, dtype: Any) -> Decision:
     return Decision(observation, jnp.zeros_like(policy.mode(observation)))
 
 
-def _where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
+def where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
     """`function(value)` where it is `due`. Over many seeds a condition computes both branches, but a loop's body is
     passed over while no seed is due: what is costly is paid once a batch and not at every decision."""
     if due is True:

@@ -1,0 +1,260 @@
+r"""A learner for thousands of local units, of which it touches those near the observation.
+
+Between two touches a unit's trace only decays, $z_t = \beta^{t-s} z_s$, so what it learns meanwhile is a sum that all
+units share: with the scale $B_t = \beta^{t - t_0}$ and the sum $S_t = \sum_{s \le t} B_s \delta_s$ since a common
+decision $t_0$, a unit of base $b$ and slope $v = \alpha z/B$ has the parameters
+
+$$\theta_t = b + v S_t .$$
+
+A touch adds the score to the slope, $v \leftarrow v + \alpha\nabla\log\pi/B$, and puts the base where $\theta$ stays.
+Every some tens of decisions all units are caught up with, and $t_0$ is now. Each episode within that time has a sum of
+its own; a unit that was last touched in an episode that is over stays where its end left it.
+"""
+
+import dataclasses
+import functools
+import math
+from typing import Any, NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from motorgrad._errors import check
+from motorgrad.learning._agent import Agent, AgentState, Flag, where_any
+from motorgrad.learning._ascent import sgd
+from motorgrad.learning._index import SpatialIndex
+from motorgrad.learning._input_baselines import InputBaseline
+from motorgrad.learning._traces import Episodic, Exponential
+from motorgrad.policies import LocalGaussians, split, trainable
+
+LEAST_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
+MOVED = 0.5  # of the margin: a table is made anew once a unit has moved so far
+
+
+class IndexState(NamedTuple):
+    r"""What an indexed learner knows beside its policy, which is up to date only where it was published.
+
+    `rows`: of each unit the base, the slope, and the episode it was last touched in; `sums` $S$ and `steepest`, the
+    greatest movement of any unit per unit of $S$, of each episode since all were caught up with; `episode`, which one
+    it is now; `count`, decisions, up to `rebase`; `table`, as `SpatialIndex.table` makes it, for units where
+    `reference` has them and a grid at `low` of cells of `size`; `moved`, how far any unit was from there when all were
+    caught up with, and `path`, how far any may have gone since, both in margins.
+    """
+
+    rows: Float[Array, "units row"]
+    sums: Float[Array, " episodes"]
+    steepest: Float[Array, " episodes"]
+    episode: Int[Array, ""]
+    count: Int[Array, ""]  # pyright: ignore[reportIncompatibleMethodOverride]
+    table: Int[Array, "cells room"]
+    reference: Float[Array, "units parameters"]
+    low: Float[Array, " inputs"]
+    size: Float[Array, " inputs"]
+    moved: Float[Array, ""]
+    path: Float[Array, ""]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class IndexedAgent(Agent):
+    """An online learner of local Gaussian units."""
+
+    index: SpatialIndex = dataclasses.field(default_factory=SpatialIndex)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(isinstance(self.index, SpatialIndex), "index", self.index, "a SpatialIndex")
+        estimator = self.estimator
+        traced = isinstance(estimator.trace, Exponential | Episodic)
+        check(traced, "trace", estimator.trace, "Exponential or Episodic where units are indexed")
+        scalar = not isinstance(estimator.baseline, InputBaseline)
+        check(scalar, "baseline", estimator.baseline, "one that does not see the observation where units are indexed")
+        check(estimator.online, "improve", estimator.improve, "1, at every decision, where units are indexed")
+        check(isinstance(self.ascent, sgd), "ascent", self.ascent, "sgd where units are indexed")
+        check(self.metric is None, "metric", self.metric, "None where units are indexed")
+        check(self.growth is None, "growth", self.growth, "None where units are indexed")
+
+    @property
+    def decay(self) -> float:
+        trace = self.estimator.trace
+        return trace.decay if isinstance(trace, Exponential) else 1.0
+
+    @property
+    def rebase(self) -> int:
+        """Decisions after which all units are caught up with."""
+        if self.decay in (0, 1):
+            return self.index.rebase
+        return min(self.index.rebase, max(1, int(math.log(LEAST_SCALE) / math.log(self.decay))))
+
+    def init(self, key: jax.Array) -> AgentState:
+        state = super().init(key)
+        pool = state.policy
+        local = isinstance(pool, LocalGaussians)
+        check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
+        (theta,) = pool.blocks(trainable(pool))
+        cells = self.index.sides(pool.outputs, pool.inputs) ** pool.inputs
+        episodes, dtype = self.rebase + 1, theta.dtype
+        none = jnp.zeros((), jnp.int32)
+        index = IndexState(
+            rows=_rows(theta, jnp.zeros_like(theta)),
+            sums=jnp.zeros(episodes, dtype),
+            steepest=jnp.zeros(episodes, dtype),
+            episode=none,
+            count=none,
+            table=jnp.full((cells, 1), pool.outputs, jnp.int32),
+            reference=theta,
+            low=jnp.zeros(pool.inputs, dtype),
+            size=jnp.ones(pool.inputs, dtype),
+            moved=jnp.full((), jnp.inf, dtype),
+            path=jnp.zeros((), dtype),
+        )
+        return state._replace(index=index, trace=jax.nn.one_hot(0, episodes, dtype=dtype))
+
+    def uniforms(self, state: AgentState) -> int:
+        return _index(state).table.shape[1]
+
+    def act(
+        self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+    ) -> tuple[AgentState, Array]:
+        if self.decay == 0:
+            state = self._begin(state, True)
+        else:
+            state = state._replace(trace=self.decay * state.trace)
+        index, policy = _index(state), state.policy
+        units = policy.outputs
+        near = index.table[self._cell(index, observation, policy.inputs)]
+        there = near < units
+        theta, slope, since = _parts(index.rows.at[near].get(mode="clip"))
+        episode = since.astype(jnp.int32)
+        few = jax.tree.map(lambda leaf: _take(leaf, near, policy.outputs, 1), policy)
+        pool = _with(few, theta + slope * index.sums[episode][:, None])
+        fired = jnp.where(there, pool.sample(observation, uniforms), 0)
+        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
+        scale, total = jnp.sum(now * state.trace), jnp.sum(now * index.sums)
+        gain = jax.tree.map(
+            lambda score, rate: (rate / scale) * score,
+            pool.score(observation, fired),
+            jax.tree.map(lambda rate, leaf: _take(rate, near, units, leaf.ndim), state.ascent.rates, trainable(policy)),
+        )
+        (gain,) = pool.blocks(gain)
+        slope = jnp.where((episode == index.episode)[:, None], slope, 0) + gain
+        (theta,) = pool.blocks(trainable(pool))
+        rows = _rows(theta - slope * total, slope, index.episode)
+        steep = jnp.max(jnp.where(there, self.index.pace(pool, pool.from_blocks((slope,))), 0))
+        index = index._replace(
+            rows=index.rows.at[near].set(rows, mode="drop"), steepest=jnp.maximum(index.steepest, now * steep)
+        )
+        action = jnp.zeros(units, fired.dtype).at[near].set(fired, mode="drop")
+        return state._replace(index=index), action
+
+    def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
+        weight = None if state.weight is None else jnp.where(ended, 1.0, state.weight)
+        state = state._replace(weight=weight)
+        return self._begin(state, ended) if self.decay else state
+
+    def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
+        index, sample = _index(state), cast(Array, state.gradient)
+        count = (index.count + 1) % self.rebase
+        path = index.path + jnp.sum(index.steepest * jnp.abs(sample))
+        index = index._replace(sums=index.sums + sample, count=count, path=path)
+        due = (count == 0) | (index.moved + path > 1)
+        fixed = state.policy
+        index, trace = where_any(due, functools.partial(self._rebased, fixed), (index, state.trace))
+        return state._replace(index=index, trace=trace, gradient=None)
+
+    def publish(self, state: AgentState) -> AgentState:
+        return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
+
+    def due(self, state: AgentState) -> Flag:
+        return _index(state).moved > MOVED
+
+    def _begin(self, state: AgentState, ended: Flag) -> AgentState:
+        index = _index(state)
+        episode = index.episode + jnp.asarray(ended, jnp.int32)
+        fresh = jax.nn.one_hot(episode, len(index.sums), dtype=state.trace.dtype)
+        return state._replace(index=index._replace(episode=episode), trace=jnp.where(ended, fresh, state.trace))
+
+    def _cell(self, index: IndexState, observation: Float[Array, " inputs"], inputs: int) -> Int[Array, ""]:
+        sides = round(len(index.table) ** (1 / inputs))
+        place = jnp.clip(jnp.floor((observation - index.low) / index.size), 0, sides - 1).astype(jnp.int32)
+        return functools.reduce(lambda cell, column: cell * sides + column, list(place))
+
+    def _rebased(self, policy: Any, state: tuple[IndexState, Array]) -> tuple[IndexState, Array]:
+        """All units caught up with, and what they have moved since the table was made."""
+        index, trace = state
+        pool = _with(policy, _caught_up(index))
+        (theta,) = pool.blocks(trainable(pool))
+        _, slope, since = _parts(index.rows)
+        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
+        scale = jnp.sum(now * trace)
+        slope = jnp.where((since == index.episode)[:, None], slope * scale, 0)
+        before = _with(policy, index.reference)
+        first = jax.nn.one_hot(0, len(index.sums), dtype=theta.dtype)
+        index = index._replace(
+            rows=_rows(theta, slope),
+            sums=jnp.zeros_like(index.sums),
+            steepest=first * jnp.max(self.index.pace(pool, pool.from_blocks((slope,)))),
+            episode=jnp.zeros_like(index.episode),
+            moved=jnp.max(self.index.strain(before, pool)),
+            path=jnp.zeros_like(index.path),
+        )
+        return index, first
+
+    def refresh(self, states: AgentState) -> AgentState:
+        index = _index(states)
+        made = {}
+        for seed in np.flatnonzero(np.asarray(index.moved) > MOVED).tolist():
+            width = index.reference.shape[-1]
+            theta = np.asarray(index.rows[seed, :, :width])
+            pool = _with(jax.tree.map(lambda leaf: leaf[seed], states.policy), theta)
+            low, size = self.index.grid(pool)
+            made[seed] = (self.index.table(pool, low, size), theta, low, size, np.zeros((), theta.dtype))
+        room, units = index.table.shape[-1], index.rows.shape[1]
+        most = max((table.shape[1] for table, *_ in made.values()), default=0)
+        if most > room:
+            room = min(units, 16 * math.ceil(1.1 * most / 16))
+            more = ((0, 0), (0, 0), (0, room - index.table.shape[-1]))
+            index = index._replace(table=jnp.pad(index.table, more, constant_values=units))
+        for seed, (table, *rest) in made.items():
+            table = np.pad(table, ((0, 0), (0, room - table.shape[1])), constant_values=units)
+            old = (index.table, index.reference, index.low, index.size, index.moved)
+            table, reference, low, size, moved = _place(old, (table, *rest), seed)
+            index = index._replace(table=table, reference=reference, low=low, size=size, moved=moved)
+        return states._replace(index=index)
+
+
+@functools.partial(jax.jit, donate_argnums=0)
+def _place(old: Any, new: Any, seed: Any) -> Any:
+    return jax.tree.map(lambda all, one: all.at[seed].set(one), old, new)
+
+
+def _index(state: AgentState) -> IndexState:
+    assert state.index is not None
+    return state.index
+
+
+def _rows(base: Array, slope: Array, episode: Any = 0) -> Float[Array, "units row"]:
+    since = jnp.broadcast_to(jnp.asarray(episode, base.dtype), (base.shape[0], 1))
+    return jnp.concatenate([base, slope, since], axis=1)
+
+
+def _parts(rows: Float[Array, "units row"]) -> tuple[Array, Array, Float[Array, " units"]]:
+    width = rows.shape[1] // 2
+    return rows[:, :width], rows[:, width:-1], rows[:, -1]
+
+
+def _caught_up(index: IndexState) -> Float[Array, "units parameters"]:
+    base, slope, since = _parts(index.rows)
+    return base + slope * index.sums[since.astype(jnp.int32)][:, None]
+
+
+def _with(policy: Any, theta: Float[Array, "units parameters"]) -> Any:
+    """A pool with these parameters, within their limits."""
+    return eqx.combine(policy.from_blocks((theta,)), split(policy)[1]).limited()
+
+
+def _take(leaf: Array, near: Int[Array, " room"], units: int, ndim: int) -> Array:
+    """The rows of some units, of an array that has a row for each."""
+    return leaf.at[near].get(mode="clip") if leaf.ndim >= ndim and leaf.shape[:1] == (units,) else leaf
