@@ -122,10 +122,6 @@ class Agent:
             growth=growth,
         )
 
-    def uniforms(self, state: AgentState) -> int:
-        """How many numbers from U[0, 1) `act` takes."""
-        return state.policy.uniforms
-
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[AgentState, Array]:
@@ -193,19 +189,6 @@ class Agent:
         `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
         """
         return self._grow(self._improve(state, ended, diverged))
-
-    def publish(self, state: AgentState) -> AgentState:
-        """The state with its policy as it is now, for a learner that brings parameters up to date only where they are
-        used. What is learnt from there is the same, published or not."""
-        return state
-
-    def due(self, state: AgentState) -> Flag:
-        """Whether `refresh` must come before the next action."""
-        return False
-
-    def refresh(self, states: AgentState) -> AgentState:
-        """Do, outside compiled code, what is `due`, for one seed or many along a last axis."""
-        return states
 
     def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
         estimator = self.estimator

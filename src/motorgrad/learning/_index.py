@@ -1,6 +1,7 @@
 """A table of which local units can fire where, so that a decision need not ask the others."""
 
 import dataclasses
+import functools
 import math
 
 import jax.numpy as jnp
@@ -37,7 +38,7 @@ class SpatialIndex:
     neglect: float = 1e-3
     margin: float = 1.0
     cells: int | None = None
-    rebase: int = 32
+    rebase: int = 64
 
     def __post_init__(self) -> None:
         check(0 < self.neglect < 1, "neglect", self.neglect, "in (0, 1)")
@@ -57,16 +58,16 @@ class SpatialIndex:
     def strain(self, before: LocalGaussians, after: LocalGaussians) -> Float[Array, " units"]:
         r"""How much of the margin each unit has used up, $(|\Delta\mu/\sigma| + r(e^g - 1))/m$, with $g \ge 0$ by how
         much the log-width has grown in the input where it has grown the most."""
-        aside = jnp.linalg.norm((after.centre - before.centre) * jnp.exp(-before.log_width), axis=-1)
-        growth = jnp.max(jnp.maximum(after.log_width - before.log_width, 0), axis=-1)
+        aside = _length((after.centre - before.centre) * jnp.exp(-before.log_width))
+        growth = _greatest(jnp.maximum(after.log_width - before.log_width, 0))
         return (aside + self.reach(after) * jnp.expm1(growth)) / self.margin
 
     def pace(self, pool: LocalGaussians, step: LocalGaussians) -> Float[Array, " units"]:
         """By how much a small `step` of the parameters adds to the strain, at most, whatever the strain is by now."""
         reach = self.reach(pool)
         wider = 1 + self.margin / jnp.maximum(reach, 1e-3)  # than in the reference, at most
-        aside = wider * jnp.linalg.norm(step.centre * jnp.exp(-pool.log_width), axis=-1)
-        return (aside + (reach + self.margin) * jnp.max(jnp.abs(step.log_width), axis=-1)) / self.margin
+        aside = wider * _length(step.centre * jnp.exp(-pool.log_width))
+        return (aside + (reach + self.margin) * _greatest(jnp.abs(step.log_width))) / self.margin
 
     def grid(self, pool: LocalGaussians) -> tuple[Float[np.ndarray, " inputs"], Float[np.ndarray, " inputs"]]:
         """The lower corner and the size of a cell, of a grid over nearly all centres."""
@@ -106,6 +107,17 @@ class SpatialIndex:
         found = np.full((len(count), count.max()), units, np.int32)
         found[cell, _places(count)] = unit
         return found
+
+
+# Over the inputs, one by one: a reduction of a large array is taken out of the loop that XLA compiles as one function.
+
+
+def _length(rows: Float[Array, "units inputs"]) -> Float[Array, " units"]:
+    return jnp.sqrt(functools.reduce(jnp.add, [column**2 for column in rows.T]))
+
+
+def _greatest(rows: Float[Array, "units inputs"]) -> Float[Array, " units"]:
+    return functools.reduce(jnp.maximum, list(rows.T))
 
 
 def _places(count: Int[np.ndarray, " groups"]) -> Int[np.ndarray, " members"]:

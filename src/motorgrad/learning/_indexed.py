@@ -20,18 +20,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
 from motorgrad.learning._agent import Agent, AgentState, Flag, where_any
 from motorgrad.learning._ascent import sgd
 from motorgrad.learning._index import SpatialIndex
 from motorgrad.learning._input_baselines import InputBaseline
+from motorgrad.learning._put import greatest, put
 from motorgrad.learning._traces import Episodic, Exponential
 from motorgrad.policies import LocalGaussians, split, trainable
 
 LEAST_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
-MOVED = 0.5  # of the margin: a table is made anew once a unit has moved so far
+STEP = 16  # units, by which the room in a table grows
+HEADROOM = 1.1
+MOVED = 0.75  # of the margin: a table is made anew once a unit has moved so far
 
 
 class IndexState(NamedTuple):
@@ -46,15 +49,16 @@ class IndexState(NamedTuple):
 
     rows: Float[Array, "units row"]
     sums: Float[Array, " episodes"]
-    steepest: Float[Array, " episodes"]
+    travel: Float[Array, " episodes"]
+    limit: Float[Array, " episodes"]
     episode: Int[Array, ""]
     count: Int[Array, ""]  # pyright: ignore[reportIncompatibleMethodOverride]
     table: Int[Array, "cells room"]
+    room: Int[Array, ""]
     reference: Float[Array, "units parameters"]
     low: Float[Array, " inputs"]
     size: Float[Array, " inputs"]
     moved: Float[Array, ""]
-    path: Float[Array, ""]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -100,20 +104,18 @@ class IndexedAgent(Agent):
         index = IndexState(
             rows=_rows(theta, jnp.zeros_like(theta)),
             sums=jnp.zeros(episodes, dtype),
-            steepest=jnp.zeros(episodes, dtype),
+            travel=jnp.zeros(episodes, dtype),
+            limit=jnp.full(episodes, jnp.inf, dtype),
             episode=none,
             count=none,
-            table=jnp.full((cells, 1), pool.outputs, jnp.int32),
+            table=jnp.zeros((cells, 0), jnp.int32),
+            room=none,
             reference=theta,
             low=jnp.zeros(pool.inputs, dtype),
             size=jnp.ones(pool.inputs, dtype),
             moved=jnp.full((), jnp.inf, dtype),
-            path=jnp.zeros((), dtype),
         )
         return state._replace(index=index, trace=jax.nn.one_hot(0, episodes, dtype=dtype))
-
-    def uniforms(self, state: AgentState) -> int:
-        return _index(state).table.shape[1]
 
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
@@ -126,6 +128,7 @@ class IndexedAgent(Agent):
         units = policy.outputs
         near = index.table[self._cell(index, observation, policy.inputs)]
         there = near < units
+        count = jnp.sum(there)
         theta, slope, since = _parts(index.rows.at[near].get(mode="clip"))
         episode = since.astype(jnp.int32)
         few = jax.tree.map(lambda leaf: _take(leaf, near, policy.outputs, 1), policy)
@@ -142,11 +145,11 @@ class IndexedAgent(Agent):
         slope = jnp.where((episode == index.episode)[:, None], slope, 0) + gain
         (theta,) = pool.blocks(trainable(pool))
         rows = _rows(theta - slope * total, slope, index.episode)
-        steep = jnp.max(jnp.where(there, self.index.pace(pool, pool.from_blocks((slope,))), 0))
-        index = index._replace(
-            rows=index.rows.at[near].set(rows, mode="drop"), steepest=jnp.maximum(index.steepest, now * steep)
-        )
-        action = jnp.zeros(units, fired.dtype).at[near].set(fired, mode="drop")
+        before = _with(few, index.reference.at[near].get(mode="clip"))
+        left = jnp.min(jnp.where(there, self._left(before, pool, slope)[1], jnp.inf), initial=jnp.inf)
+        limit = jnp.where(now > 0, jnp.minimum(index.limit, index.travel + left), index.limit)
+        index = index._replace(rows=put(index.rows, near, rows, count), limit=limit)
+        action = put(jnp.zeros(units, fired.dtype), near, fired, count)
         return state._replace(index=index), action
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
@@ -157,17 +160,27 @@ class IndexedAgent(Agent):
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
         index, sample = _index(state), cast(Array, state.gradient)
         count = (index.count + 1) % self.rebase
-        path = index.path + jnp.sum(index.steepest * jnp.abs(sample))
-        index = index._replace(sums=index.sums + sample, count=count, path=path)
-        due = (count == 0) | (index.moved + path > 1)
+        travel = index.travel + jnp.abs(sample)
+        index = index._replace(sums=index.sums + sample, count=count, travel=travel)
+        due = (count == 0) | jnp.any(travel > index.limit)
         fixed = state.policy
         index, trace = where_any(due, functools.partial(self._rebased, fixed), (index, state.trace))
         return state._replace(index=index, trace=trace, gradient=None)
 
     def publish(self, state: AgentState) -> AgentState:
+        """The state with its policy as it is now. What is learnt from there is the same, published or not."""
         return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
 
-    def due(self, state: AgentState) -> Flag:
+    def take_up(self, state: AgentState) -> AgentState:
+        """The inverse of `publish`, of a policy that was put in place: learning goes on from there."""
+        (theta,) = state.policy.blocks(trainable(state.policy))
+        index = _index(state)
+        moved = jnp.full_like(index.moved, jnp.inf)
+        rows = _rows(theta, jnp.zeros_like(theta))
+        return state._replace(index=index._replace(rows=rows, moved=moved, limit=jnp.full_like(index.limit, jnp.inf)))
+
+    def due(self, state: AgentState) -> Bool[Array, "*seeds"]:
+        """Whether a table must be made before the next action: see `refresh`."""
         return _index(state).moved > MOVED
 
     def _begin(self, state: AgentState, ended: Flag) -> AgentState:
@@ -190,39 +203,53 @@ class IndexedAgent(Agent):
         now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
         scale = jnp.sum(now * trace)
         slope = jnp.where((since == index.episode)[:, None], slope * scale, 0)
-        before = _with(policy, index.reference)
+        strain, left = self._left(_with(policy, index.reference), pool, slope)
         first = jax.nn.one_hot(0, len(index.sums), dtype=theta.dtype)
         index = index._replace(
             rows=_rows(theta, slope),
             sums=jnp.zeros_like(index.sums),
-            steepest=first * jnp.max(self.index.pace(pool, pool.from_blocks((slope,)))),
+            travel=jnp.zeros_like(index.sums),
+            limit=jnp.where(first > 0, -greatest(-left), jnp.inf),
             episode=jnp.zeros_like(index.episode),
-            moved=jnp.max(self.index.strain(before, pool)),
-            path=jnp.zeros_like(index.path),
+            moved=greatest(strain),
         )
         return index, first
 
-    def refresh(self, states: AgentState) -> AgentState:
-        index = _index(states)
+    def _left(self, before: LocalGaussians, pool: LocalGaussians, slope: Float[Array, "units row"]) -> Any:
+        """How strained units are, and how far they travel before they have used up their margins, at the earliest."""
+        strain = self.index.strain(before, pool)
+        pace = self.index.pace(pool, pool.from_blocks((slope,)))
+        return strain, jnp.maximum(1 - strain, 0) / jnp.maximum(pace, 1e-30)
+
+    def refresh(self, index: IndexState, policy: Any) -> IndexState:
+        """The tables that are due, and those that a saved state is without. It is done outside compiled code.
+
+        **Arguments:** the index of many seeds, along a leading axis, and their policies, for what is not learnt. Where
+        a cell has more units than there was room for, all tables grow: the compiled loop is then another.
+        """
+        due = np.asarray(index.moved) > MOVED
+        room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]
+        lost = index.table.shape[-1] < room
         made = {}
-        for seed in np.flatnonzero(np.asarray(index.moved) > MOVED).tolist():
-            width = index.reference.shape[-1]
-            theta = np.asarray(index.rows[seed, :, :width])
-            pool = _with(jax.tree.map(lambda leaf: leaf[seed], states.policy), theta)
+        for seed in np.flatnonzero(due | lost).tolist():
+            theta = np.asarray(index.rows[seed, :, :width] if due[seed] else index.reference[seed])
+            pool = _with(jax.tree.map(lambda leaf, seed=seed: leaf[seed], policy), theta)
             low, size = self.index.grid(pool)
-            made[seed] = (self.index.table(pool, low, size), theta, low, size, np.zeros((), theta.dtype))
-        room, units = index.table.shape[-1], index.rows.shape[1]
-        most = max((table.shape[1] for table, *_ in made.values()), default=0)
+            moved = np.where(due[seed], 0, index.moved[seed]).astype(theta.dtype)
+            made[seed] = (self.index.table(pool, low, size), theta, low, size, moved)
+        most = max((len(table[0]) for table, *_ in made.values()), default=0)
         if most > room:
-            room = min(units, 16 * math.ceil(1.1 * most / 16))
+            room = min(units, STEP * math.ceil(HEADROOM * most / STEP))
+        if room > index.table.shape[-1]:
             more = ((0, 0), (0, 0), (0, room - index.table.shape[-1]))
-            index = index._replace(table=jnp.pad(index.table, more, constant_values=units))
+            table = jnp.pad(index.table, more, constant_values=units)
+            index = index._replace(table=table, room=jnp.full_like(index.room, room))
         for seed, (table, *rest) in made.items():
             table = np.pad(table, ((0, 0), (0, room - table.shape[1])), constant_values=units)
-            old = (index.table, index.reference, index.low, index.size, index.moved)
-            table, reference, low, size, moved = _place(old, (table, *rest), seed)
-            index = index._replace(table=table, reference=reference, low=low, size=size, moved=moved)
-        return states._replace(index=index)
+            new = dict(zip(("table", "reference", "low", "size", "moved"), (table, *rest), strict=True))
+            old = {name: getattr(index, name) for name in new}
+            index = index._replace(**_place(old, new, seed))
+        return index
 
 
 @functools.partial(jax.jit, donate_argnums=0)

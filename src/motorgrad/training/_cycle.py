@@ -57,11 +57,6 @@ class Cycle:
         """Whether the dynamics are ever put back: at an episode's end, or where they broke."""
         return self.task.has_episodes or self.diverges
 
-    def uniforms(self, cycle: CycleState) -> int:
-        """How many numbers from U[0, 1) an action takes."""
-        agent = cycle.agent
-        return self.agent.uniforms(agent) if self.mode == "learn" else agent.policy.uniforms
-
     def begin(self, agent: AgentState, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> CycleState:
         """Before the first decision, the dynamics being in `state`; no action has been taken yet."""
         memory, observation = self.task.observe(self.task.init(init), state, observe)

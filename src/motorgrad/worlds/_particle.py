@@ -111,7 +111,7 @@ class Particle(World):
     ) -> ParticleState:
         physics, forces = self.physics, jnp.asarray(self.forces, action.dtype)
         if len(self.forces) > FEW:
-            push = tuple(action @ forces)
+            push = tuple(forces.T @ action)
         else:
             push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
         gusts = physics.noise * normals(uniforms).reshape(-1, 2) if physics.noise else None
