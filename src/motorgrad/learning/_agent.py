@@ -43,7 +43,8 @@ class AgentState(NamedTuple):
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
     $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
     the decision whose reward is awaited, `None` where neither metric nor baseline asks for it; `scale` that of the
-    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`.
+    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`; `index` what an
+    `IndexedAgent` knows of its units, else `None`.
     """
 
     policy: Policy
@@ -56,7 +57,7 @@ class AgentState(NamedTuple):
     last: Decision | None = None
     scale: ScaleState | None = None
     growth: GrowthState | None = None
-    index: Any = None
+    index: Any = None  # an IndexState
 
 
 Flag = Bool[Array, ""] | bool

@@ -71,7 +71,9 @@ class SpatialIndex:
 
     def grid(self, pool: LocalGaussians) -> tuple[Float[np.ndarray, " inputs"], Float[np.ndarray, " inputs"]]:
         """The lower corner and the size of a cell, of a grid over nearly all centres."""
-        low, high = np.quantile(np.asarray(pool.centre), (0.01, 0.99), axis=0)
+        centre = np.asarray(pool.centre)
+        finite = centre[np.isfinite(centre).all(axis=1)]
+        low, high = np.quantile(finite if len(finite) else np.zeros_like(centre), (0.01, 0.99), axis=0)
         size = np.maximum((high - low) / self.sides(*pool.centre.shape), 1e-6)
         return low.astype(np.float32), size.astype(np.float32)
 
@@ -83,7 +85,8 @@ class SpatialIndex:
         units, inputs = centre.shape
         sides, reach = self.sides(units, inputs), np.broadcast_to(np.asarray(self.reach(pool), float), units)
         # pairs of a unit and a cell, input by input, and the squared distance that is left to the unit's reach
-        unit = np.flatnonzero(reach > 0)
+        finite = np.isfinite(centre).all(axis=1) & np.isfinite(width).all(axis=1) & (width > 0).all(axis=1)
+        unit = np.flatnonzero((reach > 0) & finite)
         cell, left = np.zeros(len(unit), int), (reach[unit] + self.margin) ** 2
         for axis in range(inputs):
             at, wide = centre[unit, axis], width[unit, axis]

@@ -40,11 +40,11 @@ MOVED = 0.75  # of the margin: a table is made anew once a unit has moved so far
 class IndexState(NamedTuple):
     r"""What an indexed learner knows beside its policy, which is up to date only where it was published.
 
-    `rows`: of each unit the base, the slope, and the episode it was last touched in; `sums` $S$ and `steepest`, the
-    greatest movement of any unit per unit of $S$, of each episode since all were caught up with; `episode`, which one
-    it is now; `count`, decisions, up to `rebase`; `table`, as `SpatialIndex.table` makes it, for units where
-    `reference` has them and a grid at `low` of cells of `size`; `moved`, how far any unit was from there when all were
-    caught up with, and `path`, how far any may have gone since, both in margins.
+    `rows`: of each unit the base, the slope, and the episode it was last touched in. Of each episode since all units
+    were caught up with: `sums` $S$; `travel`, the same of $|\delta|$; `limit`, the travel at which a unit may have used
+    up its margin, at the earliest. `episode`: which one it is now; `count`, decisions, up to the next rebase. `table`,
+    as `SpatialIndex.table` makes it, with `room` for so many units, for units where `reference` has them and a grid at
+    `low` of cells of `size`; `moved`, the greatest strain of any unit when all were caught up with.
     """
 
     rows: Float[Array, "units row"]
@@ -63,7 +63,19 @@ class IndexState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class IndexedAgent(Agent):
-    """An online learner of local Gaussian units."""
+    """An online learner of local Gaussian units, which at every decision touches only those that can fire there.
+
+    It is an `Agent` for the policy without what the index neglects: a unit that is not listed where the learner is does
+    not fire there, and has no score. What it learns is what the plain learner of that policy learns, within rounding,
+    but for limits of log-widths, within which a unit is put back when it is touched or caught up with.
+
+    **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that
+    does not see the observation, steps at every decision by `sgd`, no metric and no growth; and `index`, what is
+    neglected and when tables are made (`SpatialIndex`).
+
+    Tables are made outside compiled code. Where `due` says so, `refresh` must come before the next `act`, which takes
+    as many uniforms as the table has room for; and `publish` brings the policy up to date, for others to read.
+    """
 
     index: SpatialIndex = dataclasses.field(default_factory=SpatialIndex)
 
@@ -172,7 +184,7 @@ class IndexedAgent(Agent):
         return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
 
     def take_up(self, state: AgentState) -> AgentState:
-        """The inverse of `publish`, of a policy that was put in place: learning goes on from there."""
+        """The inverse of `publish`, of a policy that was put in place: learning goes on from there, without a trace."""
         (theta,) = state.policy.blocks(trainable(state.policy))
         index = _index(state)
         moved = jnp.full_like(index.moved, jnp.inf)
@@ -224,8 +236,8 @@ class IndexedAgent(Agent):
     def refresh(self, index: IndexState, policy: Any) -> IndexState:
         """The tables that are due, and those that a saved state is without. It is done outside compiled code.
 
-        **Arguments:** the index of many seeds, along a leading axis, and their policies, for what is not learnt. Where
-        a cell has more units than there was room for, all tables grow: the compiled loop is then another.
+        **Arguments:** the index of many seeds, along a leading axis, which is used up, and their policies, for what is
+        not learnt. Where a cell has more units than there was room for, all tables grow: compiled code is then another.
         """
         due = np.asarray(index.moved) > MOVED
         room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]

@@ -11,7 +11,6 @@ from motorgrad.learning import AgentState, IndexedAgent
 from motorgrad.policies import Policy
 from motorgrad.training._cycle import CycleState
 from motorgrad.training._random import BLOCK, draw_places
-from motorgrad.training._stepper import seeds_last
 from motorgrad.training._world_stepper import Carry, WorldStepper
 
 
@@ -35,13 +34,10 @@ class IndexedStepper(WorldStepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         """As of any engine, without the tables, which are made again from what they were made of."""
-        cycle, world = self._carry
-        tables = cycle.agent.index.table  # type: ignore[union-attr]
-        whole, self._carry = self._carry, (self._with(table=tables[..., :0]), world)
-        try:
-            return super().state
-        finally:
-            self._carry = whole
+        state = super().state
+        agent = state["cycle"].agent
+        index = agent.index._replace(table=agent.index.table[..., :0])
+        return {**state, "cycle": state["cycle"]._replace(agent=agent._replace(index=index))}
 
     def use(self, policies: Policy, memory: Any = None) -> None:
         super().use(policies, memory)
@@ -54,10 +50,6 @@ class IndexedStepper(WorldStepper):
     def _learner(self) -> IndexedAgent:
         assert isinstance(self.cycle.agent, IndexedAgent)
         return self.cycle.agent
-
-    def _with(self, **index: Any) -> CycleState:
-        cycle = self._carry[0]
-        return cycle._replace(agent=cycle.agent._replace(index=cycle.agent.index._replace(**index)))
 
     def _refresh(self) -> None:
         cycle, world = self._carry
