@@ -163,9 +163,7 @@ def test_what_is_not_listed_fires_with_no_more_than_is_neglected_however_it_move
     for pool, counted in ((before, np.ones(units, bool)), (after, within)):
         p = np.asarray(jax.vmap(pool.prob)(looks))
         for look, fires in zip(looks, p, strict=True):
-            column = np.clip(np.floor((look - low) / size), 0, cells - 1).astype(int)
-            listed = table[np.ravel_multi_index(column, (cells,) * inputs)]
-            hidden = np.setdiff1d(np.arange(units), listed)
+            hidden = np.setdiff1d(np.arange(units), table[int(index.cell(look, low, size, units))])
             assert fires[hidden][counted[hidden]].max(initial=0) <= index.neglect * (1 + 1e-4)
 
 
@@ -195,7 +193,7 @@ def test_tables_are_made_before_what_is_neglected_could_be_more_than_it_may():
         if agent.due(state):
             state, tables = refreshed(agent, state), tables + 1
         look = rng.uniform(0, 1, 2).astype(np.float32)
-        near = np.asarray(state.index.table[agent._cell(state.index, look, 2)])
+        near = np.asarray(state.index.table[agent.index.cell(look, state.index.low, state.index.size, 80)])
         fires = np.asarray(agent.publish(state).policy.prob(look))
         worst = max(worst, fires[np.setdiff1d(np.arange(80), near)].max())
         numbers = rng.uniform(size=len(near)).astype(np.float32)

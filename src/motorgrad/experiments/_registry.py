@@ -31,6 +31,7 @@ from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
 from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
 from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
+from motorgrad.experiments.chapter_6.section_6_5_4_index import Index
 
 EXPERIMENTS: dict[str, type[Experiment]] = {
     kind.name: kind
@@ -64,6 +65,7 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HopperDynamics,
         HopperWeights,
         ActionPeriod,
+        Index,
         Wrapping,
     )
 }

@@ -77,6 +77,14 @@ class SpatialIndex:
         size = np.maximum((high - low) / self.sides(*pool.centre.shape), 1e-6)
         return low.astype(np.float32), size.astype(np.float32)
 
+    def cell(
+        self, observation: Float[Array, " inputs"], low: Float[Array, " inputs"], size: Float[Array, " inputs"], units: int
+    ) -> Int[Array, ""]:
+        """The cell that an observation is in, among those of a `table` for so many units."""
+        sides = self.sides(units, len(low))
+        place = jnp.clip(jnp.floor((observation - low) / size), 0, sides - 1).astype(jnp.int32)
+        return functools.reduce(lambda cell, column: cell * sides + column, list(place))
+
     def table(
         self, pool: LocalGaussians, low: Float[np.ndarray, " inputs"], size: Float[np.ndarray, " inputs"]
     ) -> Int[np.ndarray, "cells most"]:

@@ -138,7 +138,7 @@ class IndexedAgent(Agent):
             state = state._replace(trace=self.decay * state.trace)
         index, policy = _index(state), state.policy
         units = policy.outputs
-        near = index.table[self._cell(index, observation, policy.inputs)]
+        near = index.table[self.index.cell(observation, index.low, index.size, units)]
         there = near < units
         count = jnp.sum(there)
         theta, slope, since = _parts(index.rows.at[near].get(mode="clip"))
@@ -200,11 +200,6 @@ class IndexedAgent(Agent):
         episode = index.episode + jnp.asarray(ended, jnp.int32)
         fresh = jax.nn.one_hot(episode, len(index.sums), dtype=state.trace.dtype)
         return state._replace(index=index._replace(episode=episode), trace=jnp.where(ended, fresh, state.trace))
-
-    def _cell(self, index: IndexState, observation: Float[Array, " inputs"], inputs: int) -> Int[Array, ""]:
-        sides = round(len(index.table) ** (1 / inputs))
-        place = jnp.clip(jnp.floor((observation - index.low) / index.size), 0, sides - 1).astype(jnp.int32)
-        return functools.reduce(lambda cell, column: cell * sides + column, list(place))
 
     def _rebased(self, policy: Any, state: tuple[IndexState, Array]) -> tuple[IndexState, Array]:
         """All units caught up with, and what they have moved since the table was made."""

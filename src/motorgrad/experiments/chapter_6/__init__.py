@@ -1,0 +1,1 @@
+"""Chapter 6: local policies, and units that are added one by one."""
