@@ -135,7 +135,7 @@ def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learne
         place, number, reward = places[rng.integers(4)], rng.uniform(), rng.normal()
         for n, agent in enumerate(agents):
             room = 2 if n else states[n].index.table.shape[1]
-            state, action = agent.act(states[n], place, jnp.full(room, number))
+            state, _ = agent.act(states[n], place, jnp.full(room, number))
             states[n] = agent.improve(agent.reinforce(state, jnp.float32(reward), place, terminated=t % 37 == 36))
     close(agents[0].publish(states[0]).policy, states[1].policy)
 

@@ -78,7 +78,11 @@ class SpatialIndex:
         return low.astype(np.float32), size.astype(np.float32)
 
     def cell(
-        self, observation: Float[Array, " inputs"], low: Float[Array, " inputs"], size: Float[Array, " inputs"], units: int
+        self,
+        observation: Float[Array, " inputs"],
+        low: Float[Array, " inputs"],
+        size: Float[Array, " inputs"],
+        units: int,
     ) -> Int[Array, ""]:
         """The cell that an observation is in, among those of a `table` for so many units."""
         sides = self.sides(units, len(low))

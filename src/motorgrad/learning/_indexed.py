@@ -130,39 +130,38 @@ class IndexedAgent(Agent):
         return state._replace(index=index, trace=jax.nn.one_hot(0, episodes, dtype=dtype))
 
     def act(
-        self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+        self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " room"]
     ) -> tuple[AgentState, Array]:
-        if self.decay == 0:
-            state = self._begin(state, True)
-        else:
-            state = state._replace(trace=self.decay * state.trace)
-        index, policy = _index(state), state.policy
-        units = policy.outputs
+        """As that of an `Agent`, for the units that are listed where the observation is."""
+        state = state._replace(trace=self.decay * state.trace) if self.decay else self._begin(state, True)
+        index, units = _index(state), state.policy.outputs
         near = index.table[self.index.cell(observation, index.low, index.size, units)]
         there = near < units
-        count = jnp.sum(there)
-        theta, slope, since = _parts(index.rows.at[near].get(mode="clip"))
-        episode = since.astype(jnp.int32)
-        few = jax.tree.map(lambda leaf: _take(leaf, near, policy.outputs, 1), policy)
-        pool = _with(few, theta + slope * index.sums[episode][:, None])
+        few = jax.tree.map(lambda leaf: _rows_of(leaf, near, units, 1), state.policy)
+        base, slope, since = _parts(index.rows.at[near].get(mode="clip"))
+        since = since.astype(jnp.int32)
+        pool = _with(few, base + slope * index.sums[since][:, None])
         fired = jnp.where(there, pool.sample(observation, uniforms), 0)
-        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
+
+        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=slope.dtype)
         scale, total = jnp.sum(now * state.trace), jnp.sum(now * index.sums)
-        gain = jax.tree.map(
-            lambda score, rate: (rate / scale) * score,
-            pool.score(observation, fired),
-            jax.tree.map(lambda rate, leaf: _take(rate, near, units, leaf.ndim), state.ascent.rates, trainable(policy)),
+        (gain,) = pool.blocks(
+            jax.tree.map(
+                lambda score, rate: (_rows_of(rate, near, units, score.ndim) / scale) * score,
+                pool.score(observation, fired),
+                state.ascent.rates,
+            )
         )
-        (gain,) = pool.blocks(gain)
-        slope = jnp.where((episode == index.episode)[:, None], slope, 0) + gain
+        slope = jnp.where((since == index.episode)[:, None], slope, 0) + gain
         (theta,) = pool.blocks(trainable(pool))
         rows = _rows(theta - slope * total, slope, index.episode)
-        before = _with(few, index.reference.at[near].get(mode="clip"))
-        left = jnp.min(jnp.where(there, self._left(before, pool, slope)[1], jnp.inf), initial=jnp.inf)
-        limit = jnp.where(now > 0, jnp.minimum(index.limit, index.travel + left), index.limit)
+
+        _, left = self._left(_with(few, index.reference.at[near].get(mode="clip")), pool, slope)
+        limit = index.travel + jnp.min(jnp.where(there, left, jnp.inf), initial=jnp.inf)
+        limit = jnp.where(now > 0, jnp.minimum(index.limit, limit), index.limit)
+        count = jnp.sum(there)
         index = index._replace(rows=put(index.rows, near, rows, count), limit=limit)
-        action = put(jnp.zeros(units, fired.dtype), near, fired, count)
-        return state._replace(index=index), action
+        return state._replace(index=index), put(jnp.zeros(units, fired.dtype), near, fired, count)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         weight = None if state.weight is None else jnp.where(ended, 1.0, state.weight)
@@ -175,8 +174,8 @@ class IndexedAgent(Agent):
         travel = index.travel + jnp.abs(sample)
         index = index._replace(sums=index.sums + sample, count=count, travel=travel)
         due = (count == 0) | jnp.any(travel > index.limit)
-        fixed = state.policy
-        index, trace = where_any(due, functools.partial(self._rebased, fixed), (index, state.trace))
+        rebased = functools.partial(self._rebased, state.policy)
+        index, trace = where_any(due, rebased, (index, state.trace))
         return state._replace(index=index, trace=trace, gradient=None)
 
     def publish(self, state: AgentState) -> AgentState:
@@ -284,11 +283,12 @@ def _caught_up(index: IndexState) -> Float[Array, "units parameters"]:
     return base + slope * index.sums[since.astype(jnp.int32)][:, None]
 
 
-def _with(policy: Any, theta: Float[Array, "units parameters"]) -> Any:
+def _with(policy: Any, theta: Float[Any, "units parameters"]) -> Any:
     """A pool with these parameters, within their limits."""
     return eqx.combine(policy.from_blocks((theta,)), split(policy)[1]).limited()
 
 
-def _take(leaf: Array, near: Int[Array, " room"], units: int, ndim: int) -> Array:
-    """The rows of some units, of an array that has a row for each."""
-    return leaf.at[near].get(mode="clip") if leaf.ndim >= ndim and leaf.shape[:1] == (units,) else leaf
+def _rows_of(leaf: Array, units: Int[Array, " room"], all: int, dimensions: int) -> Array:
+    """The rows of some units, of an array that has a row for each; another is as it is."""
+    has = leaf.ndim >= dimensions and leaf.shape[:1] == (all,)
+    return leaf.at[units].get(mode="clip") if has else leaf

@@ -13,6 +13,8 @@ from motorgrad.training._cycle import CycleState
 from motorgrad.training._random import BLOCK, draw_places
 from motorgrad.training._world_stepper import Carry, WorldStepper
 
+LAST: Any = -1
+
 
 class IndexedStepper(WorldStepper):
     """Learning in a JAX world by an `IndexedAgent`.
@@ -22,7 +24,7 @@ class IndexedStepper(WorldStepper):
     is looked up by each seed in its own place is then together in memory.
     """
 
-    axes: ClassVar[Any] = (CycleState(AgentState(*[-1] * 10, index=0), -1, -1, -1, -1, -1), -1)
+    axes: ClassVar[Any] = (CycleState(AgentState(*[LAST] * 10, index=0), *[LAST] * 5), LAST)
 
     def advance(self, decisions: int) -> None:
         stop = self.decision + decisions
@@ -64,7 +66,9 @@ class IndexedStepper(WorldStepper):
         room = carry[0].agent.index.table.shape[-1]
         return {**super()._numbers(carry, block), "policy": draw_places(self.seeds, "policy", block, room)}
 
-    def _decisions(self, carry: Carry, start: Array, stop: Array) -> tuple[Array, Carry]:
+    def _decisions(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, carry: Carry, start: Array, stop: Array
+    ) -> tuple[Array, Carry]:
         """Decisions from `start` up to `stop`, or to where a table is due; and up to where they went."""
         decide = jax.vmap(self._decide, in_axes=(self.axes, -1), out_axes=self.axes)
 

@@ -130,7 +130,7 @@ def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:
 
 
 def seeds_first(tree: Any, axes: Any = -1) -> Any:
-    """Move the axis of seeds to the front, as copies in NumPy; `axes`, where it is, for all or for parts of the tree."""
+    """Move the axis of seeds to the front, as copies in NumPy; `axes`, where it is, of all or by part."""
 
     def move(axis: int, part: Any) -> Any:
         return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), axis, 0), order="C"), part)
