@@ -78,6 +78,7 @@ def test_bench_measures_every_row(tmp_path, capsys):
         "three-state",
         "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
         "natural ÷ plain step",
+        "indexed ÷ all",
         "import motorgrad",
         "peak memory",
         "apex",
