@@ -33,7 +33,7 @@ def greatest(values: Float[Array, " units"]) -> Float[Array, ""]:
 def _put_seeds(seeds: int, batched: Any, *arguments: Array) -> tuple[Array, bool]:
     """A loop over seeds around the loop over units: mapped, it would become the scatter after all."""
     array, units, values, count = (
-        argument if has else jnp.broadcast_to(argument, (seeds, *argument.shape))
+        jnp.asarray(argument) if has else jnp.broadcast_to(argument, (seeds, *argument.shape))
         for argument, has in zip(arguments, batched, strict=True)
     )
 
