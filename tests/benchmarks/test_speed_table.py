@@ -94,6 +94,7 @@ def test_bench_measures_every_row(tmp_path, capsys):
         "particle with 8 local units, OLGARB ÷ compiled loop, 1 seed",
         "particle, 20 seeds × 20 episodes, with compilation",
         "memory of a seed",
+        "indexed ÷ all",
         "import motorgrad",
         "peak memory",
         "apex",

@@ -11,6 +11,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     """The rows of the speed table, one after the other as they are measured. `quick` is a smoke test's size."""
     from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
     from motorgrad.benchmarks._hopper import hopper_rows
+    from motorgrad.benchmarks._index import index_row
     from motorgrad.benchmarks._learning import learning_rows
     from motorgrad.benchmarks._particle import local_learning_row, particle_row
     from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
@@ -29,6 +30,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield particle_row(1, 5_000 if quick else 300_000, pairs, "≥ 0.2")
     yield particle_row(1024, 50 if quick else 1000, pairs, "≥ 0.8")
     yield local_learning_row(20, 20 if quick else 2000, "≤ 15")
+    yield index_row(64 if quick else 4096, 1, 200 if quick else 5_000, pairs, "≥ 8")
+    yield index_row(64 if quick else 4096, 20, 20 if quick else 500, pairs)
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)

@@ -54,9 +54,9 @@ def particle_loop(
     forces: np.ndarray,
     regions: np.ndarray,
     numbers: tuple[Any, ...],
-    decay: float,
-    rates: tuple[float, float],
-    limits: tuple[float, float],
+    decay: Any,
+    rates: tuple[Any, Any],
+    limits: tuple[Any, Any],
 ) -> tuple[np.ndarray, np.ndarray, Any]:
     """Learn for `steps` decisions.
 

@@ -48,6 +48,7 @@ from motorgrad.experiments.chapter_6.section_6_4_criteria import Criteria
 from motorgrad.experiments.chapter_6.section_6_4_placement import Placement
 from motorgrad.experiments.chapter_6.section_6_5_4_hierarchy import Hierarchy
 from motorgrad.experiments.chapter_6.section_6_5_4_hopper import LocalHopper
+from motorgrad.experiments.chapter_6.section_6_5_4_index import Index
 from motorgrad.experiments.chapter_6.section_6_5_4_navigation import Navigation
 from motorgrad.experiments.chapter_6.section_6_5_4_pruning import Pruning
 from motorgrad.experiments.chapter_6.section_6_5_mixtures import Mixtures
@@ -102,6 +103,7 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         Pruning,
         Hierarchy,
         Navigation,
+        Index,
         LocalHopper,
         Wrapping,
         Circular,

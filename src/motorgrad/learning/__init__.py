@@ -7,6 +7,8 @@ from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanRew
 from motorgrad.learning._estimator import Estimator, Gpomdp, Olgarb, Olpomdp
 from motorgrad.learning._growth import Growth, GrowthState
 from motorgrad.learning._growth_criteria import Clock, Criterion, Plateau, PlateauState
+from motorgrad.learning._index import SpatialIndex
+from motorgrad.learning._indexed import IndexedAgent, IndexState
 from motorgrad.learning._input_baselines import BinnedBaseline, InputBaseline, LinearBaseline, LinearState
 from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.learning._scale import RootMeanSquare, ScaleState
@@ -32,6 +34,8 @@ __all__ = [
     "Gpomdp",
     "Growth",
     "GrowthState",
+    "IndexState",
+    "IndexedAgent",
     "InputBaseline",
     "LaggedGaussian",
     "LinearBaseline",
@@ -46,6 +50,7 @@ __all__ = [
     "RunningMean",
     "ScaleState",
     "SgdState",
+    "SpatialIndex",
     "Trace",
     "Visited",
     "VisitedState",

@@ -43,7 +43,8 @@ class AgentState(NamedTuple):
     `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
     $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
     the decision whose reward is awaited, `None` where neither metric nor baseline asks for it; `scale` that of the
-    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`.
+    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`; `index` what an
+    `IndexedAgent` knows of its units, else `None`.
     """
 
     policy: Policy
@@ -56,6 +57,7 @@ class AgentState(NamedTuple):
     last: Decision | None = None
     scale: ScaleState | None = None
     growth: GrowthState | None = None
+    index: Any = None  # an IndexState
 
 
 Flag = Bool[Array, ""] | bool
@@ -263,10 +265,10 @@ class Agent:
             metric, measured = self.metric, state.metric
 
             def direction(g: PyTree[Array]) -> PyTree[Array]:
-                # The barrier keeps the compiler from solving ahead of the loop in `_where_any`.
+                # The barrier keeps the compiler from solving ahead of the loop in `where_any`.
                 return metric.precondition(*jax.lax.optimization_barrier((measured, state.policy, g)))
 
-            gradient = _where_any(due, direction, gradient)
+            gradient = where_any(due, direction, gradient)
         descent = jax.tree.map(jnp.negative, gradient)
         updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
         updates = state.policy.allowed(updates)
@@ -291,7 +293,7 @@ def _no_decision(policy: Policy, dtype: Any) -> Decision:
     return Decision(observation, jnp.zeros_like(policy.mode(observation)))
 
 
-def _where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
+def where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
     """`function(value)` where it is `due`. Over many seeds a condition computes both branches, but a loop's body is
     passed over while no seed is due: what is costly is paid once a batch and not at every decision."""
     if due is True:

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.learning import Agent
+from motorgrad.learning import Agent, IndexedAgent
 from motorgrad.policies import Policy
-from motorgrad.tasks import Task, make
+from motorgrad.tasks import HostTask, Task, make
 from motorgrad.training._initial import stacked
 from motorgrad.training._settings import AgentSettings, settings_for
 from motorgrad.training._stepper import validate, validate_episodes
@@ -64,6 +64,8 @@ def check_training(
     check(valid, "threads", threads, f"0 for all processors, or their number, at most {MOST_THREADS}")
     settings = settings_for(task) if agent is None else agent if isinstance(agent, AgentSettings) else None
     learner = agent if isinstance(agent, Agent) else (settings or settings_for(task)).agent(task)
+    compiled = not isinstance(task, HostTask) or not isinstance(learner, IndexedAgent)
+    check(compiled, "task", task.name, "a task in a JAX world where units are indexed: on others the rest costs more")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
     validate(task, policy)
     validate_episodes(task, learner.estimator)

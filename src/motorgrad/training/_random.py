@@ -33,3 +33,14 @@ def draw_block(
     if size == 0:
         return jnp.zeros((BLOCK, 0, len(seeds)))
     return jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds))
+
+
+def draw_places(
+    seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
+) -> Float[Array, "decisions size seeds"]:
+    """As `draw_block`, other numbers, of which more are drawn by a greater `size` and none is changed by it."""
+
+    def draw(seed: Any) -> Float[Array, "size decisions"]:
+        return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (size, BLOCK))
+
+    return jnp.swapaxes(jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds)), 0, 1)

@@ -21,6 +21,7 @@ from motorgrad.learning import (
     FisherMetric,
     FixedStep,
     Growth,
+    IndexedAgent,
     InputBaseline,
     LaggedGaussian,
     LinearBaseline,
@@ -28,6 +29,7 @@ from motorgrad.learning import (
     NoBaseline,
     Plateau,
     RootMeanSquare,
+    SpatialIndex,
     Trace,
     Visited,
     Window,
@@ -97,6 +99,9 @@ class AgentSettings:
     - `growth_shrink`: what its width is multiplied by at every decision of that phase.
     - `growth_boost`: what its steps are multiplied by meanwhile.
     - `growth_damp`: what those of the other units are multiplied by meanwhile.
+    - `index`: whether a decision touches only the local units that can fire there, by a table of where they can.
+    - `index_neglect`: the greatest probability of firing that is neglected.
+    - `index_margin`: how far units move, in widths, before the table is made anew.
 
     **Raises** `ValueError` for what is unknown or impossible, by name; from `agent` for what does not go with the task.
     """
@@ -145,6 +150,9 @@ class AgentSettings:
     growth_shrink: float = 0.99975
     growth_boost: float = 8.0
     growth_damp: float = 0.5
+    index: bool = False
+    index_neglect: float = 1e-3
+    index_margin: float = 1.0
 
     def __post_init__(self) -> None:
         choice("policy", self.policy, policies.INITIAL)
@@ -162,6 +170,7 @@ class AgentSettings:
         self.rule()
         self.measure()
         self._check_growth()
+        self.look_up()
 
     def estimate(self) -> Estimator:
         """The estimator that the settings stand for."""
@@ -223,6 +232,10 @@ class AgentSettings:
             self.growth_damp,
         )
 
+    def look_up(self) -> SpatialIndex | None:
+        """The spatial index that the settings stand for."""
+        return _named("index", lambda: SpatialIndex(self.index_neglect, self.index_margin)) if self.index else None
+
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
         units = {} if self.units is None else {"units": self.units}
@@ -232,7 +245,9 @@ class AgentSettings:
         check(
             (self.growth_units or 1) <= size, "growth_units", self.growth_units, f"at most the policy's units, {size}"
         )
-        return Agent(self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow())
+        parts = (self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow())
+        index = self.look_up()
+        return Agent(*parts) if index is None else IndexedAgent(*parts, index=index)
 
     def _check_growth(self) -> None:
         """Refuse, by the settings' own names, what is impossible, and growth without the policy for it."""
@@ -319,6 +334,7 @@ def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
         "ascent": _rule(agent.ascent, policy),
         **metric,
         **({} if agent.growth is None else {"growth": _growth(agent.growth)}),
+        **({"index": table(agent.index)} if isinstance(agent, IndexedAgent) else {}),
     }
 
 

@@ -129,11 +129,19 @@ def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:
         check(np.shape(leaf) == np.shape(own), f"state{name}.shape", np.shape(leaf), f"{np.shape(own)}")
 
 
-def seeds_first(tree: Any) -> Any:
-    """Move the axis of seeds from last to first, as copies in NumPy."""
-    return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), -1, 0), order="C"), tree)
+def seeds_first(tree: Any, axes: Any = -1) -> Any:
+    """Move the axis of seeds to the front, as copies in NumPy; `axes`, where it is, of all or by part."""
+
+    def move(axis: int, part: Any) -> Any:
+        return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), axis, 0), order="C"), part)
+
+    return jax.tree.map(move, axes, tree)
 
 
-def seeds_last(tree: Any) -> Any:
-    """Move the axis of seeds from first to last, as JAX arrays."""
-    return jax.tree.map(lambda x: jnp.asarray(np.moveaxis(np.asarray(x), 0, -1).copy()), tree)
+def seeds_last(tree: Any, axes: Any = -1) -> Any:
+    """The inverse of `seeds_first`, as JAX arrays."""
+
+    def move(axis: int, part: Any) -> Any:
+        return jax.tree.map(lambda x: jnp.asarray(np.moveaxis(np.asarray(x), 0, axis).copy()), part)
+
+    return jax.tree.map(move, axes, tree)

@@ -13,7 +13,7 @@ import pyarrow as pa
 from motorgrad._errors import check
 from motorgrad._settings import table
 from motorgrad._signals import stop_when_asked
-from motorgrad.learning import Agent, RunningMean
+from motorgrad.learning import Agent, IndexedAgent, RunningMean
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
 from motorgrad.training._arguments import Asked, check_training
@@ -22,6 +22,7 @@ from motorgrad.training._checkpoint import by_name, fingerprint, into
 from motorgrad.training._cycle import Mode
 from motorgrad.training._directory import RunDirectory, RunDirectoryError, RunWarning
 from motorgrad.training._host_stepper import HostStepper
+from motorgrad.training._indexed_stepper import IndexedStepper
 from motorgrad.training._progress import Report
 from motorgrad.training._records import Records
 from motorgrad.training._run import Run, memory_in
@@ -46,7 +47,8 @@ def stepper_of(
         return BodyStepper(task, agent, seeds, mode, threads, initial)
     if isinstance(task, HostTask):
         return HostStepper(task, agent, seeds, mode, threads, initial)
-    return WorldStepper(task, agent, seeds, mode, initial)
+    engine = IndexedStepper if isinstance(agent, IndexedAgent) and mode == "learn" else WorldStepper
+    return engine(task, agent, seeds, mode, initial)
 
 
 def train(

@@ -1,7 +1,7 @@
 """The engine for worlds: one compiled loop over decisions, mapped over seeds."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -23,15 +23,20 @@ Carry = tuple[CycleState, Any]
 class WorldStepper(Stepper):
     """Learning in a JAX world. Inside the loop seeds sit last, where the processor's lanes are."""
 
+    axes: ClassVar[Any] = (-1, -1)
+    """Where the seeds are in the loop's state: in one place, or in a tree of them."""
+
     def __init__(
         self, task: Task, agent: Agent, seeds: Sequence[int], mode: Mode = "learn", initial: Policy | None = None
     ):
         super().__init__(task, agent, seeds, mode)
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
-        self._carry = jax.jit(jax.vmap(self._begin, out_axes=-1))(self.seeds, initial)
+        self._carry = jax.jit(jax.vmap(self._begin, out_axes=self.axes))(self.seeds, initial)
         self._run = jax.jit(self._decisions, donate_argnums=0, compiler_options=loop_options())
-        self._harvest = jax.jit(jax.vmap(self._look, in_axes=-1, out_axes=-1), donate_argnums=0)
+        self._harvest = jax.jit(
+            jax.vmap(self._look, in_axes=self.axes[:1], out_axes=(self.axes[0], -1)), donate_argnums=0
+        )
 
     def advance(self, decisions: int) -> None:
         start, stop = jnp.uint32(self.decision), jnp.uint32(self.decision + decisions)
@@ -41,12 +46,12 @@ class WorldStepper(Stepper):
 
     @property
     def state(self) -> PyTree[np.ndarray]:
-        cycle, world = self._carry
-        return {"decision": np.array(self.decision), **seeds_first({"cycle": cycle, "world": world})}
+        cycle, world = seeds_first(self._carry, self.axes)
+        return {"decision": np.array(self.decision), "cycle": cycle, "world": world}
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
-        self._carry = (seeds_last(state["cycle"]), seeds_last(state["world"]))
+        self._carry = seeds_last((state["cycle"], state["world"]), self.axes)
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -61,7 +66,7 @@ class WorldStepper(Stepper):
         cycle, world = self._carry
         cycle = cycle._replace(agent=cycle.agent._replace(policy=seeds_last(policies)))
         if memory is not None:
-            adopt = jax.vmap(self._adopt, in_axes=(0, -1, -1, 0), out_axes=-1)
+            adopt = jax.vmap(self._adopt, in_axes=(0, *self.axes, 0), out_axes=self.axes[0])
             cycle = jax.jit(adopt)(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)
 
@@ -84,18 +89,22 @@ class WorldStepper(Stepper):
             cycle = self.cycle.restart(cycle, state, ended, numbers["memory"], numbers["look"])
         return cycle, state
 
-    def _decisions(self, carry: Carry, start: Array, stop: Array) -> Carry:
-        """Decisions `start` … `stop` − 1, a block of random numbers at a time."""
+    def _numbers(self, carry: Carry, block: Array) -> dict[str, Array]:
+        """The random numbers of a block of decisions, by purpose."""
         world, task = self.world, self.task
         sizes = {"policy": self.policy.uniforms, "world": world.uniforms, "observe": task.uniforms}
         if self.cycle.restarts:
             sizes |= {"reset": world.reset_uniforms, "memory": task.init_uniforms, "look": task.uniforms}
-        decide = jax.vmap(self._decide, in_axes=-1, out_axes=-1)
+        return {name: draw_block(self.seeds, name, block, size) for name, size in sizes.items()}
+
+    def _decisions(self, carry: Carry, start: Array, stop: Array) -> Carry:
+        """Decisions `start` … `stop` − 1, a block of random numbers at a time."""
+        decide = jax.vmap(self._decide, in_axes=(self.axes, -1), out_axes=self.axes)
 
         def block(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
             first, carry = position
             index = first // BLOCK
-            numbers = {name: draw_block(self.seeds, name, index, size) for name, size in sizes.items()}
+            numbers = self._numbers(carry, index)
             last = jnp.minimum(stop, (index + 1) * BLOCK)
 
             def decision(t: Array, carry: Carry) -> Carry:

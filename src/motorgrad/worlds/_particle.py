@@ -14,6 +14,7 @@ from motorgrad.worlds._particle_physics import ParticlePhysics
 from motorgrad.worlds._world import World
 
 MOST = 10_000  # forces
+FEW = 1_024  # forces that are added one after the other; beyond, a product of matrices is faster
 UNROLLED = 4  # steps of integration that are compiled one after the other; more run in a loop
 
 Pair = Float[Array, " 2"]
@@ -115,7 +116,10 @@ class Particle(World):
     ) -> ParticleState:
         physics = self.physics
         forces = jnp.asarray(self.forces, jnp.promote_types(action.dtype, jnp.float32))
-        push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
+        if len(self.forces) > FEW:
+            push = tuple(forces.T @ action)
+        else:
+            push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
         gusts = physics.noise * normals(uniforms).reshape(-1, 2) if physics.noise else None
 
         def integrate(carry: Any, gust: Float[Array, " 2"] | None) -> tuple[Any, None]:

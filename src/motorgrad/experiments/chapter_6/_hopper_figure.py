@@ -46,7 +46,9 @@ def draw_local_hoppers(
         for axes, (muscles, place, group) in zip(row, PANELS, strict=True):
             shown = _muscle(axes, values, name, place, group, ranges)
             axes.set_title(f"{muscles}, {PLACES[place]}", fontsize=9)
-        row[0].set_ylabel(words[name].replace(", ", ",\n").replace(" over", "\nover") + "\nvelocity × scale", fontsize=8)
+        row[0].set_ylabel(
+            words[name].replace(", ", ",\n").replace(" over", "\nover") + "\nvelocity × scale", fontsize=8
+        )
     for axes in panels[-1]:
         axes.set_xlabel("knee angle, rad from 90°", fontsize=9)
     below.colorbar(shown, ax=panels, shrink=0.5, label="probability that they are active")

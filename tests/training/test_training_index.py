@@ -1,0 +1,165 @@
+"""Indexed learners in training: resumed bit for bit, each seed by its own, read as others are, and refused by name."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+from training_examples import assert_differ, assert_same, assert_same_run, columns
+
+import motorgrad as mg
+from motorgrad.learning import IndexedAgent, Olgarb, SpatialIndex, sgd
+from motorgrad.policies import LocalGaussians, tiles
+from motorgrad.training import AgentSettings, evaluate, settings_for
+from motorgrad.training._train import stepper_of
+
+TASK = mg.make("particle", units=128)
+SETTINGS = {
+    "policy_settings": {"copies": 2, "width": 0.08},
+    "rates": {"centre": 1e-3, "log_width": 4e-3},
+    "index": True,
+    "index_neglect": 0.01,
+}
+
+
+def go(out=None, steps=1500, seeds=(3, 0, 8), **options):
+    settings = settings_for(TASK, **SETTINGS)
+    return mg.train(TASK, settings, steps, list(seeds), out, window=100, progress=False, **options)
+
+
+def tables(stepper):
+    """How many tables a stepper makes from now on, counted as it makes them."""
+    made, refresh = [], stepper._refresh
+
+    def count():
+        made.append(int((np.asarray(stepper._carry[0].agent.index.moved) > 0.75).sum()))
+        refresh()
+
+    stepper._refresh = count
+    return made
+
+
+def engine(steps_at_a_time, steps=900, seeds=(3, 0, 8)):
+    stepper = stepper_of(TASK, settings_for(TASK, **SETTINGS).agent(TASK), seeds)
+    made = tables(stepper)
+    while stepper.decision < steps:
+        stepper.advance(min(steps_at_a_time, steps - stepper.decision))
+    return stepper, sum(made)
+
+
+def test_a_run_is_resumed_bit_for_bit(tmp_path):
+    whole = go(tmp_path / "whole")
+    go(tmp_path / "parts", steps=730)
+    parts = go(tmp_path / "parts")
+    assert_same_run(mg.load(parts.path), mg.load(whole.path))
+    assert_differ(whole.policies, go(steps=730).policies)
+    assert_same(mg.load(whole.path).policies, whole.policies)
+
+
+def test_what_is_learnt_does_not_depend_on_how_many_decisions_are_asked_for_at_a_time():
+    (whole, made), (parts, _) = engine(900), engine(77)
+    assert made > 3 + 3  # beside the first of each seed
+    assert_same(whole.state, parts.state)
+    # where saved, there are no tables; put back, there are the same
+    parts.restore(whole.state)
+    parts.advance(300)
+    whole.advance(300)
+    assert_same(whole.state, parts.state)
+    assert_same(whole._carry[0].agent.index.table, parts._carry[0].agent.index.table)
+
+
+def test_seeds_learn_each_by_itself():
+    together, _ = engine(300, 300)
+    for row, seed in enumerate((3, 0, 8)):
+        alone, _ = engine(300, 300, [seed])
+        # another number of lanes may round differently
+        for mine, own in zip(*(jax.tree.leaves(each.policies()) for each in (together, alone)), strict=True):
+            np.testing.assert_allclose(mine[row], own[0], rtol=1e-4, atol=1e-5)
+
+
+def test_a_run_is_read_as_any_other(tmp_path):
+    run = go(tmp_path / "run")
+    latest = columns(run.metrics)["parameters"][-3:]
+    for row, parameters in enumerate(latest):
+        policy = jax.tree.map(lambda leaf, row=row: leaf[row], run.policies)
+        np.testing.assert_array_equal(parameters, np.concatenate([policy.centre.ravel(), policy.log_width.ravel()]))
+    assert_differ(run.policies, run.initial)
+    assert isinstance(run.policy(3), LocalGaussians)
+    judged = evaluate(mg.load(run.path), 200)
+    np.testing.assert_array_equal(judged.reward, evaluate(run, 200).reward)
+    again = mg.train(TASK, settings_for(TASK, **SETTINGS), 300, [3, 0, 8], initial=run.policies, progress=False)
+    for mine, yours in zip(jax.tree.leaves(again.initial), jax.tree.leaves(run.policies), strict=True):
+        np.testing.assert_array_equal(mine, yours)
+
+
+def test_policies_that_are_put_in_place_are_learnt_from():
+    stepper, _ = engine(200, 200)
+    other = jax.tree.map(lambda leaf: np.asarray(leaf) + np.float32(0.01), stepper.policies())
+    stepper.use(other)
+    stepper.advance(1)
+    for mine, yours in zip(jax.tree.leaves(stepper.policies().centre), jax.tree.leaves(other.centre), strict=True):
+        np.testing.assert_allclose(mine, yours, atol=1e-3)
+
+
+def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
+    task, start = mg.make("particle", units=64), tiles(2, 64, copies=2, width=0.01)
+    wide = dataclasses.replace(start, log_width=start.log_width + 1.2)
+    index = SpatialIndex(cells=4)
+    agent = IndexedAgent(start, Olgarb(0.9), sgd(0.0), index=index)
+    stepper = stepper_of(task, agent, [0, 1])
+    stepper.advance(100)
+    room = stepper._carry[0].agent.index.table.shape[-1]
+    grown = jax.tree.map(lambda narrow, broad: np.stack([narrow, broad]), start, wide)
+    stepper.use(grown)
+    stepper.advance(100)
+    assert stepper._carry[0].agent.index.table.shape[-1] > room
+    alone = stepper_of(task, agent, [0])
+    alone.advance(200)
+    for mine, own in zip(*(jax.tree.leaves(each.state["world"]) for each in (stepper, alone)), strict=True):
+        np.testing.assert_allclose(mine[0], own[0], rtol=1e-5)
+
+
+def test_what_is_neglected_is_so_in_training_too():
+    stepper = stepper_of(TASK, settings_for(TASK, **SETTINGS).agent(TASK), [4, 5])
+    worst = 0.0
+    for _ in range(600):
+        stepper.advance(1)
+        stepper._refresh()
+        cycle = stepper._carry[0]
+        index = cycle.agent.index
+        for row in range(2):
+            look = np.asarray(cycle.observation[:, row])
+            policy = jax.tree.map(lambda leaf, row=row: leaf[..., row], cycle.agent.policy)
+            sides = round(index.table.shape[1] ** 0.5)
+            place = np.clip(np.floor((look - index.low[row]) / index.size[row]), 0, sides - 1).astype(int)
+            near = np.asarray(index.table[row, place[0] * sides + place[1]])
+            worst = max(worst, np.asarray(policy.prob(look))[np.setdiff1d(np.arange(128), near)].max(initial=0))
+    assert 0.0002 < worst <= 0.01 * (1 + 1e-4)
+
+
+def test_settings_make_an_indexed_learner():
+    agent = settings_for(TASK, **SETTINGS).agent(TASK)
+    assert isinstance(agent, IndexedAgent)
+    assert agent.index == SpatialIndex(0.01)
+    assert not isinstance(settings_for(TASK).agent(TASK), IndexedAgent)
+
+
+@pytest.mark.parametrize(
+    ("task", "changes", "said"),
+    [
+        ("particle", {"index_neglect": 2.0}, "index_neglect = 2.0: must be in"),
+        ("particle", {"index_margin": -1.0}, "index_margin = -1.0: must be positive"),
+        ("particle", {"policy": "hyperplanes", "policy_settings": None, "rates": None}, "policy = 'Hyperplanes'"),
+        ("particle", {"trace": "window"}, "trace = Window"),
+        ("particle", {"ascent": "adam"}, "ascent = adam"),
+        ("particle", {"metric": "fisher"}, "metric = FisherMetric"),
+        ("hopper", {"policy": "gaussians", "rates": None}, "task = 'hopper': must be a task in a JAX world"),
+    ],
+)
+def test_what_cannot_be_indexed_is_refused_before_any_work(task, changes, said):
+    with pytest.raises(ValueError, match=said):
+        mg.train(task, settings_for(task, index=True, **changes), 10, progress=False)
+
+
+def test_numbers_of_an_index_are_looked_at_only_where_there_is_one():
+    assert AgentSettings(index_neglect=2.0).look_up() is None
