@@ -12,13 +12,13 @@ from motorgrad.experiments import EXPERIMENTS, Workspace, reproduce
 from motorgrad.experiments._curves import moving_mean
 from motorgrad.experiments.chapter_6._local_study import judged, late, middle, outside, visited
 from motorgrad.experiments.chapter_6._powers import Powers
+from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_2 import Partition, change, fit, parts
 from motorgrad.experiments.chapter_6.figure_6_3 import motions
 from motorgrad.experiments.chapter_6.figure_6_4 import InitialPolicy
 from motorgrad.experiments.chapter_6.figure_6_5 import LocalPolicies
 from motorgrad.experiments.chapter_6.figure_6_6 import AnyUnitFires, acts, drawn
 from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import KINDS, Forgetting, gained, lost
-from motorgrad.experiments.chapter_6.section_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.section_6_3_noise import Noise, reached
 from motorgrad.experiments.chapter_6.section_6_5_4_pruning import Pruning
 from motorgrad.experiments.chapter_6.section_6_5_mixtures import Mixtures
@@ -31,7 +31,7 @@ CLAIMS = {
     "fig-6.1": 2,
     "sec-6.1.1-forgetting": 4,
     "fig-6.2": 3,
-    "sec-6.2-natural": 2,
+    "beyond-6.2-natural": 2,
     "fig-6.3": 2,
     "sec-6.3-noise": 6,
     "fig-6.4": 4,
@@ -83,10 +83,10 @@ def test_they_are_over_enough_seeds(name):
         ("fig-6.6", {"cells": 3}, "cells = 3"),
         ("sec-6.1.1-forgetting", {"gaps": (0.4, 0.2)}, "gaps = "),
         ("sec-6.1.1-forgetting", {"kinds": ("linear",)}, "kinds = "),
-        ("sec-6.2-natural", {"layouts": ()}, "layouts = "),
-        ("sec-6.2-natural", {"layouts": ("R9",)}, "unknown layout 'R9'"),
+        ("beyond-6.2-natural", {"layouts": ()}, "layouts = "),
+        ("beyond-6.2-natural", {"layouts": ("R9",)}, "unknown layout 'R9'"),
         ("sec-6.1.1-forgetting", {"gaps": (0.8,)}, "gaps = "),
-        ("sec-6.2-natural", {"decisions": 10}, "decisions = 10"),
+        ("beyond-6.2-natural", {"decisions": 10}, "decisions = 10"),
         ("sec-6.3-noise", {"dynamics": ()}, "dynamics = "),
         ("sec-6.3-noise", {"observation": (0.1, 0.1)}, "observation = "),
         ("sec-6.5.4-pruning", {"bounds": (0.5, 0.1)}, "bounds = "),

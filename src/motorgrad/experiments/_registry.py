@@ -32,6 +32,7 @@ from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
 from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
 from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
+from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
 from motorgrad.experiments.chapter_6.figure_6_2 import Partition
 from motorgrad.experiments.chapter_6.figure_6_3 import ParticlePolicy
@@ -42,7 +43,6 @@ from motorgrad.experiments.chapter_6.figure_6_7 import GrowingPolicy
 from motorgrad.experiments.chapter_6.figure_6_8 import GrowingReward
 from motorgrad.experiments.chapter_6.figure_6_9 import Orbits
 from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import Forgetting
-from motorgrad.experiments.chapter_6.section_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.section_6_3_noise import Noise
 from motorgrad.experiments.chapter_6.section_6_4_criteria import Criteria
 from motorgrad.experiments.chapter_6.section_6_4_placement import Placement

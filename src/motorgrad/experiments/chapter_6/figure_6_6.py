@@ -32,7 +32,7 @@ class AnyUnitFires(LocalStudy):
     **Arguments:**
 
     - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners.
+    - `seeds`: learners, each with its own policy.
     - `looks` (episodes): of every seed, for the places where its particle is.
     - `cells`: along each side of the box.
     """

@@ -47,7 +47,7 @@ class Criteria(GrowingStudy):
 
     name: ClassVar[str] = "sec-6.4-criteria"
     title: ClassVar[str] = "when to add a unit, and when to stop"
-    source: ClassVar[str] = "section 6.4.3"
+    source: ClassVar[str] = "section 6.4"
 
     layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
 

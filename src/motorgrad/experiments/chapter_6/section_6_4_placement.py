@@ -36,7 +36,7 @@ class Placement(GrowingStudy):
 
     name: ClassVar[str] = "sec-6.4-placement"
     title: ClassVar[str] = "where a new unit begins"
-    source: ClassVar[str] = "section 6.4.3"
+    source: ClassVar[str] = "section 6.4"
 
     layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
 

@@ -44,7 +44,7 @@ class Pruning(LayoutStudy):
 
     name: ClassVar[str] = "sec-6.5.4-pruning"
     title: ClassVar[str] = "pruning of junk units"
-    source: ClassVar[str] = "sections 6.3.1 and 6.5.4"
+    source: ClassVar[str] = "section 6.5.4"
 
     looks: int = 400
     bounds: tuple[float, ...] = (JUNK, 0.5, 2.0)

@@ -82,7 +82,7 @@ class Mixtures(LayoutStudy):
 
     name: ClassVar[str] = "sec-6.5-mixtures"
     title: ClassVar[str] = "mixtures, and learnt forces"
-    source: ClassVar[str] = "sections 6.5.2 and 6.5.4"
+    source: ClassVar[str] = "section 6.5"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}

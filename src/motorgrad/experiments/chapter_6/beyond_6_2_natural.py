@@ -35,9 +35,9 @@ class NaturalStep(LayoutStudy):
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
     """
 
-    name: ClassVar[str] = "sec-6.2-natural"
+    name: ClassVar[str] = "beyond-6.2-natural"
     title: ClassVar[str] = "local units by the natural step"
-    source: ClassVar[str] = "section 6.2, beyond"
+    source: ClassVar[str] = "beyond section 6.2"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
