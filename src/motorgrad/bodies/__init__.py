@@ -10,9 +10,13 @@ from motorgrad.bodies._body import Body, add_muscles, compile_model
 from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies._export import to_mjcf
 from motorgrad.bodies._hopper import Hopper
+from motorgrad.bodies._hexapod import Hexapod
+from motorgrad.bodies._hexapod_numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
+from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading, read_hexapod
 from motorgrad.bodies._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
 from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
 from motorgrad.bodies._native import native_force_length
+from motorgrad.bodies._servo import Servo
 from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
 __all__ = [

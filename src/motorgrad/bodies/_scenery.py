@@ -1,4 +1,4 @@
-"""Floor, light, sky and camera, the same for every planar body."""
+"""Floor, light, sky and cameras, the same for every body."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -9,13 +9,13 @@ _SKY = ((0.62, 0.74, 0.86), (0.93, 0.95, 0.98))
 _TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
 
 
-def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> None:
+def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: str) -> None:
     """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and two cameras from the side.
 
     The camera "side" follows the body; "stand" stays and shows hops of up to 1 m.
 
-    **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind the body; `target`:
-    name of an existing body for "side" to follow.
+    **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind a body that is held
+    by one, or None; `target`: name of an existing body for "side" to follow.
     """
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
     spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
@@ -40,15 +40,16 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> 
         conaffinity=1,
         solref=(0.005, 1.0),
     )
-    world.add_geom(
-        name="rail",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=(0.008, 1.25, 0),
-        pos=(*rail, 1.25),
-        rgba=(0.55, 0.58, 0.62, 1.0),
-        contype=0,
-        conaffinity=0,
-    )
+    if rail is not None:
+        world.add_geom(
+            name="rail",
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=(0.008, 1.25, 0),
+            pos=(*rail, 1.25),
+            rgba=(0.55, 0.58, 0.62, 1.0),
+            contype=0,
+            conaffinity=0,
+        )
     follow = spec.body(target).add_camera(name="side", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
     follow.pos = (0.0, -2.2, -0.1)
     stay = world.add_camera(name="stand", pos=(0.0, -3.0, 0.75), fovy=40.0)
