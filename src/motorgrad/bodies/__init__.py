@@ -17,6 +17,9 @@ from motorgrad.bodies._lift import LiftTable, greatest_flexion, lift, lift_table
 from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
 from motorgrad.bodies._native import native_force_length
 from motorgrad.bodies._servo import Servo
+from motorgrad.bodies._terrain import OnTerrain, Terrain
+from motorgrad.bodies._tripod import TRIPODS, LegState, TripodController, Turning
+from motorgrad.bodies._walk import Walk, walk
 from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
 __all__ = [

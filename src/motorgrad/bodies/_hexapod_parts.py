@@ -19,7 +19,7 @@ SIDES = ("left", "right")
 _BONE, _FOOT = (0.90, 0.87, 0.80, 1.0), (0.36, 0.38, 0.44, 1.0)
 _TRUNK, _CAPSULE = (0.27, 0.30, 0.36, 1.0), (0.95, 0.95, 0.98, 0.35)
 _STOP = ((0.005, 1.0), (0.98, 0.999, 0.001))  # soft stops let legs pass their range by ten degrees
-_CONTACT = (0.005, 1.0)
+_CONTACT = (0.02, 1.0)  # stiffer feet bounce, and stand on two legs of three
 _MARGIN = 0.01  # m, by which the volume of a touch sensor exceeds what it watches
 
 
@@ -77,7 +77,7 @@ def standing_angle(leg: Leg, height: float) -> float:
 def _add_section(body: mujoco.MjsBody, name: str, section: Section) -> None:
     size = np.array((section.length, section.width, section.height)) / 2.0
     belly = _add_geom(body, name, mujoco.mjtGeom.mjGEOM_BOX, size, (0, 0, 0), section.mass, _TRUNK)
-    belly.contype, belly.solref = 1, _CONTACT
+    belly.contype, belly.priority, belly.solref = 1, 1, _CONTACT
     touch = body.add_site(name=f"belly_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, group=4)
     touch.size = size + _MARGIN
     for side in SIDES:
