@@ -56,7 +56,9 @@ class Hexapod(HexapodNumbers):
         for name, section in self.sections.items():
             least, greatest = section.leg.vertical.range
             angle = math.degrees(standing_angle(section.leg, height))
-            allowed = f"such that the foot reaches the floor {height:.3g} m below the hip between {least:g} and {greatest:g}°"
+            allowed = (
+                f"such that the foot reaches the floor {height:.3g} m below the hip between {least:g} and {greatest:g}°"
+            )
             check(least <= angle <= greatest, f"{name}.leg", f"standing at {angle:.3g}°", allowed)
 
     @property

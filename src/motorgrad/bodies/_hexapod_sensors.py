@@ -73,7 +73,9 @@ def add_sensors(spec: mujoco.MjSpec) -> None:
             joint = f"{freedom}_{leg}"
             velocity = f"{joint}_velocity"
             spec.add_sensor(name=velocity, type=kinds.mjSENS_JOINTVEL, objtype=objects.mjOBJ_JOINT, objname=joint)
-    touched = {f"contact_{leg}": f"foot_{leg}" for leg in LEGS} | {f"belly_{each}": f"belly_{each}" for each in SECTIONS}
+    touched = {f"contact_{leg}": f"foot_{leg}" for leg in LEGS} | {
+        f"belly_{each}": f"belly_{each}" for each in SECTIONS
+    }
     for name, site in touched.items():
         spec.add_sensor(name=name, type=kinds.mjSENS_TOUCH, objtype=objects.mjOBJ_SITE, objname=site)
     for name, kind in (

@@ -10,12 +10,13 @@ _TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
 
 
 def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: str) -> None:
-    """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and two cameras from the side.
+    """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and cameras.
 
-    The camera "side" follows the body; "stand" stays and shows hops of up to 1 m.
+    A body on a rail is seen from the side: the camera "side" follows it, "stand" stays and shows hops of up to 1 m.
+    One that goes where it likes is followed from above by the camera "above".
 
     **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind a body that is held
-    by one, or None; `target`: name of an existing body for "side" to follow.
+    by one, or None; `target`: name of an existing body for the cameras to follow.
     """
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
     spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
@@ -40,16 +41,19 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: s
         conaffinity=1,
         solref=(0.005, 1.0),
     )
-    if rail is not None:
-        world.add_geom(
-            name="rail",
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=(0.008, 1.25, 0),
-            pos=(*rail, 1.25),
-            rgba=(0.55, 0.58, 0.62, 1.0),
-            contype=0,
-            conaffinity=0,
-        )
+    if rail is None:
+        above = spec.body(target).add_camera(name="above", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
+        above.pos = (0.0, 0.0, 2.2)
+        return
+    world.add_geom(
+        name="rail",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=(0.008, 1.25, 0),
+        pos=(*rail, 1.25),
+        rgba=(0.55, 0.58, 0.62, 1.0),
+        contype=0,
+        conaffinity=0,
+    )
     follow = spec.body(target).add_camera(name="side", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
     follow.pos = (0.0, -2.2, -0.1)
     stay = world.add_camera(name="stand", pos=(0.0, -3.0, 0.75), fovy=40.0)

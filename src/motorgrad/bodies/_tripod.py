@@ -37,9 +37,12 @@ class TripodController:
     - stance → wait when the leg is back beyond `back`;
     - wait → swing when more than one leg of the opposing tripod is in stance;
     - swing → drop when the leg is forward beyond `forward`;
-    - drop → stance when the foot touches the ground with more than `contact`, or, if `mended`, when the vertical joint
-      is within `margin` of its lower limit. As the source words it, the limit does not count, and a leg that hangs over
-      a hollow drops for ever, while the other tripod waits for it.
+    - drop → stance when the foot touches the ground with more than `contact`.
+
+    So far the source, and so worded it can stand still for ever, in two ways, which `mended` ends. A leg over a hollow
+    drops for ever while the others wait: the vertical joint within `margin` of its lower limit counts as contact too.
+    And legs that come down one by one, each back before the next stands, never make two in stance, until all six wait:
+    then the first tripod swings.
 
     Then its state sets the velocities of its two joints:
 
@@ -102,11 +105,13 @@ class TripodController:
         in_first = xp.sum(standing & first, axis=-1, keepdims=True)
         in_second = xp.sum(standing & ~first, axis=-1, keepdims=True)
         down = reading.contact > self.contact
+        go = xp.where(first, in_second, in_first) > 1
         if self.mended:
+            go = go | (first & xp.all(states == LegState.WAIT, axis=-1, keepdims=True))
             down = down | (reading.vertical < xp.asarray(lowest) + math.radians(self.margin))
         done = {
             LegState.STANCE: reading.lateral < math.radians(self.back),
-            LegState.WAIT: xp.where(first, in_second, in_first) > 1,
+            LegState.WAIT: go,
             LegState.SWING: reading.lateral > math.radians(self.forward),
             LegState.DROP: down,
         }

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from motorgrad._errors import check
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, actuators_of
+from motorgrad.bodies._gait import Gait, measure_gait
 from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading, read_hexapod
 from motorgrad.bodies._tripod import TripodController
 
@@ -37,6 +38,11 @@ class Walk:
     posture: Float[np.ndarray, "decisions seeds nq"]
     diverged: Int[np.ndarray, " seeds"]
     models: tuple[mujoco.MjModel, ...]
+
+    def gait(self, since: float = 2.0) -> Gait:
+        """The gait from `since` seconds on, when the start is over."""
+        late = self.time > since
+        return measure_gait(HexapodReading(*(part[late] for part in self.reading)), self.period)
 
 
 def walk(
