@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 
 from motorgrad import bodies
-from motorgrad.bodies import LEGS, BodyBatch, Hexapod, Hinge, LateralPair, Leg, Section, Segment, biomimetic_hexapod
+from motorgrad.bodies import (
+    LEGS,
+    BodyBatch,
+    Hexapod,
+    Hinge,
+    LateralPair,
+    Leg,
+    OnTerrain,
+    Section,
+    Segment,
+    Terrain,
+    biomimetic_hexapod,
+    walk,
+)
 
 GRAVITY = 9.81
 BODIES = {"plain": Hexapod(), "biomimetic": biomimetic_hexapod()}
@@ -155,6 +168,22 @@ def test_each_muscle_moves_its_own_freedom_in_its_own_direction(body):
                 assert all(abs(own[f"{kind}_{leg}"]) < 1e-9 for kind in other)
 
 
+def test_muscles_of_a_level_leg_stay_in_its_plane(body):
+    """Also where the femur is in line with the coxa, as it is in the start pose."""
+    model = bodies.compile_model(body)
+    data = posed(model, vertical=0.0)
+    for leg in LEGS:
+        coxa = data.body(f"coxa_{leg}")
+        for kind in ("levator", "depressor"):
+            tendon = model.tendon(f"{kind}_{leg}").id
+            first, count = data.ten_wrapadr[tendon], data.ten_wrapnum[tendon]
+            path = data.wrap_xpos.reshape(-1, 3)[first : first + count]
+            np.testing.assert_allclose((path - coxa.xpos) @ coxa.xmat.reshape(3, 3)[:, 1], 0.0, atol=1e-12)
+            assert count == (2 if kind == "levator" else 4)
+    lateral = moment_arms(model, "lateral", lateral=0.0, vertical=0.0)
+    assert all(abs(arm) < 1e-9 for name, arm in lateral.items() if name.startswith(("levator", "depressor")))
+
+
 def test_depressors_run_as_the_closed_formula_says(body):
     model = bodies.compile_model(body)
     for degrees in np.arange(-30.0, 66.0, 3.7):
@@ -299,22 +328,26 @@ def test_servos_push_to_their_velocity_and_no_harder_than_their_limit():
     np.testing.assert_allclose(data.actuator_force[6:], 12.0)
 
 
-def test_the_foot_s_friction_counts_and_not_the_floor_s():
-    """A low friction must win over the floor's: pushed sideways, the body slides if it is below the push."""
+@pytest.mark.parametrize("terrain", [False, True])
+def test_the_foot_s_friction_counts_and_not_the_ground_s(terrain):
+    """Of two frictions MuJoCo takes the greater, so that low ones would not count at all; the body's feet come first."""
+    body = biomimetic_hexapod()
+    model = bodies.compile_model(OnTerrain(body, Terrain(difficulty=0.0)) if terrain else body)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[2] -= 1e-3
+    mujoco.mj_forward(model, data)
+    found = {model.geom(contact.geom2).name: contact.friction[0] for contact in data.contact}
+    assert found == {f"foot_{leg}": body.sections[leg.split("_")[1]].leg.friction for leg in LEGS}
 
-    def pushed(friction):
-        body = Hexapod().each(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=friction)))
-        model = bodies.compile_model(body)
-        data = mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-        data.ctrl[:] = firing(body, "depressor", "protractor", "retractor")
-        for i in range(800):
-            data.body("middle").xfrc_applied[0] = 0.35 * body.mass * GRAVITY * (i > 400)
-            mujoco.mj_step(model, data)
-        return data.body("foot_left_middle").xpos[0]
 
-    assert pushed(0.2) > 0.3
-    assert abs(pushed(1.0)) < 0.06
+def test_a_foot_without_friction_gets_nowhere():
+    def far(friction):
+        body = Hexapod(drive="servos")
+        body = body.each(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=friction)))
+        return walk(body, seconds=5.0).gait().net[0]
+
+    assert far(0.01) < 0.1 < 0.4 < far(1.0)
 
 
 @pytest.mark.parametrize("muscle_model", ["thesis", "native"])

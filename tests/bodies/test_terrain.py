@@ -172,7 +172,7 @@ def test_bodies_that_differ_in_more_than_numbers_are_refused():
         BodyBatch([Hopper(), Hopper()], 3)
     with pytest.raises(ValueError, match="groups of a body of the batch"):
         BodyBatch([Hexapod(), Hexapod(drive="servos")], 2)
-    with pytest.raises(ValueError, match="timestep of a body of the batch = 0.001"):
+    with pytest.raises(ValueError, match=r"timestep of a body of the batch = 0\.001"):
         BodyBatch([Hexapod(), Hexapod(timestep=0.001)], 2)
 
 

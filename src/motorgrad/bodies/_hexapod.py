@@ -78,7 +78,7 @@ class Hexapod(HexapodNumbers):
     @property
     def groups(self) -> tuple[str, ...]:
         """Every muscle or servo by itself."""
-        return groups_of((*self.muscles, *self.servos))
+        return groups_of(self.muscles) or tuple(servo.group for servo in self.servos)
 
     @property
     def sensor_components(self) -> Mapping[str, int]:

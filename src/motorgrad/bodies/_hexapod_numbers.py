@@ -85,9 +85,9 @@ class VerticalPair:
     """The two muscles that lift a leg (levator, the flexor) and press it down (depressor, the extensor).
 
     Both end on the femur `distance` (m) from the vertical joint. The depressor comes from the coxa's hip end and is
-    wrapped, below, around a capsule of `radius` (m) about the joint; the levator is straight, from a point `height` (m)
-    above the coxa's hip end. `levator` and `depressor` (N) are their strengths, `damping` (N s/m) and `shape` their
-    k_SE and k_CE. Their rest lengths are the lengths in the middle of the joint's range.
+    wrapped, below, around a cylinder of `radius` (m) about the joint's axis; the levator is straight, from a point
+    `height` (m) above the coxa's hip end. `levator` and `depressor` (N) are their strengths, `damping` (N s/m) and
+    `shape` their k_SE and k_CE. Their rest lengths are the lengths in the middle of the joint's range.
     """
 
     levator: float = 250.0

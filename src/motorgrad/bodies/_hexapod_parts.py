@@ -107,12 +107,16 @@ def _add_leg(body: mujoco.MjsBody, name: str, section: Section) -> None:
 
 
 def _add_capsule(coxa: mujoco.MjsBody, name: str, leg: Leg) -> None:
-    """The vertical joint's sphere, and the point below it that tells MuJoCo which way round the depressor goes.
+    """The vertical joint's capsule, and the point below it that tells MuJoCo which way round the depressor goes.
 
-    The point is in the middle of the arc of the most lifted femur, as in the hopper's most flexed knee.
+    A cylinder about the joint's axis, not a sphere: where the femur is in line with the coxa a path round a sphere is
+    in no plane of its own, and MuJoCo led it round the side. The point is in the middle of the arc of the most lifted
+    femur, as in the hopper's most flexed knee.
     """
     joint, radius = np.array((leg.coxa.length, 0.0, 0.0)), leg.vertical_muscles.radius
-    _add_geom(coxa, f"capsule_{name}", mujoco.mjtGeom.mjGEOM_SPHERE, (radius, 0, 0), joint, 0.0, _CAPSULE)
+    size = (radius, leg.femur.radius, 0.0)
+    capsule = _add_geom(coxa, f"capsule_{name}", mujoco.mjtGeom.mjGEOM_CYLINDER, size, joint, 0.0, _CAPSULE)
+    capsule.quat = _about((1, 0, 0), math.pi / 2.0)
     half = math.radians(leg.vertical.range[1]) / 2.0
     below = joint + 1.5 * radius * np.array((math.sin(half), 0.0, -math.cos(half)))
     coxa.add_site(name=f"below_{name}", pos=below, size=(0.004, 0.004, 0.004), group=4)
