@@ -74,12 +74,13 @@ def muscles() -> Figure:
         (axes[0], "lateral", (("protractor", FLEXOR), ("retractor", EXTENSOR))),
         (axes[1], "vertical", (("levator", FLEXOR), ("depressor", EXTENSOR))),
     ):
-        angle = np.linspace(*getattr(hexapod.middle.leg, freedom).range, 120)
+        least, greatest = getattr(hexapod.middle.leg, freedom).range
+        angle = np.linspace(least, greatest, 120)
         for kind, colour in pair:
             torque = [_torque(model, f"{freedom}_left_middle", f"{kind}_left_middle", np.radians(a)) for a in angle]
             panel.plot(angle, torque, color=colour, label=kind)
         panel.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
-        panel.set(xlabel=f"{freedom} angle (°)", ylabel="torque (N m)", title=f"{freedom} joint")
+        panel.set(ylabel="torque (N m)", title=f"{freedom} joint")
         panel.legend(loc="center right")
     axes[0].set_xlabel("lateral angle (°), positive forward")
     axes[1].set_xlabel("vertical angle (°), positive up")
