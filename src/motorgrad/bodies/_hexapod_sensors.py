@@ -11,6 +11,8 @@ import mujoco
 from motorgrad.bodies._batch import BodyState
 
 LEGS = tuple(f"{side}_{section}" for side in ("left", "right") for section in ("front", "middle", "rear"))
+"""The names of a hexapod's legs in the order in which all arrays have them: left ones first, front to rear."""
+
 SECTIONS = ("front", "middle", "rear")
 
 

@@ -10,6 +10,7 @@ from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading
 from motorgrad.bodies._muscle import not_negative, positive
 
 TRIPODS = (("left_front", "right_middle", "left_rear"), ("right_front", "left_middle", "right_rear"))
+"""The legs of the two tripods: front and rear of one side with the middle of the other."""
 
 
 class LegState(enum.IntEnum):
