@@ -217,3 +217,25 @@ def test_a_body_without_a_floor_is_refused():
 
     with pytest.raises(ValueError, match="geoms of the body"):
         OnTerrain(Floating(), Terrain()).spec()  # type: ignore[arg-type]
+
+
+def test_a_body_that_cannot_be_hashed_is_still_a_body():
+    class Unhashable:
+        __hash__ = None  # type: ignore[assignment]
+        muscles, groups, sensor_components = Hopper().muscles, Hopper().groups, Hopper().sensor_components
+
+        def spec(self):
+            return Hopper().spec()
+
+    one, other = BodyBatch(Unhashable(), 2), BodyBatch(Hopper(), 2)
+    for batch in (one, other):
+        batch.step(np.ones((2, 2)))
+    np.testing.assert_array_equal(one.packed, other.packed)
+
+
+def test_the_callback_is_watched_if_any_of_the_bodies_needs_it():
+    batch = BodyBatch([Hopper(muscle_model="native"), Hopper()], 2)
+    batch.step(np.ones((2, 2)))
+    mujoco.set_mjcb_act_gain(None)
+    with pytest.raises(RuntimeError, match="callback"):
+        batch.step(np.ones((2, 2)))

@@ -67,11 +67,16 @@ class BodyBatch:
             whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
             check(whole and value >= least, name, value, f"a whole number >= {least}")
         self.seeds, self.substeps = int(seeds), int(substeps)
-        bodies = (body,) * self.seeds if not isinstance(body, Sequence) else tuple(body)
-        check(len(bodies) == self.seeds, "body", f"{len(bodies)} bodies", f"one, or one for each of {self.seeds} seeds")
-        self.body = body = bodies[0]
-        compiled = {each: compile_model(each) for each in dict.fromkeys(bodies)}
-        self.models = tuple(compiled[each] for each in bodies)
+        if isinstance(body, Sequence):
+            allowed = f"one, or one for each of {self.seeds} seeds"
+            check(len(body) == self.seeds, "body", f"{len(body)} bodies", allowed)
+            compiled = {each: compile_model(each) for each in dict.fromkeys(body)}
+            self.models = tuple(compiled[each] for each in body)
+            body = body[0]
+        else:
+            compiled = {}
+            self.models = (compile_model(body),) * self.seeds
+        self.body = body
         self.model = self.models[0]
         self.groups = tuple(body.groups)
         self.period = self.substeps * float(self.model.opt.timestep)
@@ -81,7 +86,9 @@ class BodyBatch:
             for other, model in compiled.items():
                 _check_alike(body, self.model, other, model)
             self._batch.set_models(self.models)
-        self._callback = mujoco.get_mjcb_act_gain() if uses_callback(self.model) else None
+        # the first model that needs the callback speaks for all
+        self._called = next(filter(uses_callback, self.models), None)
+        self._callback = None if self._called is None else mujoco.get_mjcb_act_gain()
         self._layout = _Layout(self.model, body.sensor_components)
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
@@ -119,7 +126,7 @@ class BodyBatch:
         self._control[...] = activation.take(self._group_of, 1)
         # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
         if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
-            check_muscle_callback(self.model)
+            check_muscle_callback(self._called)
         failed = None
         try:
             self._batch.step(None, self.substeps, _VELOCITY_STAGE)
