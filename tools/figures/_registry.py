@@ -4,7 +4,19 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from tools.figures import bodies, estimators, foreign, growth, hopper, particle, parts, recruitment, tasks, units
+from tools.figures import (
+    bodies,
+    estimators,
+    foreign,
+    growth,
+    hexapod,
+    hopper,
+    particle,
+    parts,
+    recruitment,
+    tasks,
+    units,
+)
 from tools.figures._work import Work
 
 DRAWN: dict[str, Callable[[], Figure]] = {
@@ -23,6 +35,10 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "growth": growth.schedule,
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
+    "body-hexapod": hexapod.body,
+    "hexapod-muscles": hexapod.muscles,
+    "hexapod-controller": hexapod.controller,
+    "terrain": hexapod.terrain,
     "task-three-state": tasks.three_state,
     "task-chain": tasks.chain,
     "task-call-admission": tasks.call_admission,
@@ -52,6 +68,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,
+    "terrain-speeds": hexapod.speeds,
 }
 """Figures for which something has to learn first, or to be estimated."""
 

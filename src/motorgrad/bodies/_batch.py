@@ -3,7 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check
-from motorgrad.bodies._body import START, Body, compile_model
+from motorgrad.bodies._body import START, Body, actuators_of, compile_model
 from motorgrad.bodies._callback import check_muscle_callback, uses_callback
 
 _WARNING = mujoco.mjtWarning
@@ -38,14 +38,16 @@ class BodyBatch:
 
     **Arguments:**
 
-    - `body`: what to simulate.
+    - `body`: what to simulate; or one body for each seed, alike in their parts and different in their numbers, such as
+      one body on different terrain. Equal ones share a model.
     - `seeds`: simulations, ≥ 1.
     - `substeps`: physics steps of one `step` (a decision), ≥ 1.
     - `threads`: threads including the caller's; 0 for all processors.
 
     **Attributes:**
 
-    - `model`: the `mujoco.MjModel` of all of them; `body`, `seeds`, `substeps`, `groups` as given.
+    - `model`: the `mujoco.MjModel` of the first; `models`: one for each; `body` (the first), `seeds`, `substeps`,
+      `groups` as given.
     - `period`: simulated seconds of one `step`.
     - `packed` (seeds, width) float32: for each seed positions, velocities, sensor readings and last a flag, 1 if the
       simulation diverged in the step just made. Refreshed in place by every call: JAX may read NumPy memory without
@@ -60,18 +62,33 @@ class BodyBatch:
     **Raises:** `ValueError` for a bad argument; `RuntimeError` if the muscle callback is foreign.
     """
 
-    def __init__(self, body: Body, seeds: int, substeps: int = 10, threads: int = 0):
+    def __init__(self, body: Body | Sequence[Body], seeds: int, substeps: int = 10, threads: int = 0):
         for name, value, least in (("seeds", seeds, 1), ("substeps", substeps, 1), ("threads", threads, 0)):
             whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
             check(whole and value >= least, name, value, f"a whole number >= {least}")
-        self.body = body
         self.seeds, self.substeps = int(seeds), int(substeps)
-        self.model = compile_model(body)
+        if isinstance(body, Sequence):
+            allowed = f"one, or one for each of {self.seeds} seeds"
+            check(len(body) == self.seeds, "body", f"{len(body)} bodies", allowed)
+            compiled = {each: compile_model(each) for each in dict.fromkeys(body)}
+            self.models = tuple(compiled[each] for each in body)
+            body = body[0]
+        else:
+            compiled = {}
+            self.models = (compile_model(body),) * self.seeds
+        self.body = body
+        self.model = self.models[0]
         self.groups = tuple(body.groups)
         self.period = self.substeps * float(self.model.opt.timestep)
         self._start = _start_key(self.model)
         self._batch = mujoco_batch.Batch(self.model, self.seeds, int(threads), persistent=True)
-        self._callback = mujoco.get_mjcb_act_gain() if uses_callback(self.model) else None
+        if len(compiled) > 1:
+            for other, model in compiled.items():
+                _check_alike(body, self.model, other, model)
+            self._batch.set_models(self.models)
+        # the first model that needs the callback speaks for all
+        self._called = next(filter(uses_callback, self.models), None)
+        self._callback = None if self._called is None else mujoco.get_mjcb_act_gain()
         self._layout = _Layout(self.model, body.sensor_components)
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
@@ -81,12 +98,12 @@ class BodyBatch:
     def _bind(self) -> None:
         """Views and buffers made once, so that a step makes none."""
         batch, layout = self._batch, self._layout
-        muscles, index = self.body.muscles, {group: i for i, group in enumerate(self.groups)}
-        self._group_of = np.array([index[muscle.group] for muscle in muscles], np.intp)
-        actuators = [self.model.actuator(muscle.name).id for muscle in muscles]
-        # muscles are added one after the other, so that one slice holds their controls; motors may stand around it
+        driven, index = actuators_of(self.body), {group: i for i, group in enumerate(self.groups)}
+        self._group_of = np.array([index[each.group] for each in driven], np.intp)
+        actuators = [self.model.actuator(each.name).id for each in driven]
+        # they are added one after the other, so that one slice holds their controls; others may stand around it
         first, last = actuators[0], actuators[-1] + 1
-        check(actuators == list(range(first, last)), "actuators of the muscles", actuators, "consecutive")
+        check(actuators == list(range(first, last)), "actuators of muscles and servos", actuators, "consecutive")
         self._control = batch.bind("ctrl")[:, first:last]
         self._bad = batch.warning[:, _BAD, 1]
         self.packed = np.zeros((self.seeds, layout.width), np.float32)
@@ -98,8 +115,8 @@ class BodyBatch:
     def step(self, activation: Any) -> None:
         """Advance every simulation by one decision, `substeps` physics steps.
 
-        **Arguments:** `activation` (seeds, groups): from 0 to 1, array-like; MuJoCo clamps what lies outside, and NaN
-        counts as a divergence of that seed.
+        **Arguments:** `activation` (seeds, groups), array-like: of muscles, from 0 to 1 (MuJoCo clamps what lies
+        outside); of servos, desired velocities in rad/s. NaN counts as a divergence of that seed.
 
         **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback has vanished.
         """
@@ -109,7 +126,7 @@ class BodyBatch:
         self._control[...] = activation.take(self._group_of, 1)
         # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
         if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
-            check_muscle_callback(self.model)
+            check_muscle_callback(self._called)
         failed = None
         try:
             self._batch.step(None, self.substeps, _VELOCITY_STAGE)
@@ -192,6 +209,18 @@ class _Layout:
         check(width == self.width, "packed.shape[-1]", width, f"{self.width}")
         sensors = {name: packed[..., where] for name, where in self.sensors.items()}
         return BodyState(packed[..., self.position], packed[..., self.velocity], sensors)
+
+
+def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjModel) -> None:
+    """Refuse bodies that one batch cannot hold, or whose columns would not mean the same."""
+    names = [each.name for each in actuators_of(body)]
+    for what, mine, yours in (
+        ("groups", tuple(body.groups), tuple(other.groups)),
+        ("actuators", names, [each.name for each in actuators_of(other)]),
+        ("sensors", model.sensor_adr.tolist(), its.sensor_adr.tolist()),
+        ("timestep", model.opt.timestep, its.opt.timestep),
+    ):
+        check(mine == yours, f"{what} of a body of the batch", yours, f"those of the first, {mine}")
 
 
 def _start_key(model: mujoco.MjModel) -> int:

@@ -13,6 +13,7 @@ from motorgrad._errors import check, choice, unknown
 from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies._muscle import Attachment, Muscle
 from motorgrad.bodies._native import set_native_gain
+from motorgrad.bodies._servo import Servo
 
 MUSCLE_MODELS = ("thesis", "native")
 START = "start"
@@ -27,7 +28,7 @@ class Body(Protocol):
 
     A body is a frozen dataclass, so that `dataclasses.replace(body, number=...)` gives another one. To write a new one,
     provide these members, build the skeleton with `mujoco.MjSpec` (with a keyframe "start") and hand it to
-    `add_muscles`.
+    `add_muscles`. A body with motors may have a property `servos` besides, a tuple of `Servo`.
     """
 
     @property
@@ -48,6 +49,11 @@ class Body(Protocol):
     def spec(self) -> mujoco.MjSpec:
         """A fresh, editable description of the whole body."""
         ...
+
+
+def actuators_of(body: Body) -> tuple[Muscle | Servo, ...]:
+    """Everything that an action drives, in the order of the model's actuators: muscles, then servos."""
+    return (*body.muscles, *getattr(body, "servos", ()))
 
 
 def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: str = "thesis") -> None:

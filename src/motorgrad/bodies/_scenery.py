@@ -1,4 +1,4 @@
-"""Floor, light, sky and camera, the same for every planar body."""
+"""Floor, light, sky and cameras, the same for every body."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -9,13 +9,14 @@ _SKY = ((0.62, 0.74, 0.86), (0.93, 0.95, 0.98))
 _TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
 
 
-def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> None:
-    """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and two cameras from the side.
+def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: str) -> None:
+    """Add a checkered floor at z = 0 (the only thing to touch), light, sky and a rail, and cameras.
 
-    The camera "side" follows the body; "stand" stays and shows hops of up to 1 m.
+    A body on a rail is seen from the side: the camera "side" follows it, "stand" stays and shows hops of up to 1 m.
+    One that goes where it likes is followed from above by the camera "above".
 
-    **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind the body; `target`:
-    name of an existing body for "side" to follow.
+    **Arguments:** `spec`, changed in place; `rail`: (x, y) in m of the vertical rail drawn behind a body that is held
+    by one, or None; `target`: name of an existing body for the cameras to follow.
     """
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
     spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
@@ -40,6 +41,10 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float], target: str) -> 
         conaffinity=1,
         solref=(0.005, 1.0),
     )
+    if rail is None:
+        above = spec.body(target).add_camera(name="above", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
+        above.pos = (0.0, 0.0, 2.2)
+        return
     world.add_geom(
         name="rail",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
