@@ -7,15 +7,21 @@ import pytest
 
 from motorgrad.experiments import EXPERIMENTS, mean_of, reproduce
 from motorgrad.experiments.appendix_a.figure_a_2 import Circular, force_at, orbit
-from motorgrad.experiments.chapter_6._growing_study import after_units, disturbance, grown
-from motorgrad.experiments.chapter_6.figure_6_7 import GrowingPolicy, moved, own
-from motorgrad.experiments.chapter_6.figure_6_8 import INDEPENDENT, WITHIN, GrowingReward
-from motorgrad.experiments.chapter_6.figure_6_9 import Orbits, meets
-from motorgrad.experiments.chapter_6.section_6_4_criteria import WAYS, Criteria
-from motorgrad.experiments.chapter_6.section_6_4_placement import Placement
-from motorgrad.experiments.chapter_6.section_6_5_4_hierarchy import WORDS, Hierarchy, apart, parameters, pictured
-from motorgrad.experiments.chapter_6.section_6_5_4_hopper import LocalHopper, active
-from motorgrad.experiments.chapter_6.section_6_5_4_navigation import Navigation, flow, shares
+from motorgrad.experiments.chapter_6.further.section_6_5_4_hierarchy import (
+    WORDS,
+    Hierarchy,
+    apart,
+    parameters,
+    pictured,
+)
+from motorgrad.experiments.chapter_6.further.section_6_5_4_hopper import LocalHopper, active
+from motorgrad.experiments.chapter_6.further.section_6_5_4_navigation import Navigation, flow, shares
+from motorgrad.experiments.chapter_6.growing._growing_study import after_units, disturbance, grown
+from motorgrad.experiments.chapter_6.growing.figure_6_7 import GrowingPolicy, moved, own
+from motorgrad.experiments.chapter_6.growing.figure_6_8 import INDEPENDENT, WITHIN, GrowingReward
+from motorgrad.experiments.chapter_6.growing.figure_6_9 import Orbits, meets
+from motorgrad.experiments.chapter_6.growing.section_6_4_criteria import WAYS, Criteria
+from motorgrad.experiments.chapter_6.growing.section_6_4_placement import Placement
 from motorgrad.policies import Gated, Hyperplanes, LocalGaussians, gated, tiles
 from motorgrad.tasks import FallingParticle, Hopper, ParticleNavigation
 

@@ -39,17 +39,17 @@ from motorgrad.experiments.chapter_6.figure_6_3 import ParticlePolicy
 from motorgrad.experiments.chapter_6.figure_6_4 import InitialPolicy
 from motorgrad.experiments.chapter_6.figure_6_5 import LocalPolicies
 from motorgrad.experiments.chapter_6.figure_6_6 import AnyUnitFires
-from motorgrad.experiments.chapter_6.figure_6_7 import GrowingPolicy
-from motorgrad.experiments.chapter_6.figure_6_8 import GrowingReward
-from motorgrad.experiments.chapter_6.figure_6_9 import Orbits
+from motorgrad.experiments.chapter_6.further.section_6_5_4_hierarchy import Hierarchy
+from motorgrad.experiments.chapter_6.further.section_6_5_4_hopper import LocalHopper
+from motorgrad.experiments.chapter_6.further.section_6_5_4_index import Index
+from motorgrad.experiments.chapter_6.further.section_6_5_4_navigation import Navigation
+from motorgrad.experiments.chapter_6.growing.figure_6_7 import GrowingPolicy
+from motorgrad.experiments.chapter_6.growing.figure_6_8 import GrowingReward
+from motorgrad.experiments.chapter_6.growing.figure_6_9 import Orbits
+from motorgrad.experiments.chapter_6.growing.section_6_4_criteria import Criteria
+from motorgrad.experiments.chapter_6.growing.section_6_4_placement import Placement
 from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import Forgetting
 from motorgrad.experiments.chapter_6.section_6_3_noise import Noise
-from motorgrad.experiments.chapter_6.section_6_4_criteria import Criteria
-from motorgrad.experiments.chapter_6.section_6_4_placement import Placement
-from motorgrad.experiments.chapter_6.section_6_5_4_hierarchy import Hierarchy
-from motorgrad.experiments.chapter_6.section_6_5_4_hopper import LocalHopper
-from motorgrad.experiments.chapter_6.section_6_5_4_index import Index
-from motorgrad.experiments.chapter_6.section_6_5_4_navigation import Navigation
 from motorgrad.experiments.chapter_6.section_6_5_4_pruning import Pruning
 from motorgrad.experiments.chapter_6.section_6_5_mixtures import Mixtures
 

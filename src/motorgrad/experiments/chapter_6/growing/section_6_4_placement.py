@@ -9,9 +9,9 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, mean_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._growing_figure import draw_band
-from motorgrad.experiments.chapter_6._growing_study import INTERVAL, GrowingStudy, after_units, grown
-from motorgrad.experiments.chapter_6.figure_6_7 import own
+from motorgrad.experiments.chapter_6.growing._growing_figure import draw_band
+from motorgrad.experiments.chapter_6.growing._growing_study import INTERVAL, GrowingStudy, after_units, grown
+from motorgrad.experiments.chapter_6.growing.figure_6_7 import own
 from motorgrad.sim import draw_regions
 from motorgrad.tasks import FallingParticle
 

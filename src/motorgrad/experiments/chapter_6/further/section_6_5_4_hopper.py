@@ -13,8 +13,8 @@ from motorgrad.experiments._claim import Claim, mean_of, median_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice
-from motorgrad.experiments.chapter_6._hopper_figure import draw_local_hoppers
 from motorgrad.experiments.chapter_6._local_study import middle, one
+from motorgrad.experiments.chapter_6.further._hopper_figure import draw_local_hoppers
 from motorgrad.policies import Policy
 from motorgrad.tasks import Hopper
 from motorgrad.training import AgentSettings, evaluate, settings_for

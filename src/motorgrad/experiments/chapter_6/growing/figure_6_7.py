@@ -9,9 +9,9 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, mean_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._growing_study import GrowingStudy, after_units, grown
 from motorgrad.experiments.chapter_6._local_study import middle, one
 from motorgrad.experiments.chapter_6._plane_tiles import blank, draw_tile, grid, named, stored_paths
+from motorgrad.experiments.chapter_6.growing._growing_study import GrowingStudy, after_units, grown
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 

@@ -9,8 +9,8 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, mean_of, median_of, share_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._criteria_figure import draw_ways
-from motorgrad.experiments.chapter_6._growing_study import INTERVAL, GrowingStudy, settled
+from motorgrad.experiments.chapter_6.growing._criteria_figure import draw_ways
+from motorgrad.experiments.chapter_6.growing._growing_study import INTERVAL, GrowingStudy, settled
 from motorgrad.tasks import FallingParticle
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, Measured, mean_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._growing_figure import draw_band
-from motorgrad.experiments.chapter_6._growing_study import INTERVAL, GrowingStudy, after_units, grown
 from motorgrad.experiments.chapter_6._local_study import middle, one
 from motorgrad.experiments.chapter_6._plane_tiles import draw_tile, named, stored_paths
+from motorgrad.experiments.chapter_6.growing._growing_figure import draw_band
+from motorgrad.experiments.chapter_6.growing._growing_study import INTERVAL, GrowingStudy, after_units, grown
 from motorgrad.tasks import ParticleOrbit
 from motorgrad.training import Run
 

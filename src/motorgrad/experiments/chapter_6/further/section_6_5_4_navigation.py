@@ -13,8 +13,8 @@ from motorgrad.experiments._claim import Claim, mean_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
 from motorgrad.experiments.chapter_6._local_study import middle, one
-from motorgrad.experiments.chapter_6._navigation_figure import draw_navigation
 from motorgrad.experiments.chapter_6._plane_tiles import named, stored_paths
+from motorgrad.experiments.chapter_6.further._navigation_figure import draw_navigation
 from motorgrad.policies import Policy
 from motorgrad.tasks import ParticleNavigation
 from motorgrad.training import Evaluation, Run, evaluate, settings_for

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claim import mean_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments.chapter_6._growing_figure import draw_band
+from motorgrad.experiments.chapter_6.growing._growing_figure import draw_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

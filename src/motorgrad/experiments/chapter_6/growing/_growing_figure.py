@@ -8,7 +8,7 @@ import numpy as np
 from motorgrad.experiments._claim import mean_of
 from motorgrad.experiments._curves import moving_mean
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments.chapter_6._growing_study import INTERVAL
+from motorgrad.experiments.chapter_6.growing._growing_study import INTERVAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,15 @@ import numpy as np
 from motorgrad.experiments._claim import Claim, mean_of, share_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._growing_figure import draw_growth
-from motorgrad.experiments.chapter_6._growing_study import RATES, GrowingStudy, after_units, disturbance, settled
 from motorgrad.experiments.chapter_6._local_study import middle
+from motorgrad.experiments.chapter_6.growing._growing_figure import draw_growth
+from motorgrad.experiments.chapter_6.growing._growing_study import (
+    RATES,
+    GrowingStudy,
+    after_units,
+    disturbance,
+    settled,
+)
 from motorgrad.tasks import FallingParticle
 
 if TYPE_CHECKING:

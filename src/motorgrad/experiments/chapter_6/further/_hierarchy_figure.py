@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments.chapter_6._growing_figure import draw_band
+from motorgrad.experiments.chapter_6.growing._growing_figure import draw_band
 from motorgrad.sim import draw_paths, draw_reward
 from motorgrad.tasks import FallingParticle
 

@@ -12,9 +12,9 @@ from motorgrad._errors import check
 from motorgrad.experiments._claim import Claim, mean_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._hierarchy_figure import draw_hierarchy
 from motorgrad.experiments.chapter_6._local_study import middle, one
 from motorgrad.experiments.chapter_6._plane_tiles import named, stored_paths
+from motorgrad.experiments.chapter_6.further._hierarchy_figure import draw_hierarchy
 from motorgrad.policies import Gated, Policy, split
 from motorgrad.tasks import FallingParticle, Region
 from motorgrad.training import AgentSettings, settings_for

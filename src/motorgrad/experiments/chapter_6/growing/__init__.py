@@ -1,0 +1,1 @@
+"""Chapter 6: policies that grow, unit by unit."""
