@@ -102,6 +102,15 @@ def test_the_observation_is_contact_angle_about_the_centre_and_scaled_velocity(c
         assert same == memory
 
 
+def test_without_contact_the_knee_alone_is_observed():
+    whole, knee = Hopper(), Hopper(observe_contact=False)
+    state = body_state(contact=GROUND, angle=0.3, velocity=-8.0)
+    seen = [task.observe(task.init(jnp.zeros(0)), state, jnp.zeros(0))[1] for task in (whole, knee)]
+    np.testing.assert_array_equal(seen[1], seen[0][1:])
+    for task, observed in zip((whole, knee), seen, strict=True):
+        assert len(task.observation_range) == task.observation_size == len(observed)
+
+
 def reference(task, heights, contacts, actions):
     """The rewards of one seed's life, once more, in plain Python."""
     flight, first, rewards = 0.0, False, []

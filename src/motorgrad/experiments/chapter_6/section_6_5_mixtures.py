@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AS_WELL = 0.9  # of the plain tiling's reward
-DRAWN = 10  # paths
+DRAWN = 5  # paths: those that hover are long
 LOCAL = {"centre": 2e-4, "log_width": 8e-4}
 RIGHT, UP = (0.4, 0.0), (0.0, 0.4)
 STRENGTH = {**LOCAL, "strength": 0.01, "log_deviation": 0.01 / 3}
@@ -105,7 +105,7 @@ class Mixtures(LayoutStudy):
     def figure(self, values: Values) -> "Figure":
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(12.5, 3.5 * len(self.layouts)), layout="constrained")
+        figure = Figure(figsize=(10.5, 3.0 * len(self.layouts)), layout="constrained")
         smooth = min(SMOOTH, len(values["decision"]))
         thousand = values["decision"][smooth - 1 :] / 1000
         rows = figure.subplots(len(self.layouts), 1 + len(GRADED), width_ratios=[1.25, 1, 1], squeeze=False)
@@ -121,7 +121,8 @@ class Mixtures(LayoutStudy):
                 key, task = f"{layout} {name}", self._task(layout, name)
                 row = int(values[f"{key} row"])
                 draw_regions(axes, task.places)
-                draw_paths(axes, np.split(values[f"{key} paths"], values[f"{key} ends"][:-1]))
+                paths = np.split(values[f"{key} paths"], values[f"{key} ends"][:-1])
+                draw_paths(axes, paths[:DRAWN])
                 units = gaussians(values[f"{key} centre"][row], values[f"{key} log width"][row])
                 draw_units(axes, units, values[f"{key} strength"][row][:, None] * np.array(task.dynamics.forces))
                 axes.set_title(f"{layout}: {KINDS[name].words.partition('of ')[2]}", fontsize=9.5)
