@@ -9,24 +9,16 @@ from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
 from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
-from motorgrad.policies._initial import (
-    INITIAL,
-    Initial,
-    gated,
-    gaussians,
+from motorgrad.policies._initial import INITIAL, Initial, initial
+from motorgrad.policies._initial_composed import gated, mixture
+from motorgrad.policies._initial_global import (
     graded_motoneurons,
-    graded_tiles,
-    growing,
     hyperplanes,
-    initial,
-    mixture,
     motoneurons,
     querying_motoneurons,
-    soft_boxes,
-    soft_spheres,
     softmax,
-    tiles,
 )
+from motorgrad.policies._initial_local import gaussians, graded_tiles, growing, soft_boxes, soft_spheres, tiles
 from motorgrad.policies._masked import Masked
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable

@@ -1,0 +1,73 @@
+"""Initial policies of several pools."""
+
+import math
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.policies._factored import Factored
+from motorgrad.policies._gated import Gated
+from motorgrad.policies._gaussian import LocalGaussians
+from motorgrad.policies._hyperplane import Hyperplanes
+from motorgrad.policies._initial_global import hyperplanes
+from motorgrad.policies._initial_local import ends_of, lattice, tiles
+from motorgrad.policies._sizes import sizes
+
+
+def mixture(
+    task: Any,
+    units: int | None = None,
+    hyperplanes: int = 2,
+    copies: int = 1,
+    width: float = 0.16,
+    p_max: float = 1.0,
+    bias: float = 0.0,
+) -> Factored:
+    """Local units as `tiles` lays them out, and beside them `hyperplanes` global ones, the last of the actions, with
+    zero weights and one `bias` (section 6.5.2 of the thesis)."""
+    inputs, outputs = sizes(task, units)
+    valid = isinstance(hyperplanes, int) and 1 <= hyperplanes < outputs
+    check(valid, "hyperplanes", hyperplanes, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
+    check(-math.inf < bias < math.inf, "bias", bias, "a finite number")
+    everywhere = Hyperplanes(jnp.zeros((hyperplanes, inputs)), jnp.full(hyperplanes, bias))
+    return Factored([tiles(task, outputs - hyperplanes, copies, width, p_max), everywhere])
+
+
+def gated(
+    task: Any,
+    units: int | None = None,
+    gates: int = 1,
+    levels: int = 1,
+    width: float = 0.3,
+    p_max: float = 1.0,
+) -> Gated:
+    """Local Gaussian gates over the range of the inputs, and hyperplane units behind each (thesis, section 6.5.4).
+
+    The units begin with zero weights. The gates lie as the places of `tiles` do. With more than one of `levels` there
+    are further gates behind each, laid out alike from one of its widths below its centre to one above; the units are
+    behind the last. `units` counts gates too: behind each gate are as many of the rest as behind another, or one fewer.
+    An action is ordered as in `Gated`: the gates, then all that is behind the first, and so on. `width` is a standard
+    deviation as part of the range.
+    """
+    inputs, outputs = sizes(task, units)
+    for name, value in (("gates", gates), ("levels", levels)):
+        check(isinstance(value, int) and value >= 1, name, value, "a whole number of at least 1")
+    check(0 < width < math.inf, "width", width, "positive")
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+    ends = ends_of(task, inputs)
+    places = lattice(gates, inputs)
+
+    def pool(low: np.ndarray, spread: np.ndarray, count: int, level: int) -> Gated:
+        wanted = f"more than the {gates} gates of each pool: at least one unit behind every gate"
+        check(count >= 2 * gates, "outputs", outputs, wanted)
+        centre, wide = low + spread * places, width * spread
+        shares = [len(part) for part in np.array_split(np.arange(count - gates), gates)]
+        gate = LocalGaussians(centre, np.log(np.broadcast_to(wide, centre.shape)), p_max=jnp.asarray(p_max))
+        below = zip(centre, shares, strict=True)
+        if level == 1:
+            return Gated(gate, [hyperplanes(inputs, share) for _, share in below])
+        return Gated(gate, [pool(middle - wide, 2 * wide, share, level - 1) for middle, share in below])
+
+    return pool(ends[:, 0], ends[:, 1] - ends[:, 0], outputs, levels)
