@@ -43,7 +43,12 @@ def out(tmp_path_factory):
     return tmp_path_factory.mktemp("constructive")
 
 
-@pytest.mark.parametrize("name", CLAIMS)
+LONG = ("sec-6.4-criteria", "sec-6.5.4-hierarchy")  # to compile
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
+)
 def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, progress=False)
     assert len(found.claims) == CLAIMS[name]

@@ -54,7 +54,12 @@ def work(out):
     return Workspace(out / "some", out / "trained", progress=False)
 
 
-@pytest.mark.parametrize("name", CLAIMS)
+LONG = ("sec-6.5-mixtures", "sec-6.1.1-forgetting")  # to compile
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
+)
 def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
     assert len(found.claims) == CLAIMS[name]
