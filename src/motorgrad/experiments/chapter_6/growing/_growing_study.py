@@ -49,13 +49,7 @@ class GrowingStudy(Experiment):
 
     def growing(self, task: Task, **changes: Any) -> AgentSettings:
         """The constructive learner of section 6.4.4, whose numbers are the defaults, or a changed one."""
-        return settings_for(
-            task, **{"policy": "growing", "policy_settings": None, "growth": "clock", "rates": RATES, **changes}
-        )
-
-    def static(self, task: Task, **changes: Any) -> AgentSettings:
-        """Local units that are all there from the start, with the task's own numbers, or changed ones."""
-        return settings_for(task, **changes)
+        return settings_for(task, **{"policy": "growing", "rates": RATES, **changes})
 
     def learnt(self, work: Workspace, task: Task, settings: AgentSettings) -> Run:
         return work.train(task, settings, self.decisions, self.seeds)

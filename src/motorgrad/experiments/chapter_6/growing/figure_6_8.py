@@ -19,6 +19,7 @@ from motorgrad.experiments.chapter_6.growing._growing_study import (
     settled,
 )
 from motorgrad.tasks import FallingParticle
+from motorgrad.training import settings_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +65,7 @@ class GrowingReward(GrowingStudy):
                 found |= {"decision": decision, "episode": np.cumsum(run.curve("episodes")[1], axis=1)}
         for name, changes in STATIC.items():
             task = FallingParticle(layout="R3")
-            found[f"{name} reward"] = self.learnt(work, task, self.static(task, **changes)).curve()[1]
+            found[f"{name} reward"] = self.learnt(work, task, settings_for(task, **changes)).curve()[1]
         found["row"] = np.array(middle(found["grown after"][:, -1]))
         return found
 
