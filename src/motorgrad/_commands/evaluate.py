@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import tyro
 
 from motorgrad._commands._configuration import parse
@@ -71,12 +72,16 @@ def run(arguments: list[str]) -> int:
         "mode": options.mode,
         "reward": summary(outcome.reward),
         **{name: summary(values) for name, values in outcome.readings.items()},
+        **{name: _measured(values) for name, values in outcome.measures.items()},
     }
     quiet = str(options.json) == "-"
     if not quiet:
         for name, value in found.items():
             if isinstance(value, dict):
                 print(in_words(name, value))
+            elif isinstance(value, list):
+                kinds = (f"{value.count(kind)} {kind}" for kind in dict.fromkeys(value))
+                print(f"{name}: {', '.join(kinds)}")
     if outcome.position is not None and options.film:
         from motorgrad.sim import film
 
@@ -94,3 +99,8 @@ def run(arguments: list[str]) -> int:
                 print(made.note)
     write_json(options.json, found)
     return 0
+
+
+def _measured(values: np.ndarray) -> Any:
+    """Numbers as their summary, words as they are."""
+    return values.tolist() if values.dtype.kind == "U" else summary(values)
