@@ -74,12 +74,12 @@ def synergies() -> Figure:
     model, drives = compile_model(task.body), task.drives
     assert drives is not None
     figure, axes = panels(4, height=2.1)
-    names = [f"{phase} of the {which} tripod" for which in ("first", "second") for phase in ("swing", "stance")]
+    names = [f"{phase}, {which} tripod" for which in ("first", "second") for phase in ("swing", "stance")]
     for unit, (panel, firing, name) in enumerate(zip(axes, drives, names, strict=True)):
         draw(panel, model, model.key(0).qpos, firing, elevation=-90.0, linewidth=1.4, ground=False)
         panel.set_aspect("equal", adjustable="box")
         panel.set(xlim=(-0.45, 0.45), ylim=(-0.42, 0.42))
-        panel.set_title(f"unit {unit}: {name}", fontsize=7.5)
+        panel.set_title(f"{unit}: {name}", fontsize=7.5)
         panel.set_axis_off()
         for leg in TRIPODS[unit // 2]:
             x, y, _ = _foot(model, leg)

@@ -124,7 +124,7 @@ class Hexapod(TimedBodyTask):
             value = getattr(self, name)
             whole = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
             check(whole, name, value, f"a whole number of decisions from {least} to {most:,}")
-        check(0 < self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle in (0, 90] degrees")
+        check(0.01 <= self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle from 0.01 to 90 degrees")
         check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
         check(math.isfinite(self.reward_scale), "reward_scale", self.reward_scale, "a finite number")
         self.check_times()
