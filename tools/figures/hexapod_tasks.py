@@ -18,7 +18,7 @@ from tools.figures._style import BLUE, COLOURS, FAINT, ORANGE, RED, band, level,
 from tools.figures._work import Work
 
 ALL = Hexapod(observes=("lateral", "current", "contact", "yaw", "course"), lag=2, course=50)
-SECONDS, SEEDS, STEPS, SMOOTH = 4.0, 12, 30_000, 12.0
+SECONDS, SEEDS, STEPS, SMOOTH = 4.0, 8, 15_000, 12.0
 CONTROLLER = 0.52  # m/s, of the fixed controller (docs/bodies/hexapod.md)
 
 
