@@ -12,6 +12,8 @@ TASK_OF = {
     "motorgrad/ArmRecruitment-v0": "arm-recruitment",
     "motorgrad/CallAdmission-v0": "call-admission",
     "motorgrad/Chain-v0": "chain",
+    "motorgrad/Hexapod-v0": "hexapod",
+    "motorgrad/HexapodSynergy-v0": "hexapod-synergy",
     "motorgrad/Hopper-v0": "hopper",
     "motorgrad/LinearRecruitment-v0": "linear-recruitment",
     "motorgrad/Particle-v0": "particle",

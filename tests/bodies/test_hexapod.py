@@ -314,6 +314,15 @@ def test_heading_and_speed_of_a_turned_body():
     assert reading.speed[0] == pytest.approx(velocity @ (np.cos(turn), np.sin(turn)))
 
 
+@pytest.mark.parametrize(("roll", "upright"), [(0.0, 1.0), (60.0, 0.5), (90.0, 0.0), (180.0, -1.0)])
+def test_upright_is_how_far_the_trunks_own_up_points_up(roll, upright):
+    batch, half = BodyBatch(Hexapod(), 1), np.radians(roll) / 2
+    batch._batch.bind("qpos")[0, 3:7] = np.cos(half), np.sin(half), 0.0, 0.0
+    batch._batch.forward()
+    packed = np.concatenate([batch._batch.bind(name) for name in ("qpos", "qvel", "sensordata")] + [[[0.0]]], axis=1)
+    assert bodies.read_hexapod(batch.unpack(packed)).upright[0] == pytest.approx(upright, abs=1e-6)
+
+
 def test_servos_push_to_their_velocity_and_no_harder_than_their_limit():
     body = Hexapod(drive="servos")
     assert body.muscles == ()

@@ -159,6 +159,26 @@ def test_evaluate_judges_every_seed(name, mode, runs, capsys):
     assert found["reward"]["per_seed"] == outcome.reward.tolist()
 
 
+def test_evaluate_says_what_the_task_measures_of_the_motion(runs, capsys):
+    assert status("evaluate", runs / "hexapod-synergy", "--steps", 160, "--no-film", "--json", "e.json") == 0
+    found, said = read("e.json"), capsys.readouterr().out
+    kinds = mg.evaluate(mg.load(runs / "hexapod-synergy"), 160).measures["gait"].tolist()
+    assert found["gait"] == kinds
+    assert len(found["duty"]["per_seed"]) == 2
+    for kind in kinds:
+        assert f"{kinds.count(kind)} {kind}" in said
+
+
+def test_evaluate_judges_both_modes_in_turn(runs, capsys):
+    assert status("evaluate", runs / "hopper", "--steps", 60, "--mode", "both", "--no-film", "--json", "e.json") == 0
+    found, said = read("e.json"), capsys.readouterr().out
+    assert said.index("sample:\n") < said.index("mode:\n")
+    for mode in ("sample", "mode"):
+        outcome = mg.evaluate(mg.load(runs / "hopper"), 60, mode=mode)
+        assert found["modes"][mode]["reward"]["per_seed"] == outcome.reward.tolist()
+    assert found["modes"]["sample"] != found["modes"]["mode"]
+
+
 def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
     options = ["--steps", 60, "--seconds", 0.5, "--seed", 4, "--video", "deep/in/hop.mp4", "--json", "e.json"]
     assert status("evaluate", runs / "hopper", *options) == 0

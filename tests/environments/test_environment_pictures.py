@@ -11,6 +11,7 @@ from environment_examples import HOPPER, hopping
 
 from motorgrad.environments import TaskEnv
 from motorgrad.sim import gl_problem
+from motorgrad.tasks import HexapodSynergy, Hopper
 
 SMALL = {"width": 96, "height": 64}
 
@@ -85,6 +86,22 @@ def test_every_row_has_its_picture():
     assert (one != other).any()
     assert vector.metadata["render_fps"] == 100
     vector.close()
+
+
+def test_the_muscles_that_a_unit_drives_are_seen_to_fire():
+    for task in (Hopper(units=5), HexapodSynergy()):
+        environment = TaskEnv(task, render_mode="rgb_array", **SMALL)
+        environment.reset(seed=0)
+        pictures = []
+        for unit in (0, 1):
+            environment.reset(seed=0)
+            silent = environment.render()
+            environment.step(np.arange(task.action_size) == unit)
+            np.testing.assert_array_equal(environment._picture._action[0], np.asarray(task.drives)[unit])
+            assert (environment.render() != silent).any()
+            pictures.append(environment.render().copy())
+        assert (pictures[0] != pictures[1]).any()
+        environment.close()
 
 
 def test_a_list_of_pictures_is_gymnasiums_own():

@@ -14,10 +14,12 @@ TASK_NAMES = sorted(TASKS)
 
 
 def one_of_each_kind():
-    """Every task as a parameter; slow but for the first on each engine with each kind of actions."""
+    """Every task as a parameter; slow but for the first on each engine with each kind of actions, and on a body with
+    and without an end of its own."""
     kinds = {}
     for name in TASK_NAMES:
-        kinds.setdefault((issubclass(TASKS[name], BodyTask), TASKS[name].actions), name)
+        on_body = issubclass(TASKS[name], BodyTask)
+        kinds.setdefault((on_body, on_body and TASKS[name].episodic, TASKS[name].actions), name)
     return [name if name in kinds.values() else pytest.param(name, marks=pytest.mark.slow) for name in TASK_NAMES]
 
 

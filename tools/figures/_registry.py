@@ -10,6 +10,7 @@ from tools.figures import (
     foreign,
     growth,
     hexapod,
+    hexapod_tasks,
     hopper,
     particle,
     parts,
@@ -39,6 +40,8 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "hexapod-muscles": hexapod.muscles,
     "hexapod-controller": hexapod.controller,
     "terrain": hexapod.terrain,
+    "task-hexapod": hexapod_tasks.task,
+    "task-hexapod-synergy": hexapod_tasks.synergies,
     "task-three-state": tasks.three_state,
     "task-chain": tasks.chain,
     "task-call-admission": tasks.call_admission,
@@ -68,6 +71,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,
+    "learning-hexapod-synergy": hexapod_tasks.learning,
     "terrain-speeds": hexapod.speeds,
 }
 """Figures for which something has to learn first, or to be estimated."""

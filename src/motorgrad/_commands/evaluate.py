@@ -13,8 +13,9 @@ from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of
 from motorgrad.tasks import BodyTask
-from motorgrad.training import evaluate, load
+from motorgrad.training import Evaluation, evaluate, load
 
+Mode = Literal["sample", "mode"]
 MOST = 10_000_000
 """Decisions of an evaluation, which keeps every motion."""
 
@@ -27,8 +28,8 @@ class Evaluate:
     """The run directory."""
     steps: int = 2000
     """Decisions per seed."""
-    mode: Literal["sample", "mode"] = "sample"
-    """Draw every action from the policy, or always take the most probable one."""
+    mode: Literal["sample", "mode", "both"] = "sample"
+    """Draw every action from the policy, always take the most probable one, or do each in turn, and film the first."""
     untrained: bool = False
     """Judge the policies as they were before learning."""
     seed: int | None = None
@@ -63,20 +64,23 @@ class Evaluate:
 def run(arguments: list[str]) -> int:
     options = parse(Evaluate, arguments, "evaluate")
     trained = load(options.run)
-    outcome = evaluate(trained, options.steps, mode=options.mode, untrained=options.untrained)
+    modes: tuple[Mode, ...] = ("sample", "mode") if options.mode == "both" else (options.mode,)
+    outcomes = {mode: evaluate(trained, options.steps, mode=mode, untrained=options.untrained) for mode in modes}
+    judged = {mode: _judged(outcome) for mode, outcome in outcomes.items()}
     found: dict[str, Any] = {
         "run": str(options.run),
         "task": trained.task.name,
         "steps": options.steps,
         "mode": options.mode,
-        "reward": summary(outcome.reward),
-        **{name: summary(values) for name, values in outcome.readings.items()},
+        **({"modes": judged} if options.mode == "both" else judged[options.mode]),
     }
     quiet = str(options.json) == "-"
-    if not quiet:
-        for name, value in found.items():
-            if isinstance(value, dict):
-                print(in_words(name, value))
+    for mode, values in judged.items() if not quiet else ():
+        if len(judged) > 1:
+            print(f"{mode}:")
+        for name, value in values.items():
+            print(_said(name, value))
+    outcome = outcomes[modes[0]]
     if outcome.position is not None and options.film:
         from motorgrad.sim import film
 
@@ -94,3 +98,15 @@ def run(arguments: list[str]) -> int:
                 print(made.note)
     write_json(options.json, found)
     return 0
+
+
+def _judged(outcome: Evaluation) -> dict[str, Any]:
+    """An evaluation as a plain table: numbers as their summary, words as they are."""
+    values = {"reward": outcome.reward, **outcome.readings, **outcome.measures}
+    return {name: each.tolist() if each.dtype.kind == "U" else summary(each) for name, each in values.items()}
+
+
+def _said(name: str, value: Any) -> str:
+    if isinstance(value, dict):
+        return in_words(name, value)
+    return f"{name}: {', '.join(f'{value.count(kind)} {kind}' for kind in dict.fromkeys(value))}"

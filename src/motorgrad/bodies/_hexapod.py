@@ -31,12 +31,16 @@ class Hexapod(HexapodNumbers):
 
     **Arguments:**
 
-    - `front`, `middle`, `rear`: the sections with their legs (`Section`, `Leg`).
+    - `front`: the first section with its legs (`Section`, `Leg`).
+    - `middle`: the second section with its legs.
+    - `rear`: the third section with its legs.
     - `spacing` (m): from the centre of a section to the next one's.
     - `spine`: the two joints between the sections, each in the middle of its gap.
     - `spine_axis`: "pitch" lets the front and the rear rise and sink, "yaw" lets them turn sideways.
     - `drive`: "muscles", or "servos" that turn lateral and vertical joints at desired velocities.
-    - `servo_gain` (N m s/rad), `lateral_torque`, `vertical_torque` (N m): of the servos.
+    - `servo_gain` (N m s/rad): torque of a servo per rad/s that its joint is too slow.
+    - `lateral_torque` (N m): greatest torque of a lateral servo.
+    - `vertical_torque` (N m): greatest torque of a vertical servo.
     - `timestep` (s): of the physics.
     - `muscle_model`: "thesis" (exact law, needs the callback) or "native" (MuJoCo's own muscle, an approximation).
 

@@ -24,7 +24,12 @@ def _number(value: Any) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Segment:
-    """One bone, a capsule: `length` (m) from joint to joint, `mass` (kg), `radius` (m)."""
+    """One bone, a capsule.
+
+    - `length` (m): from joint to joint.
+    - `mass` (kg): of the bone.
+    - `radius` (m): of the capsule.
+    """
 
     length: float
     mass: float
@@ -37,8 +42,13 @@ class Segment:
 
 @dataclasses.dataclass(frozen=True)
 class Hinge:
-    """One freedom: its `range` (least, greatest) in degrees with 0 within, between stiff stops; `stiffness`
-    (N m/rad) towards 0; `damping` (N m s/rad); `armature` (kg m²)."""
+    """One freedom between stiff stops.
+
+    - `range` (degrees): least and greatest angle, with 0 within.
+    - `stiffness` (N m/rad): of a spring towards 0.
+    - `damping` (N m s/rad): of the joint.
+    - `armature` (kg m²): of the joint.
+    """
 
     range: tuple[float, float]
     stiffness: float = 0.0
@@ -63,9 +73,15 @@ class Hinge:
 class LateralPair:
     """The two straight muscles that swing a leg forward (protractor, the flexor) and back (retractor, the extensor).
 
-    Both run from the section, `base` (m) before or behind the leg's hip, square to the leg at rest, to a point on the
-    coxa `reach` (m) from the hip. `protractor` and `retractor` (N) are their strengths, `damping` (N s/m) and `shape`
-    their k_SE and k_CE. Their rest lengths are the lengths in the middle of the joint's range.
+    Both run from the section, before or behind the leg's hip and square to the leg at rest, to a point on the coxa.
+    Their rest lengths are the lengths in the middle of the joint's range.
+
+    - `protractor` (N): greatest contractile force of the one.
+    - `retractor` (N): greatest contractile force of the other.
+    - `damping` (N s/m): k_SE of both.
+    - `shape`: k_CE of both; the larger, the flatter the force–length curve.
+    - `base` (m): from the hip to their ends on the section.
+    - `reach` (m): from the hip to their ends on the coxa.
     """
 
     protractor: float = 120.0
@@ -84,10 +100,17 @@ class LateralPair:
 class VerticalPair:
     """The two muscles that lift a leg (levator, the flexor) and press it down (depressor, the extensor).
 
-    Both end on the femur `distance` (m) from the vertical joint. The depressor comes from the coxa's hip end and is
-    wrapped, below, around a cylinder of `radius` (m) about the joint's axis; the levator is straight, from a point
-    `height` (m) above the coxa's hip end. `levator` and `depressor` (N) are their strengths, `damping` (N s/m) and
-    `shape` their k_SE and k_CE. Their rest lengths are the lengths in the middle of the joint's range.
+    Both end on the femur. The depressor comes from the coxa's hip end and is wrapped, below, around a cylinder about
+    the joint's axis; the levator is straight, from a point above the coxa's hip end. Their rest lengths are the lengths
+    in the middle of the joint's range.
+
+    - `levator` (N): greatest contractile force of the one.
+    - `depressor` (N): greatest contractile force of the other.
+    - `damping` (N s/m): k_SE of both.
+    - `shape`: k_CE of both; the larger, the flatter the force–length curve.
+    - `radius` (m): of the cylinder.
+    - `distance` (m): from the vertical joint to their ends on the femur.
+    - `height` (m): of the levator's origin above the coxa's hip end.
     """
 
     levator: float = 250.0
@@ -107,13 +130,17 @@ class VerticalPair:
 class Leg:
     """The numbers of a left and of a right leg, mirror images of each other.
 
-    - `coxa`, `femur`, `foot`: from the hip outwards.
-    - `lateral`: between section and coxa, positive forward; `vertical`: between coxa and femur, positive up; `ankle`:
-      between femur and foot, a spring only.
+    - `coxa`: the bone at the hip.
+    - `femur`: the next bone outwards.
+    - `foot`: the last one, which stands on the ground.
+    - `lateral`: the joint between section and coxa, positive forward.
+    - `vertical`: the joint between coxa and femur, positive up.
+    - `ankle`: the joint between femur and foot, a spring only.
     - `splay` (degrees): how far forward the leg points at rest from straight sideways.
     - `knee` (degrees): by how much the foot is bent down from the femur's line, from 0 to 90 excluded and included.
     - `friction`: of the foot with any ground, the sliding coefficient.
-    - `lateral_muscles`, `vertical_muscles`: its four muscles.
+    - `lateral_muscles`: the two that swing it.
+    - `vertical_muscles`: the two that lift it and press it down.
     """
 
     coxa: Segment = Segment(0.06, 0.06, 0.016)
@@ -142,7 +169,14 @@ class Leg:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """A box of the trunk with its two legs: `length`, `width`, `height` (m, along x, y, z), `mass` (kg), `leg`."""
+    """A box of the trunk with its two legs.
+
+    - `length` (m): along x.
+    - `width` (m): along y.
+    - `height` (m): along z.
+    - `mass` (kg): without legs.
+    - `leg`: either of its legs, which are mirror images.
+    """
 
     length: float = 0.22
     width: float = 0.30

@@ -25,6 +25,7 @@ class HexapodReading(NamedTuple):
     - `position` (..., 3): of the middle section's centre, m.
     - `heading` (...): of the middle section, rad in [−π, π] from x towards y; `yaw_rate` (...) in rad/s.
     - `speed` (...): horizontal velocity of the middle section along its heading, m/s.
+    - `upright` (...): how far the middle section's own upward direction points up, from 1, level, to −1, overturned.
     """
 
     lateral: Any
@@ -37,6 +38,7 @@ class HexapodReading(NamedTuple):
     heading: Any
     yaw_rate: Any
     speed: Any
+    upright: Any
 
 
 def read_hexapod(state: BodyState) -> HexapodReading:
@@ -61,6 +63,7 @@ def read_hexapod(state: BodyState) -> HexapodReading:
         yaw_rate=sensors["rotation"][..., 2],
         # a trunk that points straight up has no heading, and then no speed along it
         speed=(velocity[..., 0] * x + velocity[..., 1] * y) / xp.maximum(xp.sqrt(x * x + y * y), 1e-6),
+        upright=sensors["upward"][..., 2],
     )
 
 
@@ -85,5 +88,6 @@ def add_sensors(spec: mujoco.MjSpec) -> None:
         ("forward", kinds.mjSENS_FRAMEXAXIS),
         ("velocity", kinds.mjSENS_FRAMELINVEL),
         ("rotation", kinds.mjSENS_FRAMEANGVEL),
+        ("upward", kinds.mjSENS_FRAMEZAXIS),
     ):
         spec.add_sensor(name=name, type=kind, objtype=objects.mjOBJ_SITE, objname="trunk")

@@ -69,7 +69,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         observation = self._rows.reset(ALL, anew=seed is not None)[0]
         self._running = True
         if self._picture is not None:
-            self._picture.note(0.0)
+            self._picture.note(None)
         return observation, {"simulated_time": 0.0, "diverged": False}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:

@@ -41,7 +41,6 @@ class Rows:
         self.decisions = np.zeros(count, np.int64)
         on_body = isinstance(task, BodyTask)
         self._body = BodyBatch(task.dynamics, count, task.substeps, threads) if on_body else None
-        self._control = task.control if on_body else np.asarray
         self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
         self._every, self._nothing = np.ones(count, bool), np.zeros((count, 0), np.float32)
         self._functions = compiled(task)
@@ -84,7 +83,7 @@ class Rows:
         if body is None:
             diverged = np.zeros(len(action), bool)
         else:
-            body.step(np.asarray(self._control(action)))
+            body.step(self.control(action))
             diverged = body.packed[:, -1] > 0
         numbers = self._draw(self._functions.decides, self._every if live is None else live)
         self._carry, outcome = self._functions.decide(self._carry, self._packed, action, numbers)
@@ -104,6 +103,10 @@ class Rows:
         }
         observation = np.array(outcome[:, :size], np.float32)
         return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, readings)
+
+    def control(self, action: np.ndarray) -> np.ndarray:
+        """What the simulations are told of actions."""
+        return np.asarray(self.task.control(action)) if isinstance(self.task, BodyTask) else action
 
     def close(self) -> None:
         """Let go of the simulations and their threads."""

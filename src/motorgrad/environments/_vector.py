@@ -98,7 +98,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self._begun |= mask
         self._over[mask] = False
         if self._picture is not None:
-            self._picture.note(0.0, mask)
+            self._picture.note(None, mask)
         return self._seen.copy(), self._info(mask)
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:

@@ -6,6 +6,7 @@ from motorgrad.tasks._drift import Drift
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
+from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, March
 from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
@@ -16,11 +17,14 @@ from motorgrad.tasks._particle_task import ParticleTask, around
 from motorgrad.tasks._recruitment import Pull, Recruitment
 from motorgrad.tasks._regions import LAYOUTS, Region, region_reward
 from motorgrad.tasks._registry import TASKS, make
+from motorgrad.tasks._synergies import Synergies, find_synergies, synergy_matrix
 from motorgrad.tasks._task import Reading, Task
+from motorgrad.tasks._timed_body_task import TimedBodyTask
 
 __all__ = [
     "LAYOUTS",
     "TASKS",
+    "TRIPOD_SYNERGIES",
     "ArmRecruitment",
     "BodyTask",
     "CallAdmission",
@@ -33,10 +37,13 @@ __all__ = [
     "FiniteTask",
     "Flight",
     "Gymnasium",
+    "Hexapod",
+    "HexapodSynergy",
     "Hopper",
     "HostBatch",
     "HostTask",
     "LinearRecruitment",
+    "March",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
@@ -44,11 +51,15 @@ __all__ = [
     "Reading",
     "Recruitment",
     "Region",
+    "Synergies",
     "Task",
     "ThreeState",
+    "TimedBodyTask",
     "around",
+    "find_synergies",
     "from_gymnasium",
     "make",
     "region_reward",
     "spacing_error",
+    "synergy_matrix",
 ]

@@ -13,10 +13,10 @@ from jaxtyping import Array, Bool, Float
 from motorgrad._errors import check, choice
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
-from motorgrad.tasks._body_task import BodyTask
 from motorgrad.tasks._task import Reading
+from motorgrad.tasks._timed_body_task import TimedBodyTask
 
-MOST = 10_000  # physics steps between two decisions, and units
+MOST = 10_000  # units
 FASTEST = 50.0  # rad/s
 
 
@@ -30,7 +30,7 @@ class Flight(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Hopper(BodyTask):
+class Hopper(TimedBodyTask):
     """Hop as high as possible.
 
     Observed: foot contact (±1), knee angle about `centre` in rad, knee velocity × `velocity_scale` (rad/s).
@@ -79,17 +79,7 @@ class Hopper(BodyTask):
         check(0 < self.hop_height < math.inf, "hop_height", self.hop_height, "a positive height in m")
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
         check(0 <= self.penalty < math.inf, "penalty", self.penalty, "a finite number of at least 0")
-        ratio = self.action_period / self.body.timestep
-        whole = 0.5 < ratio < MOST + 0.5 and abs(ratio - round(ratio)) < 1e-6
-        allowed = f"a positive multiple of the time step, {self.body.timestep} s, at most {MOST} of them"
-        check(whole, "action_period", self.action_period, allowed)
-        check(
-            self.time_limit is None or 1 <= self.time_limit / self.action_period < 2**31,
-            "time_limit",
-            self.time_limit,
-            f"None or at least one action period, {self.action_period} s, and fewer than 2147483648 of them",
-        )
-
+        self.check_times()
         groups = len(self.body.groups)
         enough = self.units is None or (isinstance(self.units, int) and groups <= self.units <= MOST)
         check(enough, "units", self.units, f"None, or from one for each of the {groups} groups of muscles to {MOST:,}")
@@ -111,30 +101,13 @@ class Hopper(BodyTask):
         return ((-1.0, 1.0), *knee) if self.observe_contact else knee
 
     @property
-    def action_size(self) -> int:
-        return len(self.body.groups) if self.units is None else self.units
-
-    def control(self, action: Any) -> Any:
-        """The activation of each group of muscles, `(…, action_size)` to `(…, groups)`."""
-        return action if self.units is None else jnp.minimum(action @ self._drives, 1.0)
+    def drives(self) -> np.ndarray | None:
+        return None if self.units is None else self._drives
 
     @functools.cached_property
     def _drives(self) -> np.ndarray:
-        """Which group each unit drives, `(units, groups)`."""
         groups = len(self.body.groups)
-        return np.eye(groups, dtype=np.float32)[np.arange(self.action_size) % groups]
-
-    @property
-    def substeps(self) -> int:
-        return round(self.action_period / self.body.timestep)
-
-    @property
-    def period(self) -> float:
-        return self.action_period
-
-    @property
-    def episode_limit(self) -> int | None:
-        return None if self.time_limit is None else round(self.time_limit / self.action_period)
+        return np.eye(groups, dtype=np.float32)[np.arange(self.units or groups) % groups]
 
     @functools.cached_property
     def _muscles_per_group(self) -> np.ndarray:

@@ -7,6 +7,7 @@ from motorgrad._settings import build
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._finite import CallAdmission, Chain, ThreeState
 from motorgrad.tasks._gymnasium import Gymnasium
+from motorgrad.tasks._hexapod import Hexapod, HexapodSynergy
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._linear_recruitment import LinearRecruitment
 from motorgrad.tasks._particle import FallingParticle
@@ -22,6 +23,8 @@ TASKS: dict[str, type[Task]] = {
         Chain,
         FallingParticle,
         Gymnasium,
+        Hexapod,
+        HexapodSynergy,
         Hopper,
         LinearRecruitment,
         ParticleNavigation,

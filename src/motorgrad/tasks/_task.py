@@ -4,6 +4,7 @@ import abc
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad.bodies import Body
@@ -111,4 +112,12 @@ class Task(abc.ABC):
     def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
         """The quantities named in `reports`, after `reward`: each with whether it occurred at this decision."""
         del memory, state
+        return {}
+
+    def measures(self, recorded: Any) -> dict[str, np.ndarray]:
+        """What a recorded motion says of each seed, beside the readings: numbers or words by name, `(seeds,)`.
+
+        `recorded` is a `BodyState` of NumPy arrays (seeds, decisions, …); what is too short to measure gives nothing.
+        """
+        del recorded
         return {}

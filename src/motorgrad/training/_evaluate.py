@@ -26,6 +26,8 @@ class Evaluation:
     - `metrics`: records as in a run, one row per window and seed.
     - `reward`: mean reward per decision of each seed, `(seeds,)`.
     - `readings`: mean of each of the task's readings, per seed; NaN where it never occurred.
+    - `measures`: what the task measures of the recorded motion besides, a number or a word per seed, such as the class
+      of a gait; nothing without a body.
     - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
     """
@@ -37,6 +39,7 @@ class Evaluation:
     position: np.ndarray | None = None
     sensors: dict[str, np.ndarray] | None = None
     activation: np.ndarray | None = None
+    measures: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
         means = {"reward": self.reward, **self.readings}
@@ -90,6 +93,6 @@ def evaluate(
     if not isinstance(stepper, BodyStepper):
         return Evaluation(metrics, reward, readings, time)
     state = stepper.batch.unpack(np.stack([packed for packed, _ in moved], axis=1))
-    return Evaluation(
-        metrics, reward, readings, time, state.position, state.sensors, np.stack([a for _, a in moved], axis=1)
-    )
+    activation = np.stack([a for _, a in moved], axis=1)
+    measures = run.task.measures(state)
+    return Evaluation(metrics, reward, readings, time, state.position, state.sensors, activation, measures)

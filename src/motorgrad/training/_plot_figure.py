@@ -38,6 +38,10 @@ X_LABELS = {"decisions": "decisions", "simulated": "simulated time (s)", "wall":
 Y_LABELS = {
     "reward": "mean reward\nper decision",
     "apex": "height of the foot\nat a hop's apex (m)",
+    "speed": "speed along\nthe heading (m/s)",
+    "net": "net displacement\nover 20 s (m/s)",
+    "stalls": "part of the seconds\nbelow 0.3 m/s",
+    "falls": "falls per second",
     "episodes": "episodes ended\nper record",
     "simulated_time": "simulated time (s)",
     "wall_time": "wall time (s)",

@@ -1,0 +1,291 @@
+"""The hexapod's task: what is observed, paid and reported, along real walks and by hand; its settings; learning it."""
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.bodies import LEGS, TRIPODS, BodyBatch, OnTerrain, Terrain, biomimetic_hexapod, read_hexapod
+from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.tasks import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, make
+from motorgrad.training import evaluate, settings_for, stepper_of, train
+
+NONE = jnp.zeros(0)
+ALL = ("lateral", "current", "contact", "yaw", "course")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
+
+
+def wander(decisions, seeds=2, seed=0):
+    """States (decisions + 1) of real bodies under random muscles, from the start pose on."""
+    batch = BodyBatch(HexapodBody(), seeds, substeps=8, threads=1)
+    random, packed = np.random.default_rng(seed), [batch.packed.copy()]
+    for _ in range(decisions):
+        batch.step(random.random((seeds, 24)).round())
+        packed.append(batch.packed.copy())
+    return batch.unpack(np.stack(packed))
+
+
+WALK = wander(130)
+
+
+def at(decision, row=0, walk=WALK, **sensors):
+    """The state of one body at one decision of a walk, some of its sensors replaced."""
+    seen = {name: jnp.asarray(values[decision, row]) for name, values in walk.sensors.items()}
+    changed = {name: jnp.asarray(value, jnp.float32) for name, value in sensors.items()}
+    return walk._replace(
+        position=jnp.asarray(walk.position[decision, row]),
+        velocity=jnp.asarray(walk.velocity[decision, row]),
+        sensors=seen | changed,
+    )
+
+
+def followed(task, row=0, walk=WALK):
+    """What is observed at the start and after every decision, what each pays, whether it fell, and its readings."""
+    memory, first = task.observe(task.init(NONE), at(0, row, walk), NONE)
+    observed, rewards, falls, readings = [first], [], [], []
+    for decision in range(1, len(walk.position)):
+        state = at(decision, row, walk)
+        memory, reward, fallen = task.reward(memory, state, jnp.zeros(task.action_size))
+        memory, seen = task.observe(memory, state, NONE)
+        observed.append(seen)
+        rewards.append(float(reward))
+        falls.append(bool(fallen))
+        readings.append({k: float(v) if o else None for k, (v, o) in task.readings(memory, state).items()})
+    return np.stack(observed), np.array(rewards), falls, readings
+
+
+def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
+    observed, *_ = followed(Hexapod())
+    np.testing.assert_allclose(observed, np.degrees(read_hexapod(WALK).lateral[:, 0]) / 30.0, atol=1e-6)
+    assert np.abs(observed).max() > 0.5
+    half, *_ = followed(Hexapod(angle_scale=60.0))
+    np.testing.assert_allclose(half, observed / 2, atol=1e-6)
+
+
+@pytest.mark.parametrize("lag", [0, 1, 2, 5])
+def test_lag_shows_the_angles_of_so_many_decisions_ago_and_stood_still_before(lag):
+    fresh, *_ = followed(Hexapod())
+    late, *_ = followed(Hexapod(lag=lag))
+    np.testing.assert_array_equal(late[lag:], fresh[: len(fresh) - lag])
+    np.testing.assert_array_equal(late[:lag], np.tile(fresh[0], (lag, 1)))
+
+
+def test_all_senses_in_their_order_whatever_the_order_asked_for():
+    task = Hexapod(observes=("course", "contact", "current", "yaw", "lateral"), lag=1, course=40, yaw_smoothing=0.25)
+    observed, *_ = followed(task)
+    assert observed.shape == (131, 20)
+    assert len(task.observation_range) == task.observation_size == 20
+    reading = read_hexapod(WALK)
+    now = np.degrees(reading.lateral[:, 0]) / 30.0
+    np.testing.assert_allclose(observed[1:, :6], now[:-1], atol=1e-6)
+    np.testing.assert_allclose(observed[:, 6:12], now, atol=1e-6)
+    contact = np.where(reading.contact[:, 0] > 0.5, 1.0, -1.0)
+    np.testing.assert_array_equal(observed[:, 12:18], contact)
+    assert 0.1 < (contact > 0).mean() < 0.9
+    smoothed, yaw = [], 0.0
+    for rate in reading.yaw_rate[:, 0]:
+        yaw += 0.25 * (rate - yaw)
+        smoothed.append(yaw)
+    np.testing.assert_allclose(observed[:, 18], smoothed, atol=1e-5)
+    starts = reading.heading[np.arange(131) // 40 * 40, 0]
+    away = np.angle(np.exp(1j * (reading.heading[:, 0] - starts)))
+    np.testing.assert_allclose(observed[:, 19], away, atol=1e-5)
+    assert np.abs(away).max() > 0.05
+
+
+def test_a_course_goes_on_where_headings_jump_by_a_turn():
+    task = Hexapod(observes=("course",), course=1000)
+    memory, _ = task.observe(task.init(NONE), at(0, forward=(math.cos(3.1), math.sin(3.1), 0.0)), NONE)
+    _, seen = task.observe(memory, at(1, forward=(math.cos(-3.1), math.sin(-3.1), 0.0)), NONE)
+    assert float(seen[0]) == pytest.approx(2 * math.pi - 6.2, abs=1e-5)
+
+
+def test_velocity_is_paid_along_the_heading_the_course_or_x():
+    reading, velocity = read_hexapod(WALK), WALK.sensors["velocity"][:, 0]
+    heading = reading.heading[:, 0]
+    kept = heading[(np.arange(1, 131) - 1) // 40 * 40]
+    along = {
+        "heading": velocity[1:, 0] * np.cos(heading[1:]) + velocity[1:, 1] * np.sin(heading[1:]),
+        "course": velocity[1:, 0] * np.cos(kept) + velocity[1:, 1] * np.sin(kept),
+        "x": velocity[1:, 0],
+    }
+    for paid, wanted in along.items():
+        _, rewards, *_ = followed(Hexapod(paid=paid, course=40))
+        np.testing.assert_allclose(rewards, 4.0 * wanted, atol=1e-5)
+        _, doubled, *_ = followed(Hexapod(paid=paid, course=40, reward_scale=8.0))
+        np.testing.assert_allclose(doubled, 2.0 * rewards, atol=1e-5)
+    assert np.abs(along["heading"] - along["course"]).max() > 0.01
+    assert np.abs(along["heading"] - along["x"]).max() > 0.01
+
+
+def test_speed_is_reported_at_every_decision_and_stalls_once_a_second():
+    *_, falls, readings = followed(Hexapod())
+    speed = read_hexapod(WALK).speed[1:, 0]
+    np.testing.assert_allclose([r["speed"] for r in readings], speed, atol=1e-6)
+    stalls = {n + 1: r["stalls"] for n, r in enumerate(readings) if r["stalls"] is not None}
+    assert stalls == {50: float(speed[:50].mean() < 0.3), 100: float(speed[50:100].mean() < 0.3)}
+    assert not any(falls)
+    assert {r["falls"] for r in readings} == {0.0}
+    assert {r["net"] for r in readings} == {None}  # twenty seconds are not over
+
+
+def test_net_displacement_is_that_of_twenty_seconds_each():
+    """Along a straight line at 0.5 m/s and then back at 1 m/s, in decisions of a second."""
+    task = Hexapod(action_period=1.0)
+    places = [0.5 * n for n in range(21)] + [10.0 - n for n in range(1, 21)]
+    memory, found = task.init(NONE), []
+    for n, place in enumerate(places):
+        speed = -1.0 if n > 20 else 0.5
+        state = at(0, position=(1.0, 2.0 + place, 0.2), velocity=(speed, 0.0, 0.0), forward=(1.0, 0.0, 0.0))
+        if n:
+            memory, _, _ = task.reward(memory, state, jnp.zeros(24))
+        memory, _ = task.observe(memory, state, NONE)
+        values = task.readings(memory, state)
+        if n and values["net"][1]:
+            found.append((n, float(values["net"][0])))
+        if n:
+            assert bool(values["stalls"][1])
+            assert float(values["stalls"][0]) == (n > 20)
+    assert found == [(20, pytest.approx(0.5)), (40, pytest.approx(1.0))]
+
+
+def test_an_overturned_trunk_ends_the_episode_and_counts_as_a_fall():
+    task = Hexapod()
+    memory, _ = task.observe(task.init(NONE), at(0), NONE)
+    for tilt, fallen in ((0.0, False), (89.0, False), (91.0, True), (180.0, True)):
+        up = (0.0, math.sin(math.radians(tilt)), math.cos(math.radians(tilt)))
+        state = at(1, upward=up)
+        after, _, ended = task.reward(memory, state, jnp.zeros(24))
+        assert bool(ended) == fallen
+        rate, occurred = task.readings(after, state)["falls"]
+        assert occurred
+        assert float(rate) == pytest.approx(50.0 * fallen)
+
+
+def test_the_engine_puts_a_body_on_its_back_on_its_feet():
+    task = HexapodSynergy()
+    stepper = stepper_of(task, settings_for(task).agent(task), range(2), threads=1)
+    stepper.advance(3)
+    stepper.harvest()
+    snapshot = stepper.batch.snapshot()
+    snapshot["state"][1, 1 + 2] = 0.3  # after the clock, the root's position and its quaternion
+    snapshot["state"][1, 1 + 3 : 1 + 7] = (0.0, 1.0, 0.0, 0.0)
+    stepper.batch.restore(snapshot)
+    stepper.advance(1)
+    record = stepper.harvest()
+    np.testing.assert_array_equal(record["episodes"], [0, 1])
+    np.testing.assert_allclose(record["falls"], [0.0, 50.0])
+    assert not record["diverged"].any()
+    upright = read_hexapod(stepper.batch.unpack(stepper.batch.packed)).upright
+    np.testing.assert_array_less(0.9, upright)
+    memory = stepper.state["cycle"].memory
+    np.testing.assert_array_equal(memory.decisions, [4, 0])
+
+
+def test_synergies_drive_the_muscles_of_their_phase_and_tripod():
+    task = HexapodSynergy()
+    assert (task.action_size, len(task.body.groups)) == (4, 24)
+    for unit, (tripod, muscles) in enumerate(
+        (tripod, muscles) for tripod in TRIPODS for muscles in ({"protractor", "levator"}, {"retractor", "depressor"})
+    ):
+        driven = np.asarray(task.control(np.eye(4)[unit]))
+        wanted = [name.partition("_")[0] in muscles and name.partition("_")[2] in tripod for name in task.body.groups]
+        np.testing.assert_array_equal(driven, wanted)
+    np.testing.assert_array_equal(task.control(np.ones((3, 4))), np.ones((3, 24)))
+    plain = Hexapod()
+    action = np.arange(24) % 2
+    assert plain.control(action) is action
+    np.testing.assert_array_equal(Hexapod(synergies=TRIPOD_SYNERGIES).control(np.ones(4)), np.ones(24))
+
+
+def test_muscles_that_two_units_drive_fire_once():
+    task = Hexapod(synergies=("levator_*", "levator_left_* depressor_*"))
+    driven = np.asarray(task.control(np.array([1.0, 1.0])))
+    np.testing.assert_array_equal(driven, [name.startswith(("levator", "depressor")) for name in task.body.groups])
+
+
+def test_terrain_is_under_the_body_and_difficulty_0_is_a_plane():
+    assert Hexapod().dynamics == HexapodBody()
+    task = make("hexapod", terrain={"kind": "waves", "difficulty": 0.5, "seed": 3})
+    assert task.dynamics == OnTerrain(HexapodBody(), Terrain("waves", difficulty=0.5, seed=3))
+    run = train(task, steps=20, seeds=1, window=10, progress=False)
+    assert np.isfinite(run.curve("speed")[1]).all()
+    assert not run.curve("diverged")[1].any()
+
+
+def test_the_biomimetic_body_walks_too():
+    task = HexapodSynergy(body=biomimetic_hexapod())
+    run = train(task, steps=30, seeds=1, window=10, progress=False)
+    assert np.isfinite(run.curve("speed")[1]).all()
+    assert not run.curve("diverged")[1].any()
+
+
+BAD = [
+    ({"lag": -1}, "lag = -1: must be a whole number of decisions from 0"),
+    ({"lag": 0.5}, "lag = 0.5: must be a whole number"),
+    ({"course": 0}, "course = 0: must be a whole number of decisions from 1"),
+    ({"observes": ()}, r"observes = \(\): must be at least one of lateral, current"),
+    ({"observes": ("lateral", "lateral")}, "observes = .*must be different senses"),
+    ({"observes": ("latral",)}, "observes 'latral': did you mean 'lateral'"),
+    ({"paid": "y"}, "paid 'y'"),
+    ({"angle_scale": 0.0}, "angle_scale = 0.0: must be an angle"),
+    ({"yaw_smoothing": 0.0}, r"yaw_smoothing = 0.0: must be in \(0, 1\]"),
+    ({"reward_scale": math.nan}, "reward_scale = nan"),
+    ({"action_period": 0.021}, "action_period = 0.021: must be a positive multiple of the time step, 0.0025 s"),
+    ({"time_limit": 0.01}, "time_limit = 0.01: must be None or at least one action period"),
+    ({"synergies": ()}, r"synergies = \(\): must be at least one unit"),
+    ({"synergies": ("levator_*", " ")}, r"synergies\[1\] = ' ': must be names"),
+    ({"synergies": ("levater_left_rear",)}, r"synergies\[0\]: 'levater_left_rear': did you mean 'levator_left_rear'"),
+    ({"body": HexapodBody(drive="servos")}, "body.drive = 'servos': must be 'muscles'"),
+]
+
+
+@pytest.mark.parametrize(("settings", "message"), BAD, ids=[str(settings)[:40] for settings, _ in BAD])
+def test_impossible_settings_are_refused_by_name(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Hexapod(**settings)
+
+
+def test_an_evaluation_measures_the_gait():
+    task = HexapodSynergy(time_limit=2.0)
+    run = train(task, steps=100, seeds=[4, 9], window=50, progress=False)
+    found = evaluate(run, 200)
+    assert set(found.measures) == {"gait", "frequency", "phase", "correlation", "duty"}
+    assert set(found.measures["gait"]) <= {"tripod", "pronk", "intermediate", "stalled"}
+    assert all(len(values) == 2 for values in found.measures.values())
+    assert found.sensors is not None
+    # the mean speed that the classes are made from is the reading's, but for the start
+    speed = read_hexapod_of(found)[:, 100:].mean(1)
+    assert all((kind == "stalled") == (v < 0.03) for kind, v in zip(found.measures["gait"], speed, strict=True))
+    assert evaluate(run, 149).measures == {}  # after the first two seconds there must be one to measure
+
+
+def read_hexapod_of(found):
+    ahead, velocity = found.sensors["forward"], found.sensors["velocity"]
+    return (ahead[..., :2] * velocity[..., :2]).sum(-1) / np.linalg.norm(ahead[..., :2], axis=-1)
+
+
+def test_a_run_of_either_is_loaded_with_its_settings(tmp_path):
+    for task in (Hexapod(lag=1, observes=ALL, paid="course"), HexapodSynergy(lag=2)):
+        run = train(task, steps=10, seeds=1, out=tmp_path / task.name, window=5, progress=False)
+        assert run.policies.weights.shape == (1, task.action_size, task.observation_size)
+        assert mg.load(tmp_path / task.name).task == task
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [0, 1])
+def test_synergies_learn_to_walk(lag):
+    # 150 s of practice; the fixed controller walks at 0.52 m/s
+    run = train(HexapodSynergy(lag=lag), steps=7_500, seeds=4, window=500, progress=False)
+    speed = run.curve("speed")[1]
+    assert np.median(speed[:, 0]) < 0.5
+    assert np.median(speed[:, -1]) > 0.6
+    assert dataclasses.asdict(run.task)["lag"] == lag
+    assert len(LEGS) == run.task.observation_size
