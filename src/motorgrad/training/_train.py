@@ -20,13 +20,14 @@ from motorgrad.training._arguments import Asked, check_training
 from motorgrad.training._body_stepper import BodyStepper
 from motorgrad.training._checkpoint import by_name, fingerprint, into
 from motorgrad.training._cycle import Mode
+from motorgrad.training._describe import describe_agent
 from motorgrad.training._directory import RunDirectory, RunDirectoryError, RunWarning
 from motorgrad.training._host_stepper import HostStepper
 from motorgrad.training._indexed_stepper import IndexedStepper
 from motorgrad.training._progress import Report
 from motorgrad.training._records import Records
 from motorgrad.training._run import Run, memory_in
-from motorgrad.training._settings import AgentSettings, describe_agent
+from motorgrad.training._settings import AgentSettings
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import EventFiles, began, check_tensorboard
 from motorgrad.training._world_stepper import WorldStepper
@@ -210,7 +211,7 @@ class _Training:
             self.config,
             stepper.decision,
             pa.table({}) if metrics is None else metrics,
-            learner.policy,
+            self.stepper.policies(),
             self.initial,
             estimate,
             path,
