@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad import policies
 from motorgrad._settings import table
-from motorgrad.learning import Agent, Annealed, IndexedAgent, adam, decayed, sgd
+from motorgrad.learning import Agent, Annealed, Growth, IndexedAgent, adam, decayed, sgd
 
 
 def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:

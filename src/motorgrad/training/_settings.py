@@ -75,8 +75,8 @@ class AgentSettings:
     - `baseline_low`: the lower bound of the binned baseline, in units of the observed number.
     - `baseline_high`: the upper bound of the binned baseline, in units of the observed number.
     - `baseline_bins`: number of bins of the binned baseline.
-    - `critic`: none; or a linear critic, whose temporal differences take the place of rewards above the baseline, learnt
-      by TD(λ) or by recursive least squares.
+    - `critic`: none; or a linear critic, learnt by TD(λ) or by recursive least squares, whose temporal differences take
+      the place of rewards above the baseline.
     - `critic_discount`: none for the differential values of the average reward, or the γ of discounted ones. For
       generalised advantages the trace's `decay` is γλ.
     - `critic_decay`: the λ of the critic's own trace.
@@ -106,7 +106,7 @@ class AgentSettings:
     - `metric_initial`: what the Fisher matrix's diagonal starts from.
     - `damping`: what is added to the diagonal of every Fisher matrix.
     - `dampings`: the damping of each group of parameters, by name, in place of `damping`; those left out have none.
-    - `metric_kl` (nats): how far one step of the parameters may take the policy, all units together; by default any way.
+    - `metric_kl` (nats): how far one step of the parameters may take the policy, all units together, if not any way.
     - `metric_kl_end` (nats): how far in the end, if that is another.
     - `metric_kl_steps` (steps of the parameters): after how many.
     - `average`: whether the policy that is kept has the mean of the last parameters, in place of the last.
@@ -261,10 +261,10 @@ class AgentSettings:
 
     def measure(self) -> FisherMetric | None:
         """The metric that the settings stand for."""
+        limit = _schedule("metric_kl", self.metric_kl, self.metric_kl_end, self.metric_kl_steps)
         if self.metric == "euclidean":
             return None
         damping = self.damping if self.dampings is None else self.dampings
-        limit = _schedule("metric_kl", self.metric_kl, self.metric_kl_end, self.metric_kl_steps)
         return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial, limit))
 
     def mean(self) -> WeightAverage | None:
@@ -315,10 +315,10 @@ class AgentSettings:
         rate = {} if self.critic_rate is None else {"rate": self.critic_rate}
 
         def make() -> LinearCritic:
-            known = (self.critic_initial, self.critic_damping, self.critic_interval)
-            squares = dict(zip(("initial", "damping", "interval"), known, strict=True))
-            steps = TemporalDifference(**rate, level_rate=self.critic_level_rate)
-            fit = steps if self.critic == "td" else LeastSquares(**rate, **squares)
+            fit: TemporalDifference | LeastSquares = TemporalDifference(**rate, level_rate=self.critic_level_rate)
+            if self.critic == "least-squares":
+                means = LeastSquares(**rate, interval=self.critic_interval)
+                fit = dataclasses.replace(means, initial=self.critic_initial, damping=self.critic_damping)
             features = Features(self.critic_squares, self.critic_actions, self.critic_bias)
             return LinearCritic(features, self.critic_discount, self.critic_decay, fit)
 
