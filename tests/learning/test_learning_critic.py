@@ -72,7 +72,8 @@ def check_exact(weights, exact, centred, tolerance):
 def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, decay, discount):
     task, policy = TASKS[name]
     critic = LinearCritic(Which(task.dynamics), discount, decay, FITS[fit])
-    weights = np.asarray(learnt(task, policy, critic, 20_000).baseline.weights, float)
+    seeds = 400 if isinstance(critic.fit, TemporalDifference) else 40  # the noisier one
+    weights = np.asarray(learnt(task, policy, critic, 20_000, seeds).baseline.weights, float)
     check_exact(weights, values(task.dynamics, policy, discount), discount is None, 0.01)
 
 
