@@ -22,6 +22,7 @@ from motorgrad.learning import (
     IndexedAgent,
     LeastSquares,
     LinearCritic,
+    MeanReward,
     NoBaseline,
     Olgarb,
     WeightAverage,
@@ -41,7 +42,7 @@ from motorgrad.policies import (
     split,
     trainable,
 )
-from motorgrad.tasks import ThreeState, make
+from motorgrad.tasks import Chain, ThreeState, make
 from motorgrad.training import settings_for, stepper_of
 from motorgrad.worlds import oracle
 from motorgrad.worlds._double import double
@@ -235,10 +236,10 @@ def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
 
 def test_averages_of_many_seeds_lie_closer_together_than_their_last_parameters():
     """With a bonus the optimum is at finite weights, about which a constant step size makes a cloud."""
-    estimator = Estimator(Exponential(0.0), NoBaseline(), entropy=0.2)
-    agent = Agent(Softmax(jnp.zeros((2, 2))), estimator, sgd(0.3), average=WeightAverage(500))
-    stepper = stepper_of(ThreeState(), agent, range(50))
-    stepper.advance(60_000)
+    estimator = Estimator(Exponential(0.0), MeanReward(), entropy=1.0)
+    agent = Agent(Softmax(jnp.zeros((2, 4))), estimator, sgd(0.1), average=WeightAverage(2_000))
+    stepper = stepper_of(Chain(length=4), agent, range(50))
+    stepper.advance(20_000)
     cloud, mean = stepper.state["cycle"].agent.policy.weights, stepper.policies().weights
     assert mean.std(0).max() < 0.5 * cloud.std(0).min()
 
