@@ -33,13 +33,14 @@ def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
     return after, (total - (after - part)) + (more - part)
 
 
-def add_sample(running: RunningMean, sample: PyTree[Array]) -> RunningMean:
-    """Take in the n-th sample: the mean moves by 1/n of its distance from it."""
+def add_sample(running: RunningMean, sample: PyTree[Array], rate: float = 0.0) -> RunningMean:
+    """Take in the n-th sample: the mean moves by 1/n of its distance from it, and with a `rate` by at least so much."""
     count = running.count + 1
 
     def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
         distance = (x - mean) - carry
-        return two_sum(mean, carry, distance / count.astype(mean.dtype))
+        step = distance / count.astype(mean.dtype)
+        return two_sum(mean, carry, jnp.where(rate * count > 1, rate * distance, step) if rate else step)
 
     means, structure = jax.tree.flatten(running.mean)
     leaves = zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)

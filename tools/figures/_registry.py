@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from tools.figures import (
     bodies,
+    critics,
     estimators,
     foreign,
     growth,
@@ -59,6 +60,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "traces": parts.traces,
     "baselines": parts.baselines,
     "ascent": parts.ascent,
+    "critics": critics.critics,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

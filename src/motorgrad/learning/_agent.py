@@ -9,58 +9,30 @@ third once in a while (section 3.2.2 of the thesis). Nothing here knows the task
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._running import add_sample, running_mean
+from motorgrad.learning._agent_state import AgentState, Decision, last_of, no_decision, running_of
 from motorgrad.learning._ascent import adam, decayed, sgd
+from motorgrad.learning._choose import Flag, any_of, where, where_any
+from motorgrad.learning._critic import LinearCritic
+from motorgrad.learning._entropy import entropy_gradient
 from motorgrad.learning._estimator import Estimator, Olgarb
 from motorgrad.learning._growth import Growth, GrowthState
 from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._natural import FisherMetric, FisherState
 from motorgrad.learning._scale import ScaleState
+from motorgrad.learning._schedule import Annealed, at
+from motorgrad.learning._weight_average import WeightAverage
 from motorgrad.policies import Policy, split, trainable
 
-
-class Decision(NamedTuple):
-    """What an action was taken on, and the action."""
-
-    observation: Float[Array, " inputs"]
-    action: Array
-
-
-class AgentState(NamedTuple):
-    r"""Everything a learner carries from one decision to the next, for one seed.
-
-    `policy` holds the parameters; `trace` and `baseline` their filter's and baseline's state; `gradient` the running
-    mean of the samples $g = \delta z$ since the last step, or for an online learner the sample between `reinforce` and
-    `improve`, which spends it, and `None` otherwise; `ascent` the state of the ascent rule; `weight` the discount
-    $\gamma^t$ within the episode, `None` without discounting; `metric` the metric's state, `None` without one; `last`
-    the decision whose reward is awaited, `None` where neither metric nor baseline asks for it; `scale` that of the
-    advantages, `None` where they are not normalised; `growth` that of a growing learner, else `None`; `index` what an
-    `IndexedAgent` knows of its units, else `None`.
-    """
-
-    policy: Policy
-    trace: PyTree[Array]
-    baseline: Any
-    gradient: PyTree[Array] | RunningMean | None
-    ascent: Any
-    weight: Float[Array, ""] | None
-    metric: FisherState | None = None
-    last: Decision | None = None
-    scale: ScaleState | None = None
-    growth: GrowthState | None = None
-    index: Any = None  # an IndexState
-
-
-Flag = Bool[Array, ""] | bool
 Credit = Callable[[PyTree[Array], Float[Array, ""]], PyTree[Array]]
 
 
@@ -76,6 +48,7 @@ class Agent:
     - `metric`: `None` for the plain gradient; a `FisherMetric` for the natural gradient of each unit, which the ascent
       rule then receives in its place.
     - `growth`: `None` for a policy of one size; a `Growth` to add the units of a `Masked` pool one by one.
+    - `average`: `None`, or a `WeightAverage` to give away the average of the last policies in place of the last one.
     """
 
     policy: Policy | Callable[[jax.Array], Policy]
@@ -83,6 +56,7 @@ class Agent:
     ascent: optax.GradientTransformation | sgd | adam | decayed = dataclasses.field(default_factory=lambda: sgd(1e-3))
     metric: FisherMetric | None = None
     growth: Growth | None = None
+    average: WeightAverage | None = None
 
     def __post_init__(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
@@ -93,8 +67,13 @@ class Agent:
         known = self.metric is None or isinstance(self.metric, FisherMetric)
         check(known, "metric", self.metric, "None or a FisherMetric, such as FisherMetric(rate=1e-3)")
         check(self.growth is None or isinstance(self.growth, Growth), "growth", self.growth, "None or a Growth")
-        moves = self.growth is None or self.estimator.improve != "never"
-        check(moves, "growth", self.growth, 'None where parameters never move, improve = "never"')
+        known = self.average is None or isinstance(self.average, WeightAverage)
+        check(known, "average", self.average, "None or a WeightAverage")
+        for name in ("growth", "average"):
+            moves = getattr(self, name) is None or self.estimator.improve != "never"
+            check(moves, name, getattr(self, name), 'None where parameters never move, improve = "never"')
+        whole = self.average is None or self.growth is None
+        check(whole, "average", self.average, "None where a policy grows")
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
@@ -109,19 +88,33 @@ class Agent:
         dtype = leaves[0].dtype
         zeros = jax.tree.map(jnp.zeros_like, parameters)
         baseline = self.estimator.baseline
-        sees = isinstance(baseline, InputBaseline)
         return AgentState(
             policy=policy,
             trace=self.estimator.trace.init(parameters),
-            baseline=baseline.init(dtype, policy.inputs) if sees else baseline.init(dtype),
+            baseline=_started(baseline, policy, dtype),
             gradient=None if self.estimator.online else running_mean(zeros),
             ascent=self.ascent.init(parameters),  # type: ignore[arg-type]
             weight=None if self.estimator.discount is None else jnp.ones((), dtype),
             metric=None if self.metric is None else self.metric.init(policy),
-            last=_no_decision(policy, dtype) if sees or self.metric is not None else None,
+            last=no_decision(policy, dtype) if self._recalls else None,
             scale=None if self.estimator.scale is None else self.estimator.scale.init(dtype),
             growth=growth,
+            steps=jnp.zeros((), jnp.int32) if self._counts else None,
+            average=None if self.average is None else self.average.init(policy),
         )
+
+    @property
+    def _recalls(self) -> bool:
+        """Whether a decision must be remembered until its reward comes."""
+        estimator = self.estimator
+        sees = isinstance(estimator.baseline, InputBaseline | LinearCritic)
+        return sees or self.metric is not None or estimator.entropy != 0
+
+    @property
+    def _counts(self) -> bool:
+        """Whether something depends on how often the parameters have moved."""
+        limit = None if self.metric is None else self.metric.kl
+        return self.average is not None or any(isinstance(x, Annealed) for x in (self.estimator.entropy, limit))
 
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
@@ -132,6 +125,8 @@ class Agent:
         last = None if state.last is None else Decision(observation.astype(state.last.observation.dtype), action)
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.see(state.growth, observation))
+        if isinstance(self.estimator.baseline, LinearCritic):
+            state = state._replace(baseline=self.estimator.baseline.see(state.baseline, observation))
         return state._replace(trace=self.estimator.trace.update(state.trace, score), last=last), action
 
     def reinforce(
@@ -145,20 +140,24 @@ class Agent:
     ) -> AgentState:
         r"""Turn a reward into a gradient sample: $\delta \leftarrow r - b$, $g \leftarrow \delta z$, then update $b$.
 
-        An `InputBaseline` adds to the sample what it knows about the newest action's observation. A scale divides the
-        sample by the usual size of the advantages. A metric takes the decision in.
+        An `InputBaseline` adds to the sample what it knows about the newest action's observation. With a `LinearCritic`
+        $\delta$ is its temporal difference. A scale divides the sample by the usual size of the advantages. The entropy
+        bonus adds the gradient of the policy's entropy. A metric takes the decision in.
 
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
         sample is dropped (gradient, baseline, scale, metric and what growth knows of rewards stay as they were) and the
         trace restarts.
         """
-        del next_observation  # for critics, which bootstrap from it
         estimator = self.estimator
-        sample, baseline, scale = self._compare(state, reward)
+        sample, baseline, scale = self._compare(state, reward, next_observation, terminated)
+        if estimator.entropy != 0:
+            bonus = at(estimator.entropy, state.steps)
+            slope = entropy_gradient(state.policy, last_of(state).observation)
+            sample = jax.tree.map(lambda g, h: (g + bonus * h).astype(g.dtype), sample, slope)
         after = state._replace(
             baseline=baseline,
-            gradient=sample if estimator.online else add_sample(_running(state), sample),
+            gradient=sample if estimator.online else add_sample(running_of(state), sample),
             weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
             metric=self._measure(state),
             scale=scale,
@@ -169,17 +168,26 @@ class Agent:
             kept = {"baseline": state.baseline, "metric": state.metric, "scale": state.scale}
             kept["growth"] = state.growth
             without = after._replace(gradient=dropped, **kept)
-            after = _where(diverged, without, after)
-        ended = _any(terminated, truncated, diverged)
+            after = where(diverged, without, after)
+        ended = any_of(terminated, truncated, diverged)
         return after if ended is False else self.restart(after, ended)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Where `ended`, begin a new episode: the trace is empty and the discount starts again from 1."""
+        baseline = self.estimator.baseline
         fresh = state._replace(
             trace=self.estimator.trace.init(trainable(state.policy)),
+            baseline=baseline.restart(state.baseline) if isinstance(baseline, LinearCritic) else state.baseline,
             weight=None if state.weight is None else jnp.ones_like(state.weight),
         )
-        return _where(ended, fresh, state)
+        return where(ended, fresh, state)
+
+    def kept(self, state: AgentState) -> Policy:
+        """The policy to keep: the average one where there is one, else the one that acts. It takes the state of many
+        seeds too."""
+        if self.average is None or state.average is None:
+            return state.policy
+        return self.average.kept(state.average, state.policy)
 
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time.
@@ -197,15 +205,15 @@ class Agent:
             return state
         if estimator.online:
             moved = self._step(state, state.gradient)._replace(gradient=None)
-            return moved if diverged is False else _where(diverged, state._replace(gradient=None), moved)
-        running = _running(state)
+            return moved if diverged is False else where(diverged, state._replace(gradient=None), moved)
+        running = running_of(state)
         full = ended if estimator.improve == "episode" else running.count >= estimator.improve
         if full is False:
             return state
         due = jnp.logical_and(full, running.count > 0)
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
-        return _where(due, moved._replace(gradient=running_mean(running.mean)), state)
+        return where(due, moved._replace(gradient=running_mean(running.mean)), state)
 
     def _grow(self, state: AgentState) -> AgentState:
         if self.growth is None or state.growth is None:
@@ -216,14 +224,21 @@ class Agent:
             metric = self.metric.renew(metric, new)
         return state._replace(growth=growth, policy=policy, metric=metric)
 
-    def _compare(self, state: AgentState, reward: Float[Array, ""]) -> tuple[PyTree[Array], Any, ScaleState | None]:
+    def _compare(
+        self, state: AgentState, reward: Float[Array, ""], next_observation: Float[Array, " inputs"], terminated: Flag
+    ) -> tuple[PyTree[Array], Any, ScaleState | None]:
         """The gradient sample of a reward, and the baseline and the scale afterwards."""
         trace, baseline = self.estimator.trace, self.estimator.baseline
+        if isinstance(baseline, LinearCritic):
+            told = (last_of(state).action, reward, next_observation, terminated)
+            error, critic = baseline.follow(state.baseline, state.policy, *told)
+            scale, credit = self._credit(state, error)
+            return credit(trace.value(state.trace), error), critic, scale
         level = baseline.value(state.baseline)
         if not isinstance(baseline, InputBaseline):
             scale, credit = self._credit(state, reward - level)
             return credit(trace.value(state.trace), reward - level), baseline.update(state.baseline, reward), scale
-        observation, action = _last(state)
+        observation, action = last_of(state)
         expected = baseline.value_at(state.baseline, observation)
         scale, credit = self._credit(state, reward - expected)
         score = state.policy.score(observation, action)
@@ -252,7 +267,7 @@ class Agent:
     def _measure(self, state: AgentState) -> FisherState | None:
         if self.metric is None or state.metric is None:
             return None
-        return self.metric.update(state.metric, state.policy, *_last(state))
+        return self.metric.update(state.metric, state.policy, *last_of(state))
 
     def _watch(self, state: AgentState, reward: Float[Array, ""]) -> GrowthState | None:
         if self.growth is None or state.growth is None:
@@ -274,46 +289,34 @@ class Agent:
         updates = state.policy.allowed(updates)
         if self.growth is not None and state.growth is not None:
             updates = self.growth.paced(state.growth, updates)
-        moved = eqx.apply_updates(parameters, updates)
-        return state._replace(policy=eqx.combine(moved, settings).limited(), ascent=ascent)
+        updates = self._bounded(state, updates, due)
+        moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
+        return self._noted(state._replace(policy=moved, ascent=ascent))
+
+    def _bounded(self, state: AgentState, step: PyTree[Array], due: Flag) -> PyTree[Array]:
+        """A step within the limit on its divergence, where there is one."""
+        metric, measured = self.metric, state.metric
+        if metric is None or metric.kl is None or measured is None:
+            return step
+        limit = at(metric.kl, state.steps)
+
+        def bounded(step: PyTree[Array]) -> PyTree[Array]:
+            return metric.bounded(*jax.lax.optimization_barrier((measured, state.policy, step, limit)))
+
+        return where_any(due, bounded, step)
+
+    def _noted(self, state: AgentState) -> AgentState:
+        """What depends on how often the parameters have moved, once they have."""
+        if state.steps is None:
+            return state
+        steps, average = state.steps + 1, state.average
+        if self.average is not None and average is not None:
+            average = self.average.update(average, state.policy, steps)
+        return state._replace(steps=steps, average=average)
 
 
-def _running(state: AgentState) -> RunningMean:
-    assert isinstance(state.gradient, RunningMean)
-    return state.gradient
-
-
-def _last(state: AgentState) -> Decision:
-    assert state.last is not None
-    return state.last
-
-
-def _no_decision(policy: Policy, dtype: Any) -> Decision:
-    observation = jnp.zeros(policy.inputs, dtype)
-    return Decision(observation, jnp.zeros_like(policy.mode(observation)))
-
-
-def where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
-    """`function(value)` where it is `due`. Over many seeds a condition computes both branches, but a loop's body is
-    passed over while no seed is due: what is costly is paid once a batch and not at every decision."""
-    if due is True:
-        return function(value)
-    due = jnp.asarray(due)
-    return jax.lax.while_loop(
-        lambda todo: todo[0], lambda todo: (jnp.zeros_like(due), function(todo[1])), (due, value)
-    )[1]
-
-
-def _any(*flags: Flag) -> Flag:
-    """Whether any flag is up; plainly `False` where that is known while tracing, so that no select is compiled."""
-    known = [flag for flag in flags if flag is not False]
-    if not known:
-        return False
-    result = known[0]
-    for flag in known[1:]:
-        result = jnp.logical_or(result, flag)
-    return result
-
-
-def _where(condition: Flag, yes: AgentState, no: AgentState) -> AgentState:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+def _started(baseline: Any, policy: Policy, dtype: Any) -> Any:
+    """The state of a baseline before any reward."""
+    if isinstance(baseline, LinearCritic):
+        return baseline.init(dtype, policy)
+    return baseline.init(dtype, policy.inputs) if isinstance(baseline, InputBaseline) else baseline.init(dtype)

@@ -23,10 +23,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
-from motorgrad.learning._agent import Agent, AgentState, Flag, where_any
+from motorgrad.learning._agent import Agent
+from motorgrad.learning._agent_state import AgentState
 from motorgrad.learning._ascent import sgd
+from motorgrad.learning._baselines import Baseline
+from motorgrad.learning._choose import Flag, where_any
 from motorgrad.learning._index import SpatialIndex
-from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._put import greatest, put
 from motorgrad.learning._traces import Episodic, Exponential
 from motorgrad.policies import LocalGaussians, split, trainable
@@ -70,8 +72,8 @@ class IndexedAgent(Agent):
     but for limits of log-widths, within which a unit is put back when it is touched or caught up with.
 
     **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that
-    does not see the observation, steps at every decision by `sgd`, no metric and no growth; and `index`, what is
-    neglected and when tables are made (`SpatialIndex`).
+    does not see the observation, steps at every decision by `sgd`, no metric, growth, average or entropy bonus; and
+    `index`, what is neglected and when tables are made (`SpatialIndex`).
 
     Tables are made outside compiled code. Where `due` says so, `refresh` must come before the next `act`, which takes
     as many uniforms as the table has room for; and `publish` brings the policy up to date, for others to read.
@@ -85,12 +87,14 @@ class IndexedAgent(Agent):
         estimator = self.estimator
         traced = isinstance(estimator.trace, Exponential | Episodic)
         check(traced, "trace", estimator.trace, "Exponential or Episodic where units are indexed")
-        scalar = not isinstance(estimator.baseline, InputBaseline)
+        scalar = isinstance(estimator.baseline, Baseline)
         check(scalar, "baseline", estimator.baseline, "one that does not see the observation where units are indexed")
         check(estimator.online, "improve", estimator.improve, "1, at every decision, where units are indexed")
         check(isinstance(self.ascent, sgd), "ascent", self.ascent, "sgd where units are indexed")
         check(self.metric is None, "metric", self.metric, "None where units are indexed")
         check(self.growth is None, "growth", self.growth, "None where units are indexed")
+        check(self.average is None, "average", self.average, "None where units are indexed")
+        check(estimator.entropy == 0, "entropy", estimator.entropy, "0 where units are indexed")
 
     @property
     def decay(self) -> float:

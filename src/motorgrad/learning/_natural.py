@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group, check_groups
+from motorgrad.learning._schedule import Annealed, check_schedule
 from motorgrad.policies import Policy, trainable
 
 P = TypeVar("P", bound=Policy)
@@ -48,6 +49,9 @@ class FisherMetric:
       left out have 0), each a number or an array that broadcasts to the field. In the units of $F$, one over the square
       of the parameter's. It bounds the step along parameters that the actions hardly depend on.
     - `initial` $\ge 0$, in the same units.
+    - `kl` $\ge 0$, in nats: `None`, or how far one step of the parameters may take the policy, all units together. A
+      step $\Delta$ of larger $\frac12 \Delta' F \Delta$, which to second order is the mean Kullback-Leibler divergence
+      of the old policy from the new, is shortened to it, after the ascent rule. A number, or one that is `Annealed`.
 
     A parameter with neither information nor damping does not move. A matrix that is singular otherwise is inverted with
     as much damping, relative to its own diagonal, as rounding errors are worth, so that nothing is infinite.
@@ -59,11 +63,14 @@ class FisherMetric:
     rate: float = 1e-3
     damping: float | Mapping[str, Any] = 0.01
     initial: float = 1.0
+    kl: float | Annealed | None = None
 
     def __post_init__(self) -> None:
         check(0 < self.rate <= 1, "rate", self.rate, "in (0, 1]")
         check_groups("damping" if isinstance(self.damping, Mapping) else "", "damping", self.damping)
         check(0 <= self.initial < math.inf, "initial", self.initial, "a finite number of at least 0")
+        if self.kl is not None:
+            check_schedule("kl", self.kl)
 
     def init(self, policy: Policy) -> FisherState:
         """The state before any decision."""
@@ -90,6 +97,19 @@ class FisherMetric:
         r"""$(F + \operatorname{diag}\,d)^{-1} g$, in the structure of the gradient."""
         parts = zip(state.fisher, state.damping, policy.blocks(gradient), strict=True)
         return policy.from_blocks(tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
+
+    def bounded(self, state: FisherState, policy: P, step: P, limit: Float[Array, ""]) -> P:
+        """A step of the parameters, shortened where its divergence would be above the `limit`, in nats."""
+        blocks = policy.blocks(step)
+        longest = jnp.max(jnp.stack([jnp.max(jnp.abs(block), initial=0) for block in blocks]))
+        longest = jnp.where(longest > 0, longest, 1)  # in units of which no square overflows
+        parts = zip(state.fisher, blocks, strict=True)
+        terms = [jnp.sum((f * (s / longest)[:, None, :]).sum(-1) * (s / longest)) for f, s in parts]
+        divergence = 0.5 * sum(terms, start=jnp.zeros(()))
+        some = divergence > 0
+        most = jnp.sqrt(limit / jnp.where(some, divergence, 1)) / longest
+        factor = jnp.where(some, jnp.minimum(most, 1), 1)
+        return jax.tree.map(lambda x: (factor * x).astype(x.dtype), step)
 
 
 def _identities(block: Float[Array, "units parameters"], scale: float) -> Float[Array, "units parameters parameters"]:

@@ -66,7 +66,9 @@ class BinaryUnits(Policy):
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         p = self.prob(observation)
-        return -jnp.sum(xlogy(p, p) + xlog1py(1 - p, -p))
+        unsure = (p > 0) & (p < 1)
+        p = jnp.where(unsure, p, 0.5)  # the slope of a unit that is sure is 0, and no number by the formula
+        return -jnp.sum(jnp.where(unsure, xlogy(p, p) + xlog1py(1 - p, -p), 0))
 
     def enumerate(self) -> Float[Array, "actions units"]:
         """All $2^N$ firing patterns; the last unit's bit changes fastest."""

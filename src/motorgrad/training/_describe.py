@@ -4,27 +4,39 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from motorgrad import policies
 from motorgrad._settings import table
-from motorgrad.learning import Agent, Growth, IndexedAgent, adam, decayed, sgd
+from motorgrad.learning import Agent, Annealed, Growth, IndexedAgent, adam, decayed, sgd
 
 
 def describe_agent(agent: Agent, policy: policies.Policy) -> dict[str, Any]:
     """An agent as a table: enough to tell two apart, and to rebuild the policy's structure."""
     estimator = table(agent.estimator)
     for part in ("trace", "baseline"):
-        estimator[part] = {"kind": type(getattr(agent.estimator, part)).__name__, **estimator[part]}
+        estimator[part] = _part(getattr(agent.estimator, part))
+    if agent.estimator.entropy == 0:
+        del estimator["entropy"]
     metric = {} if agent.metric is None else {"metric": {"kind": type(agent.metric).__name__, **_fields(agent.metric)}}
     return {
         "policy": policies.describe(policy),
         "estimator": estimator,
         "ascent": _rule(agent.ascent, policy),
         **metric,
+        **({} if agent.average is None else {"average": table(agent.average)}),
         **({} if agent.growth is None else {"growth": _growth(agent.growth)}),
         **({"index": table(agent.index)} if isinstance(agent, IndexedAgent) else {}),
     }
+
+
+def _part(part: Any) -> dict[str, Any]:
+    """A part of the learner by its kind and its settings, those that are parts themselves likewise."""
+    inner = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    told = {name: _part(value) for name, value in inner.items() if dataclasses.is_dataclass(value)}
+    return {"kind": type(part).__name__, **table(part), **told}
 
 
 def _growth(growth: Growth) -> dict[str, Any]:
@@ -41,10 +53,13 @@ def _rule(rule: Any, policy: policies.Policy) -> dict[str, Any]:
 
 
 def _fields(part: Any) -> dict[str, Any]:
-    return {field.name: _numbers(getattr(part, field.name)) for field in dataclasses.fields(part)}
+    given = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    return {name: _numbers(value) for name, value in given.items() if value is not None}
 
 
 def _numbers(rate: Any) -> Any:
+    if isinstance(rate, Annealed):
+        return table(rate)
     return {name: _numbers(value) for name, value in rate.items()} if isinstance(rate, Mapping) else _listed(rate)
 
 
@@ -54,8 +69,6 @@ def _listed(value: Any) -> Any:
 
 def _first_steps(rule: Any, policy: policies.Policy) -> list[str]:
     """What a rule makes of a few gradients: optax keeps its constants to itself, but most of them tell here."""
-    import jax
-    import jax.numpy as jnp
 
     def fill(value: float) -> Any:
         return policies.trainable(jax.tree.map(lambda leaf: jnp.full(leaf.shape, value, leaf.dtype), policy))
@@ -69,6 +82,4 @@ def _first_steps(rule: Any, policy: policies.Policy) -> list[str]:
 
 
 def _shape_of(rule: Any, policy: policies.Policy) -> Any:
-    import jax
-
     return jax.tree.structure(jax.eval_shape(rule.init, policies.trainable(policy)))

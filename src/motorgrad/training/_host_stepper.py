@@ -83,7 +83,7 @@ class HostStepper(Stepper):
         return jax.tree.map(np.array, look)
 
     def policies(self) -> Policy:
-        return jax.tree.map(np.array, self._unpack(self._cycles).agent.policy)
+        return jax.tree.map(np.array, self.cycle.agent.kept(self._unpack(self._cycles).agent))
 
     def use(self, policies: Policy, memory: Any = None) -> None:
         cycles = self._unpack(self._cycles)

@@ -29,7 +29,8 @@ class Run:
     - `config`: the effective configuration, as in `config.toml`.
     - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
     - `metrics`: a table of records (`docs/training.md` has its columns).
-    - `policies`: the policies of all seeds, stacked along a leading axis; `initial`, the same before learning.
+    - `policies`: the policies of all seeds, stacked along a leading axis, of averaged parameters where the learner has
+      a `WeightAverage`; `initial`, the same before learning.
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
       `Gpomdp`, the estimate itself. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
@@ -146,7 +147,8 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     if (learner := directory.learner()) is None:
         raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; going on with training puts it back")
     shapes = rebuild(learner["policy"])
-    policies, initial = _filled(shapes, arrays, "cycle.agent.policy."), _filled(shapes, directory.initial())
+    average = {name.replace(".average.mean.", ".policy."): array for name, array in arrays.items()}
+    policies, initial = _filled(shapes, average, "cycle.agent.policy."), _filled(shapes, directory.initial())
     metrics = directory.metrics()
     metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
     mean = "cycle.agent.gradient.mean."

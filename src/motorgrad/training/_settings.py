@@ -9,6 +9,7 @@ from motorgrad._errors import check, choice, unknown
 from motorgrad._settings import as_hinted, build
 from motorgrad.learning import (
     Agent,
+    Annealed,
     Baseline,
     BinnedBaseline,
     Clock,
@@ -16,20 +17,25 @@ from motorgrad.learning import (
     Episodic,
     Estimator,
     Exponential,
+    Features,
     FisherMetric,
     FixedStep,
     Growth,
     IndexedAgent,
     InputBaseline,
     LaggedGaussian,
+    LeastSquares,
     LinearBaseline,
+    LinearCritic,
     MeanReward,
     NoBaseline,
     Plateau,
     RootMeanSquare,
     SpatialIndex,
+    TemporalDifference,
     Trace,
     Visited,
+    WeightAverage,
     Window,
     adam,
     decayed,
@@ -69,11 +75,27 @@ class AgentSettings:
     - `baseline_low`: the lower bound of the binned baseline, in units of the observed number.
     - `baseline_high`: the upper bound of the binned baseline, in units of the observed number.
     - `baseline_bins`: number of bins of the binned baseline.
+    - `critic`: none; or a linear critic, learnt by TD(λ) or by recursive least squares, whose temporal differences take
+      the place of rewards above the baseline.
+    - `critic_discount`: none for the differential values of the average reward, or the γ of discounted ones. For
+      generalised advantages the trace's `decay` is γλ.
+    - `critic_decay`: the λ of the critic's own trace.
+    - `critic_squares`: whether the critic sees the squares of the inputs too.
+    - `critic_actions`: whether the critic sees the previous action too.
+    - `critic_bias`: whether the critic has a constant too.
+    - `critic_rate`: the step of TD(λ); of least squares, one over its memory in decisions; by default 0.01 and 0.001.
+    - `critic_level_rate`: of the mean of rewards with TD(λ), one over its memory in rewards.
+    - `critic_initial`: what the diagonal of the least squares starts from.
+    - `critic_damping`: what is added to that diagonal.
+    - `critic_interval` (decisions): from one solution of the least squares to the next.
     - `advantages`: rewards above the baseline as they are, or divided by their running root mean square.
     - `advantage_rate`: of that running mean, per reward.
     - `discount`: none for the average reward, or γ for the discounted return of an episode.
     - `improve`: samples per step, `"episode"` or `"never"`; by default the estimator's own.
     - `batch`: whether a step of several samples uses their mean or their sum.
+    - `entropy`: what a nat of the policy's entropy is worth in reward, or in normalised advantages.
+    - `entropy_end`: what it is worth in the end, if that is another.
+    - `entropy_steps` (steps of the parameters): after how many it is.
     - `ascent`: how a gradient sample moves the parameters.
     - `rate`: the step size of all parameters.
     - `rates`: the step size of each group of parameters, by name, in place of `rate`.
@@ -84,6 +106,12 @@ class AgentSettings:
     - `metric_initial`: what the Fisher matrix's diagonal starts from.
     - `damping`: what is added to the diagonal of every Fisher matrix.
     - `dampings`: the damping of each group of parameters, by name, in place of `damping`; those left out have none.
+    - `metric_kl` (nats): how far one step of the parameters may take the policy, all units together, if not any way.
+    - `metric_kl_end` (nats): how far in the end, if that is another.
+    - `metric_kl_steps` (steps of the parameters): after how many.
+    - `average`: whether the policy that is kept has the mean of the last parameters, in place of the last.
+    - `average_start` (steps of the parameters): how many are left out of that mean.
+    - `average_rate`: one over its memory in steps of the parameters; 0 forgets none.
     - `growth`: a policy of one size, or units that are added one by one, by the clock or where the reward is flat.
     - `growth_units`: with how many units growth is complete; by default all of the policy's.
     - `growth_interval` (decisions): from one unit to the next, by the clock.
@@ -120,11 +148,25 @@ class AgentSettings:
     baseline_low: float = 0.0
     baseline_high: float = 1.0
     baseline_bins: int = 10
+    critic: Literal["none", "td", "least-squares"] = "none"
+    critic_discount: float | None = None
+    critic_decay: float = 0.9
+    critic_squares: bool = False
+    critic_actions: bool = False
+    critic_bias: bool = True
+    critic_rate: float | None = None
+    critic_level_rate: float = 1e-3
+    critic_initial: float = 1.0
+    critic_damping: float = 1e-3
+    critic_interval: int = 100
     advantages: Literal["plain", "normalised"] = "plain"
     advantage_rate: float = 1e-3
     discount: float | None = None
     improve: int | Literal["episode", "never"] | None = None
     batch: Literal["mean", "sum"] = "mean"
+    entropy: float = 0.0
+    entropy_end: float | None = None
+    entropy_steps: int = 1000
     ascent: Literal["sgd", "adam"] = "sgd"
     rate: float = 1e-3
     rates: Mapping[str, float] | None = None
@@ -135,6 +177,12 @@ class AgentSettings:
     metric_initial: float = 1.0
     damping: float = 0.01
     dampings: Mapping[str, float] | None = None
+    metric_kl: float | None = None
+    metric_kl_end: float | None = None
+    metric_kl_steps: int = 1000
+    average: bool = False
+    average_start: int = 0
+    average_rate: float = 0.0
     growth: Literal["none", "clock", "plateau"] = "none"
     growth_units: int | None = None
     growth_interval: int = 10_000
@@ -157,16 +205,22 @@ class AgentSettings:
         choice("estimator", self.estimator, ESTIMATORS)
         choice("trace", self.trace, ("exponential", "episodic", "window", "lagged-gaussian"))
         choice("baseline", self.baseline, ("default", "mean", "fixed-step", "constant", "none", "linear", "binned"))
+        choice("critic", self.critic, ("none", "td", "least-squares"))
         choice("advantages", self.advantages, ("plain", "normalised"))
         choice("ascent", self.ascent, ("sgd", "adam"))
         choice("metric", self.metric, ("euclidean", "fisher"))
         choice("growth", self.growth, ("none", "clock", "plateau"))
         choice("growth_placement", self.growth_placement, ("centre", "visited"))
+        alone = self.critic == "none" or self.baseline == "default"
+        check(alone, "baseline", self.baseline, "'default' beside a critic, which takes its place")
+        limited = self.metric_kl is None or self.metric != "euclidean"
+        check(limited, "metric_kl", self.metric_kl, "none unless metric = 'fisher'")
         self._start()
         # making them refuses impossible numbers at once
         self.estimate()
         self.rule()
         self.measure()
+        self.mean()
         self._check_growth()
         self.look_up()
 
@@ -191,11 +245,13 @@ class AgentSettings:
         }
         trace: Trace = traces[self.trace]()
         kind = named["baseline"] if self.baseline == "default" else self.baseline
-        baseline: Baseline | InputBaseline = _named("baseline", baselines[kind])
+        critic = self._critic()
+        baseline: Baseline | InputBaseline | LinearCritic = critic or _named("baseline", baselines[kind])
         improve = named["improve"] if self.improve is None else self.improve
         normal = self.advantages == "normalised"
         scale = _named("advantage", lambda: RootMeanSquare(self.advantage_rate)) if normal else None
-        return Estimator(trace, baseline, self.discount, improve, self.batch, scale)
+        entropy = _schedule("entropy", self.entropy, self.entropy_end, self.entropy_steps)
+        return Estimator(trace, baseline, self.discount, improve, self.batch, scale, entropy or 0.0)
 
     def rule(self) -> Any:
         """The ascent rule that the settings stand for."""
@@ -205,10 +261,15 @@ class AgentSettings:
 
     def measure(self) -> FisherMetric | None:
         """The metric that the settings stand for."""
+        limit = _schedule("metric_kl", self.metric_kl, self.metric_kl_end, self.metric_kl_steps)
         if self.metric == "euclidean":
             return None
         damping = self.damping if self.dampings is None else self.dampings
-        return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial))
+        return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial, limit))
+
+    def mean(self) -> WeightAverage | None:
+        """The average of the parameters that the settings stand for."""
+        return _named("average", lambda: WeightAverage(self.average_start, self.average_rate)) if self.average else None
 
     def grow(self) -> Growth | None:
         """The schedule of growth that the settings stand for."""
@@ -243,9 +304,25 @@ class AgentSettings:
         check(
             (self.growth_units or 1) <= size, "growth_units", self.growth_units, f"at most the policy's units, {size}"
         )
-        parts = (self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow())
+        parts = (self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow(), self.mean())
         index = self.look_up()
         return Agent(*parts) if index is None else IndexedAgent(*parts, index=index)
+
+    def _critic(self) -> LinearCritic | None:
+        """The critic that the settings stand for."""
+        if self.critic == "none":
+            return None
+        rate = {} if self.critic_rate is None else {"rate": self.critic_rate}
+
+        def make() -> LinearCritic:
+            fit: TemporalDifference | LeastSquares = TemporalDifference(**rate, level_rate=self.critic_level_rate)
+            if self.critic == "least-squares":
+                means = LeastSquares(**rate, interval=self.critic_interval)
+                fit = dataclasses.replace(means, initial=self.critic_initial, damping=self.critic_damping)
+            features = Features(self.critic_squares, self.critic_actions, self.critic_bias)
+            return LinearCritic(features, self.critic_discount, self.critic_decay, fit)
+
+        return _named("critic", make)
 
     def _check_growth(self) -> None:
         """Refuse, by the settings' own names, what is impossible, and growth without the policy for it."""
@@ -308,6 +385,18 @@ def settled(settings: AgentSettings, own: AgentSettings) -> AgentSettings:
         if getattr(settings, one) != getattr(own, one) and getattr(settings, f"{one}s") == getattr(own, f"{one}s")
     }
     return dataclasses.replace(settings, **dropped)
+
+
+def _schedule(name: str, start: float | None, end: float | None, steps: int) -> float | Annealed | None:
+    """The number that a setting, and those of its end, stand for."""
+    if end is None or start is None:
+        check(end is None, f"{name}_end", end, f"none where there is no {name}")
+        return start
+    try:
+        return Annealed(start, end, steps)
+    except ValueError as error:
+        told = str(error)
+        raise ValueError(name + told.removeprefix("start") if told.startswith("start") else f"{name}_{told}") from None
 
 
 def _named(prefix: str, make: Callable[[], P]) -> P:

@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from motorgrad.learning import Agent, AgentState, Episodic, Estimator
+from motorgrad.learning import Agent, AgentState, Episodic, Estimator, LinearCritic
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
@@ -110,10 +110,13 @@ def validate(task: Task, policy: Policy) -> None:
 
 def validate_episodes(task: Task, estimator: Estimator) -> None:
     """Refuse an estimator that waits for the ends of episodes on a task that has none."""
+    critic = estimator.baseline
+    whole = isinstance(critic, LinearCritic) and (critic.discount == 1 or critic.ahead * critic.decay == 1)
     needs = {
         "trace = Episodic()": isinstance(estimator.trace, Episodic),
         "improve = 'episode'": estimator.improve == "episode",
         f"discount = {estimator.discount}": estimator.discount is not None,
+        "critic: discount = 1, or decay = 1 for the average reward": whole,
     }
     for setting, needed in needs.items():
         if needed and not task.has_episodes:

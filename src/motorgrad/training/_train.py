@@ -211,7 +211,7 @@ class _Training:
             self.config,
             stepper.decision,
             pa.table({}) if metrics is None else metrics,
-            learner.policy,
+            self.stepper.policies(),
             self.initial,
             estimate,
             path,

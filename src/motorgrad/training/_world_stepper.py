@@ -60,7 +60,7 @@ class WorldStepper(Stepper):
         return seeds_first(look)
 
     def policies(self) -> Policy:
-        return seeds_first(self._carry[0].agent.policy)
+        return seeds_first(self.cycle.agent.kept(self._carry[0].agent))
 
     def use(self, policies: Policy, memory: Any = None) -> None:
         cycle, world = self._carry

@@ -66,6 +66,39 @@ def biased_gradient(mdp: FiniteMDP, policy: P, decay: float) -> P:
     return _contract(mdp, policy, _stationary(matrix), _quality(mdp, policy, matrix, decay))
 
 
+def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Float[np.ndarray, " states"]:
+    r"""What each state is worth: $(I - \gamma P)^{-1} r$ by `discount` $\gamma \in [0, 1)$; by `None` the differential
+    value of the average reward, $[I - P + e\pi']^{-1} (r - \eta e)$, of which the stationary mean is 0."""
+    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
+    if discount is not None:
+        check(0 <= discount < 1, "discount", discount, "in [0, 1)")
+        return np.linalg.solve(np.eye(mdp.states) - discount * matrix, rewards)
+    pi = _stationary(matrix)
+    return np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
+
+
+def critic_gradient(
+    mdp: FiniteMDP, policy: P, critic: Float[np.ndarray, " states"], decay: float, discount: float | None = None
+) -> P:
+    r"""What a trace of `decay` $\beta$ estimates with the temporal differences of a `critic` $v$ for advantages:
+
+    $$\pi'\,\nabla P\,\big[r + \gamma v + \beta\,(I - \beta P)^{-1} \bar\delta\big], \qquad
+    \bar\delta = r - \rho + \gamma P v - v$$
+
+    (rewards as a function of where an action leads), by `discount` $\gamma$, or for the average reward with
+    $\gamma = 1$ and $\rho = \eta$. With exact values $\bar\delta = 0$: it is then the same for every decay.
+    """
+    check(0 <= decay < 1, "decay", decay, "in [0, 1)")
+    check(discount is None or 0 <= discount <= 1, "discount", discount, "None or in [0, 1]")
+    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
+    pi, ahead = _stationary(matrix), 1.0 if discount is None else discount
+    level = pi @ rewards if discount is None else 0.0
+    error = rewards - level + ahead * matrix @ critic - critic
+    later = np.linalg.solve(np.eye(mdp.states) - decay * matrix, error)
+    quality = mdp.expected_rewards + mdp.transitions @ (ahead * critic + decay * later)
+    return _contract(mdp, policy, pi, quality)
+
+
 def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters parameters"]:
     r"""The Fisher matrix $\sum_s \pi_s \sum_a \pi(a \mid s)\,\nabla\log\pi\,(\nabla\log\pi)'$, rows as in `flat`.
 

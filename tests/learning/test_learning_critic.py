@@ -1,0 +1,352 @@
+"""Linear critics: against exact values, the textbook recursion, and the exact gradients that they lead to."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from motorgrad.learning import (
+    Agent,
+    Estimator,
+    Exponential,
+    Features,
+    Gae,
+    IndexedAgent,
+    LeastSquares,
+    LinearCritic,
+    TemporalDifference,
+    sgd,
+)
+from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
+from motorgrad.tasks import CallAdmission, Chain, ThreeState
+from motorgrad.training import settings_for, stepper_of
+from motorgrad.worlds import FiniteMDP, oracle
+from motorgrad.worlds.oracle import critic_gradient, flat, values
+
+POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
+CHAIN_POINT = Softmax(np.array([[0.3, -0.2, 0.1, 0.0], [0.0, 0.4, 0.2, 0.0]]))
+CALLS = CallAdmission(capacity=3)
+
+
+@dataclasses.dataclass(frozen=True)
+class Which:
+    """Features that tell the states of an MDP apart: 1 for the one that looks like what is seen."""
+
+    mdp: FiniteMDP
+
+    def __call__(self, observation, previous):
+        apart = jnp.sum(jnp.abs(jnp.asarray(self.mdp.observations, observation.dtype) - observation), axis=1)
+        return (apart < 1e-5).astype(observation.dtype)
+
+
+TASKS = {"three states": (ThreeState(), POINT), "chain": (Chain(length=4), CHAIN_POINT)}
+FITS = {
+    "least squares": LeastSquares(rate=0.0, damping=1e-6, interval=50),
+    "temporal differences": TemporalDifference(0.01, level_rate=0.0),
+}
+
+
+def learnt(task, policy, critic, decisions, seeds=40):
+    """The critics of many seeds at a fixed policy."""
+    stepper = stepper_of(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(seeds))
+    stepper.advance(decisions)
+    return stepper.state["cycle"].agent
+
+
+def check_exact(weights, exact, centred, tolerance):
+    """The mean of many critics is the exact one, but for a constant where values are differential."""
+    weights = weights - weights.mean(1, keepdims=True) if centred else weights
+    exact = exact - exact.mean() if centred else exact
+    spread = weights.std(0) / np.sqrt(len(weights))
+    scale = np.abs(exact).max()
+    assert spread.max() < 0.05 * scale  # sharp enough for a bias to show
+    np.testing.assert_array_less(np.abs(weights.mean(0) - exact), 4 * spread + tolerance * scale)
+
+
+@pytest.mark.parametrize("discount", [None, 0.8])
+@pytest.mark.parametrize("decay", [0.0, 0.7])
+@pytest.mark.parametrize("fit", FITS)
+@pytest.mark.parametrize("name", TASKS)
+def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, decay, discount):
+    task, policy = TASKS[name]
+    critic = LinearCritic(Which(task.dynamics), discount, decay, FITS[fit])
+    seeds = 400 if isinstance(critic.fit, TemporalDifference) else 40  # the noisier one
+    weights = np.asarray(learnt(task, policy, critic, 20_000, seeds).baseline.weights, float)
+    check_exact(weights, values(task.dynamics, policy, discount), discount is None, 0.01)
+
+
+def test_inputs_and_a_constant_tell_three_states_apart():
+    critic = LinearCritic(Features(), 0.8, 0.5, LeastSquares(0.0, damping=1e-7, interval=100))
+    weights = np.asarray(learnt(ThreeState(), POINT, critic, 20_000).baseline.weights, float)
+    seen = np.c_[ThreeState().dynamics.observations, np.ones(3)]
+    check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_critic_that_cannot_tell_states_apart_ends_at_the_fixed_point(fit):
+    """Of 80 states it sees 16: the weights are those of Tsitsiklis and Van Roy (1997), whose error is not 0."""
+    mdp, policy = CALLS.dynamics, Hyperplanes(np.full((1, CALLS.observation_size), 0.5), np.zeros(1))
+    discount, decay = 0.9, 0.5
+    pay = np.einsum("sa,as->s", oracle.action_probabilities(mdp, policy), mdp.expected_rewards)
+    matrix, pi = oracle.transition_matrix(mdp, policy), oracle.stationary_distribution(mdp, policy)
+    seen = np.c_[mdp.observations, np.ones(mdp.states)]
+    later = seen.T @ np.diag(pi) @ np.linalg.inv(np.eye(mdp.states) - discount * decay * matrix)
+    wanted = np.linalg.solve(later @ (seen - discount * matrix @ seen), later @ pay)
+    assert np.abs(seen @ wanted - values(mdp, policy, discount)).max() > 0.1
+    critic = LinearCritic(Features(), discount, decay, FITS[fit])
+    check_exact(np.asarray(learnt(CALLS, policy, critic, 20_000).baseline.weights, float), wanted, False, 0.02)
+
+
+def test_the_exact_values_solve_their_equations():
+    mdp = ThreeState().dynamics
+    matrix, pi = oracle.transition_matrix(mdp, POINT), oracle.stationary_distribution(mdp, POINT)
+    v, eta = values(mdp, POINT), oracle.average_reward(mdp, POINT)
+    pay = np.einsum("sa,as->s", oracle.action_probabilities(mdp, POINT), mdp.expected_rewards)
+    np.testing.assert_allclose(v, pay - eta + matrix @ v, atol=1e-12)
+    assert pi @ v == pytest.approx(0, abs=1e-12)
+    assert values(mdp, POINT, 0.9)[mdp.start] == pytest.approx(oracle.discounted_return(mdp, POINT, 0.9), abs=1e-12)
+    with pytest.raises(ValueError, match="discount = 1"):
+        values(mdp, POINT, 1.0)
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5, 0.95])
+def test_with_exact_values_every_trace_leads_to_the_exact_gradient(decay):
+    mdp = ThreeState().dynamics
+    exact = flat(critic_gradient(mdp, POINT, values(mdp, POINT), decay))
+    np.testing.assert_allclose(exact, flat(oracle.gradient(mdp, POINT)), atol=1e-12)
+    discounted = flat(critic_gradient(mdp, POINT, values(mdp, POINT, 0.9), decay, 0.9))
+    np.testing.assert_allclose(discounted, flat(oracle.biased_gradient(mdp, POINT, 0.9)), atol=1e-12)
+
+
+def test_a_trace_of_the_discount_forgives_any_critic():
+    mdp, wrong = ThreeState().dynamics, np.array([3.0, -1.0, 0.5])
+    forgiven = flat(critic_gradient(mdp, POINT, wrong, 0.9, 0.9))
+    np.testing.assert_allclose(forgiven, flat(oracle.biased_gradient(mdp, POINT, 0.9)), atol=1e-12)
+
+
+# (critic's weights by state, λ): with γ = .8, what generalised advantages estimate
+ADVANTAGES = {
+    "right, λ = 0": (None, 0.0),
+    "wrong, λ = ½": ([1.0, -1.0, 0.5], 0.5),
+    "wrong, λ = 1": ([1.0, -1.0, 0.5], 1.0),
+}
+
+
+@pytest.mark.parametrize("name", ADVANTAGES)
+def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
+    mdp, (given, decay) = ThreeState().dynamics, ADVANTAGES[name]
+    exact = values(mdp, POINT, 0.8)
+    given = exact if given is None else np.array(given)
+    critic = LinearCritic(Which(mdp), 0.8, 0.0, TemporalDifference(0.0))
+    stepper = stepper_of(ThreeState(), Agent(POINT, Gae(critic, decay, "never")), range(400))
+    state = stepper.state
+    agent = state["cycle"].agent
+    weights = np.tile(np.float32(given), (400, 1))
+    agent = agent._replace(baseline=agent.baseline._replace(weights=weights))
+    stepper.restore({**state, "cycle": state["cycle"]._replace(agent=agent)})
+    stepper.advance(4_800)
+    found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(400, -1)
+    wanted = flat(critic_gradient(mdp, POINT, given, 0.8 * decay, 0.8))
+    error = found.std(0) / 20
+    assert np.linalg.norm(error) < 0.05 * np.linalg.norm(wanted)
+    np.testing.assert_array_less(np.abs(found.mean(0) - wanted), 4 * error + 2e-3 * np.linalg.norm(wanted))
+    biased = flat(oracle.biased_gradient(mdp, POINT, 0.8))
+    off = np.linalg.norm(wanted - biased) / np.linalg.norm(biased)
+    assert (off > 0.1) == (name == "wrong, λ = ½")  # the bias is there to be seen, or is none
+
+
+def test_a_learnt_critic_makes_the_estimate_without_a_trace_exact():
+    task, mdp = Chain(length=4), Chain(length=4).dynamics
+    critic = LinearCritic(Which(mdp), None, 0.0, LeastSquares(0.0, damping=1e-6, interval=20))
+    stepper = stepper_of(task, Agent(CHAIN_POINT, Gae(critic, 0.0, "never")), range(400))
+    stepper.advance(4_800)
+    found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(400, -1)
+    exact = flat(oracle.gradient(mdp, CHAIN_POINT))
+    error = found.std(0) / 20
+    assert np.linalg.norm(error) < 0.05 * np.linalg.norm(exact)
+    # 2 % for what the critic did not know at first
+    np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * error + 0.02 * np.linalg.norm(exact))
+    plain = flat(oracle.biased_gradient(mdp, CHAIN_POINT, 0.0))
+    assert np.linalg.norm(plain - exact) > 0.8 * np.linalg.norm(exact)  # as it would be without a critic
+
+
+def follow(critic, policy, steps, dtype=jnp.float64):
+    """A critic after decisions (observation, action, reward, next observation, terminated), and its errors."""
+    with jax.enable_x64(True):
+        state, errors = critic.init(dtype, policy), []
+        for y, action, reward, after, terminated in steps:
+            state = critic.see(state, jnp.asarray(y, dtype))
+            told = (jnp.asarray(action), jnp.asarray(reward, dtype), jnp.asarray(after, dtype), terminated)
+            error, state = critic.follow(state, policy, *told)
+            errors.append(float(error))
+        return jax.tree.map(np.asarray, state), errors
+
+
+def random_steps(count, inputs=2):
+    rng = np.random.default_rng(0)
+    seen, rewards = rng.normal(size=(100, inputs)), rng.normal(size=100)
+    return [(seen[t], t % 2, rewards[t], seen[t + 1], False) for t in range(count)]
+
+
+def test_least_squares_are_those_of_the_recursion_by_rank_one_updates():
+    discount, decay, initial = 0.9, 0.6, 2.0
+    critic = LinearCritic(Features(), discount, decay, LeastSquares(0.0, initial, 0.0, interval=1))
+    steps = random_steps(30)
+    state, errors = follow(critic, POINT, steps)
+    inverse, weights, trace = np.eye(3) / initial, np.zeros(3), np.zeros(3)
+    for (y, _, reward, after, _), error in zip(steps, errors, strict=True):
+        change = np.append(y, 1) - discount * np.append(after, 1)
+        trace = discount * decay * trace + np.append(y, 1)
+        surprise = reward - change @ weights
+        assert surprise == pytest.approx(error, abs=1e-9)
+        gain = inverse @ trace / (1 + change @ inverse @ trace)
+        weights = weights + gain * surprise
+        inverse = inverse - np.outer(gain, change @ inverse)
+    np.testing.assert_allclose(state.weights, weights, atol=1e-9)
+
+
+def test_least_squares_forget_by_their_rate():
+    critic = LinearCritic(Features(bias=False), 0.5, 0.0, LeastSquares(0.5, 1.0, 0.0, interval=1))
+    state, _ = follow(critic, POINT, steps := random_steps(6))
+    matrix, pay = np.eye(2), np.zeros(2)
+    for y, _, reward, after, _ in steps:  # max(1/(n + 1), ½) = ½ throughout
+        matrix, pay = (matrix + np.outer(y, y - 0.5 * after)) / 2, (pay + y * reward) / 2
+    np.testing.assert_allclose(state.weights, np.linalg.solve(matrix, pay), atol=1e-9)
+
+
+def test_the_interval_is_when_the_weights_move():
+    critic = LinearCritic(Features(), 0.5, 0.0, LeastSquares(interval=4))
+    moved = [np.abs(follow(critic, POINT, random_steps(n))[0].weights).max() > 0 for n in (3, 4)]
+    assert moved == [False, True]
+    after = [follow(critic, POINT, random_steps(n))[0].weights for n in (4, 7, 8)]
+    np.testing.assert_array_equal(after[0], after[1])
+    assert not np.array_equal(after[1], after[2])
+
+
+def test_temporal_differences_are_suttons():
+    rate, decay = 0.1, 0.6
+    critic = LinearCritic(Features(), None, decay, TemporalDifference(rate, 0.0))
+    state, errors = follow(critic, POINT, steps := random_steps(10))
+    weights, trace, rewards = np.zeros(3), np.zeros(3), [0.0]
+    for (y, _, reward, after, _), error in zip(steps, errors, strict=True):
+        trace = decay * trace + np.append(y, 1)
+        surprise = reward - np.mean(rewards) + weights @ np.append(after, 1) - weights @ np.append(y, 1)
+        assert surprise == pytest.approx(error, abs=1e-12)
+        weights, rewards = weights + rate * surprise * trace, [*(rewards if rewards != [0.0] else []), reward]
+    np.testing.assert_allclose(state.weights, weights, atol=1e-12)
+
+
+def test_a_terminated_state_is_worth_nothing_and_a_truncated_one_what_the_critic_says():
+    critic = LinearCritic(Features(), 0.9, 0.5, TemporalDifference(0.0))
+    agent = Agent(POINT, Estimator(Exponential(0.5), critic))
+    state = agent.init(jax.random.key(0))
+    state = state._replace(baseline=state.baseline._replace(weights=jnp.array([1.0, 2.0, 3.0])))
+    state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
+    after = jnp.array([1.0, -1.0])
+    worth = {}
+    for name, flags in {"goes on": {}, "terminated": {"terminated": True}, "truncated": {"truncated": True}}.items():
+        flags = {key: jnp.asarray(flag) for key, flag in flags.items()}
+        ended = agent.reinforce(state, jnp.float32(1.0), after, **flags)
+        score = state.trace.weights
+        worth[name] = float(jnp.sum(ended.gradient.weights * score) / jnp.sum(score**2))
+        over = name != "goes on"
+        for kept in (ended.baseline.trace, ended.baseline.previous, ended.trace.weights):
+            assert (np.abs(kept).max() == 0) == over
+    assert worth["goes on"] == worth["truncated"] == pytest.approx(1 + 0.9 * 2 - 4, abs=1e-6)
+    assert worth["terminated"] == pytest.approx(1 - 4, abs=1e-6)
+
+
+def test_a_diverged_sample_teaches_nothing():
+    for fit in (TemporalDifference(0.1), LeastSquares(interval=1)):
+        agent = Agent(POINT, Gae(LinearCritic(Features(), 0.9, 0.5, fit), 0.9, 10))
+        state = agent.init(jax.random.key(0))
+        state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
+        nan = jnp.array([jnp.nan, jnp.nan])
+        after = agent.reinforce(state, jnp.float32(jnp.nan), nan, diverged=jnp.asarray(True))
+        after = agent.improve(after, True, jnp.asarray(True))
+        fresh = agent.restart(state)
+        jax.tree.map(np.testing.assert_array_equal, (after.baseline, after.gradient), (fresh.baseline, fresh.gradient))
+
+
+def test_the_previous_action_is_seen():
+    critic = LinearCritic(Features(squares=True, actions=True), 0.9, 0.5, TemporalDifference(0.0))
+    policy = Hyperplanes(np.zeros((3, 2)), np.zeros(3))
+    agent = Agent(policy, Gae(critic))
+    state = agent.init(jax.random.key(0))
+    assert state.baseline.weights.shape == (2 + 2 + 3 + 1,)
+    state, action = agent.act(state, jnp.array([0.5, 2.0]), jnp.array([0.1, 0.9, 0.2]))
+    np.testing.assert_array_equal(action, [1, 0, 1])
+    np.testing.assert_array_equal(state.baseline.features, [0.5, 2.0, 0.25, 4.0, 0, 0, 0, 1])
+    state = agent.reinforce(state, jnp.float32(0.0), jnp.array([3.0, 1.0]))
+    state, _ = agent.act(agent.improve(state), jnp.array([3.0, 1.0]), jnp.zeros(3))
+    np.testing.assert_array_equal(state.baseline.features, [3, 1, 9, 1, 1, 0, 1, 1])
+    discrete = LinearCritic(Features(actions=True, bias=False)).init(jnp.float32, POINT)
+    assert discrete.weights.shape == (2 + 2,)
+
+
+def test_generalised_advantages_are_their_sum():
+    gae, discount, decay = 0.0, 0.9, 0.7
+    critic = LinearCritic(Features(), discount, 0.0, TemporalDifference(0.0))
+    agent = Agent(POINT, Gae(critic, decay, "never"))
+    with jax.enable_x64(True):
+        agent = dataclasses.replace(agent, policy=Softmax(jnp.asarray([[1.0, 1.0], [-1.0, -1.0]], jnp.float64)))
+        state = agent.init(jax.random.key(0))
+        given = jnp.array([1.0, -2.0, 0.5])
+        state = state._replace(baseline=state.baseline._replace(weights=given))
+        rng, seen, scores, errors = np.random.default_rng(1), [], [], []
+        y = rng.normal(size=2)
+        for _ in range(6):
+            after, reward = rng.normal(size=2), rng.normal()
+            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(2)))
+            scores.append(np.asarray(state.policy.score(jnp.asarray(y), action).weights))
+            errors.append(reward + discount * given @ np.append(after, 1) - given @ np.append(y, 1))
+            state = agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after))
+            seen.append(y)
+            y = after
+        for t, score in enumerate(scores):
+            gae += score * sum((discount * decay) ** k * error for k, error in enumerate(errors[t:]))
+        np.testing.assert_allclose(state.gradient.mean.weights, gae / 6, atol=1e-10)
+
+
+def test_a_learner_with_a_critic_finds_the_best_policy():
+    critic = LinearCritic(Features(), None, 0.5, LeastSquares(1e-3, interval=50))
+    agent = Agent(Softmax(jnp.zeros((2, 2))), Gae(critic, 0.5, 50), sgd(0.5))
+    stepper = stepper_of(ThreeState(), agent, range(10))
+    stepper.advance(500_000)
+    earned = [oracle.average_reward(ThreeState().dynamics, Softmax(w)) for w in stepper.policies().weights]
+    assert min(earned) >= 0.799
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: LinearCritic(discount=1.5), "discount = 1.5: must be None or in"),
+        (lambda: LinearCritic(decay=-0.1), "decay = -0.1: must be in"),
+        (lambda: LinearCritic(features=lambda y, a: y), "features = .*: must be a function that is a dataclass"),
+        (lambda: LinearCritic(fit="td"), "fit = 'td': must be a TemporalDifference or LeastSquares"),
+        (lambda: TemporalDifference(-1.0), "rate = -1.0: must be a finite number of at least 0"),
+        (lambda: TemporalDifference(level_rate=2.0), "level_rate = 2.0"),
+        (lambda: LeastSquares(rate=2.0), "rate = 2.0"),
+        (lambda: LeastSquares(initial=0.0), "initial = 0.0"),
+        (lambda: LeastSquares(damping=-1.0), "damping = -1.0"),
+        (lambda: LeastSquares(interval=0), "interval = 0"),
+        (lambda: Gae(LinearCritic(), 1.5), "decay = 1.5"),
+        (
+            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(baseline=LinearCritic())),
+            "baseline = .*: must be one that does not see the observation",
+        ),
+        (lambda: settings_for("three-state", critic="td", critic_rate=-1.0), "critic_rate = -1.0"),
+        (lambda: settings_for("three-state", critic="td", baseline="mean"), "baseline = 'mean': must be 'default'"),
+        (lambda: settings_for("three-state", critic_decay="a"), "critic_decay"),
+        (lambda: settings_for("three-state", critic="tdd"), "did you mean 'td'"),
+        (
+            lambda: stepper_of(ThreeState(), Agent(POINT, Gae(LinearCritic(discount=1.0), 0.5)), [0]),
+            "critic: discount = 1.*needs episodes",
+        ),
+    ],
+)
+def test_what_is_impossible_is_refused_by_name(make, said):
+    with pytest.raises(ValueError, match=said):
+        make()

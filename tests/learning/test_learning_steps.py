@@ -1,0 +1,326 @@
+"""What bounds, spreads and averages the steps of a learner: divergence, entropy, averages of parameters."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from motorgrad.learning import (
+    Agent,
+    Annealed,
+    Clock,
+    Estimator,
+    Exponential,
+    FisherMetric,
+    Gae,
+    Gpomdp,
+    Growth,
+    IndexedAgent,
+    LeastSquares,
+    LinearCritic,
+    MeanReward,
+    NoBaseline,
+    Olgarb,
+    WeightAverage,
+    entropy_gradient,
+    sgd,
+)
+from motorgrad.learning._schedule import at
+from motorgrad.policies import (
+    Factored,
+    Gated,
+    Hyperplanes,
+    LocalGaussians,
+    Masked,
+    Motoneurons,
+    SoftBoxes,
+    Softmax,
+    split,
+    trainable,
+)
+from motorgrad.tasks import Chain, ThreeState, make
+from motorgrad.training import settings_for, stepper_of
+from motorgrad.worlds import oracle
+from motorgrad.worlds._double import double
+
+POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
+
+
+def pools():
+    rng = np.random.default_rng(3)
+    motoneurons = Motoneurons(rng.normal(size=3), rng.normal(size=3))
+    gaussians = LocalGaussians(rng.normal(size=(2, 1)), [[0.3], [0.1]], 0.8)
+    return {
+        "hyperplanes": Hyperplanes(rng.normal(size=(4, 2)), rng.normal(size=4)),
+        "motoneurons": motoneurons,
+        "factored": Factored([motoneurons, gaussians]),
+        "softmax": Softmax(rng.normal(size=(3, 2))),
+    }
+
+
+def divergence(before, after, seen):
+    r"""The mean over what is seen of the exact Kullback-Leibler divergence, in double precision."""
+    with jax.enable_x64(True):
+        before, after = double(before), double(after)
+
+        def one(y):
+            log_p, log_q = (jax.vmap(policy.log_prob, (None, 0))(y, policy.enumerate()) for policy in (before, after))
+            return jnp.sum(jnp.exp(log_p) * (log_p - log_q))
+
+        return float(jnp.mean(jax.vmap(one)(jnp.asarray(seen, jnp.float64))))
+
+
+def measured(policy, seen):
+    """The exact Fisher matrices of a policy over what is seen, as a metric has them."""
+    fisher = [policy.fisher(jnp.asarray(y, jnp.float32), policy.mode(jnp.asarray(y, jnp.float32))) for y in seen]
+    state = FisherMetric(initial=0.0).init(policy)
+    return state._replace(fisher=tuple(jnp.mean(jnp.stack(blocks), axis=0) for blocks in zip(*fisher, strict=True)))
+
+
+@pytest.mark.parametrize("name", pools())
+def test_a_long_step_is_cut_to_the_divergence_that_policies_then_have(name):
+    policy, limit = pools()[name], 1e-4
+    seen = np.random.default_rng(0).normal(size=(20, policy.inputs))
+    vector, build = ravel_pytree(trainable(policy))
+    step = build(jnp.asarray(np.random.default_rng(1).normal(size=vector.size), jnp.float32))
+    cut = FisherMetric().bounded(measured(policy, seen), policy, step, jnp.float32(limit))
+    moved = eqx.combine(eqx.apply_updates(trainable(policy), cut), split(policy)[1])
+    # third order in a step of root 2e-4: some per cent
+    assert divergence(policy, moved, seen) == pytest.approx(limit, rel=0.1)
+    whole, part = ravel_pytree(step)[0], ravel_pytree(cut)[0]
+    np.testing.assert_allclose(part / jnp.linalg.norm(part), whole / jnp.linalg.norm(whole), atol=1e-6)
+
+
+def test_a_step_within_the_limit_is_left_as_it_is():
+    policy = pools()["factored"]
+    seen = np.random.default_rng(0).normal(size=(20, policy.inputs))
+    step = jax.tree.map(lambda p: jnp.full_like(p, 1e-4), trainable(policy))
+    left = FisherMetric().bounded(measured(policy, seen), policy, step, jnp.float32(0.01))
+    jax.tree.map(np.testing.assert_array_equal, left, step)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e30])
+def test_steps_of_any_size_are_cut_without_overflow(size):
+    policy = pools()["hyperplanes"]
+    seen = np.random.default_rng(0).normal(size=(20, policy.inputs))
+    step = jax.tree.map(lambda p: jnp.full_like(p, size), trainable(policy))
+    state, metric = measured(policy, seen), FisherMetric()
+    cut = metric.bounded(state, policy, step, jnp.float32(0.02))
+    (fisher,), (block,) = state.fisher, policy.blocks(cut)
+    worth = 0.5 * np.einsum("ui,uij,uj->", block, fisher, block)
+    assert worth == pytest.approx(0.02 if size else 0.0, rel=1e-4)
+    none = metric.bounded(state, policy, step, jnp.float32(0.0))
+    assert np.abs(ravel_pytree(none)[0]).max() == 0
+
+
+def test_no_step_of_a_learner_is_longer_than_its_limit_and_the_limit_is_annealed():
+    limit, batch = Annealed(1e-3, 1e-4, 4), 40
+    metric = FisherMetric(rate=0.01, damping=0.01, initial=1.0, kl=limit)
+    agent = Agent(Softmax(jnp.zeros((2, 2))), Gae(LinearCritic(), 0.5, batch), sgd(1e3), metric)
+    stepper = stepper_of(ThreeState(), agent, range(3))
+    for n in range(6):
+        before = stepper.policies()
+        stepper.advance(batch)
+        after, state = stepper.policies(), stepper.state["cycle"].agent
+        steps = (after.weights - before.weights).reshape(3, -1)
+        fisher = state.metric.fisher[0][:, 0]
+        worth = 0.5 * np.einsum("si,sij,sj->s", steps, fisher, steps)
+        np.testing.assert_allclose(worth, 1e-3 + (1e-4 - 1e-3) * min(n / 4, 1), rtol=1e-3)
+    assert state.steps.tolist() == [6] * 3
+
+
+@pytest.mark.parametrize("name", [*pools(), "gated", "masked", "boxes"])
+def test_the_entropys_gradient_is_that_of_finite_differences(name):
+    rng = np.random.default_rng(5)
+    unit = Hyperplanes(rng.normal(size=(1, 2)), rng.normal(size=1))
+    more = {
+        "gated": Gated(unit, [unit]),
+        "masked": Masked(LocalGaussians(rng.normal(size=(2, 2)), np.zeros((2, 2)), 0.5), [True, False]),
+        "boxes": SoftBoxes(rng.normal(size=(2, 2)), np.zeros((2, 2)), np.zeros(2)),
+    }
+    with jax.enable_x64(True):
+        policy = double({**pools(), **more}[name])
+        y = jnp.asarray(rng.normal(size=policy.inputs))
+        parameters, settings = split(policy)
+        vector, build = ravel_pytree(parameters)
+        found = np.asarray(ravel_pytree(entropy_gradient(policy, y))[0])
+        actions = policy.enumerate()
+
+        def entropy(v):
+            log_p = jax.vmap(lambda a: eqx.combine(build(v), settings).log_prob(y, a))(actions)
+            return -float(jnp.sum(jnp.where(jnp.isfinite(log_p), jnp.exp(log_p) * log_p, 0)))
+
+        shifts = 1e-6 * np.eye(vector.size)
+        wanted = [(entropy(vector + d) - entropy(vector - d)) / 2e-6 for d in shifts]
+    assert np.abs(wanted).max() > 1e-3
+    np.testing.assert_allclose(found, wanted, atol=1e-7)
+
+
+def test_units_that_are_sure_have_no_slope():
+    far = LocalGaussians([[0.0], [100.0]], [[0.0], [0.0]], 1.0)
+    y = jnp.zeros(1)
+    assert float(far.prob(y)[1]) == 0
+    slope = entropy_gradient(far, y)
+    assert np.isfinite(ravel_pytree(slope)[0]).all()
+    assert np.abs(slope.centre[1]).max() == np.abs(slope.log_width[1]).max() == 0
+    sure = LocalGaussians([[100.0]], [[0.0]], 1.0)
+    assert float(sure.entropy(y)) == 0
+
+
+def test_the_bonus_adds_the_mean_slope_of_the_entropy():
+    mdp, bonus = ThreeState().dynamics, 0.3
+    estimator = dataclasses.replace(Gpomdp(0.5), entropy=bonus)
+    found = [stepper_of(ThreeState(), Agent(POINT, e), range(100)) for e in (estimator, Gpomdp(0.5))]
+    for stepper in found:
+        stepper.advance(2_000)
+    with_it, without = (np.asarray(s.state["cycle"].agent.gradient.mean.weights, float) for s in found)
+    pi = oracle.stationary_distribution(mdp, POINT)
+    slopes = [np.asarray(entropy_gradient(POINT, jnp.asarray(y, jnp.float32)).weights) for y in mdp.observations]
+    wanted = bonus * np.einsum("s,sij->ij", pi, np.stack(slopes))
+    np.testing.assert_allclose((with_it - without).mean(0), wanted, atol=0.01 * np.abs(wanted).max())
+
+
+def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
+    estimator = Estimator(Exponential(0.0), NoBaseline(), entropy=Annealed(1.0, 0.5, 2))
+    agent = Agent(POINT, estimator, sgd(0.1))
+    state = agent.init(jax.random.key(0))
+    y = jnp.array([0.3, 0.6])
+    for share in (1.0, 0.75, 0.5, 0.5):
+        state, _ = agent.act(state, y, jnp.array([0.3, 0.3]))
+        slope = entropy_gradient(state.policy, y).weights
+        state = agent.reinforce(state, jnp.float32(0.0), y)
+        np.testing.assert_allclose(state.gradient.weights, share * slope, rtol=1e-6)
+        state = agent.improve(state)
+    state, _ = agent.act(state, y, jnp.array([0.3, 0.3]))
+    broken = agent.reinforce(state, jnp.float32(0.0), y, diverged=jnp.asarray(True))
+    assert np.abs(broken.gradient.weights).max() == 0
+    assert int(agent.improve(broken, True, jnp.asarray(True)).steps) == 4
+
+
+def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
+    estimator = dataclasses.replace(Olgarb(0.0), entropy=20.0)
+    agent = Agent(POINT, estimator, sgd(0.005))
+    stepper = stepper_of(ThreeState(), agent, range(4))
+    before = oracle.action_probabilities(ThreeState().dynamics, POINT)
+    stepper.advance(10_000)
+    for weights in stepper.policies().weights:
+        after = oracle.action_probabilities(ThreeState().dynamics, Softmax(weights))
+        assert np.abs(after - 0.5).max() < 0.5 * np.abs(before - 0.5).max()
+
+
+AVERAGES = {"all": WeightAverage(), "late": WeightAverage(start=7), "forgetting": WeightAverage(2, 0.5)}
+
+
+@pytest.mark.parametrize("improve", [1, 5])
+@pytest.mark.parametrize("name", AVERAGES)
+def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
+    average = AVERAGES[name]
+    estimator = dataclasses.replace(Olgarb(0.5), improve=improve)
+    plain, agent = (Agent(POINT, estimator, sgd(0.1), average=a) for a in (None, average))
+    steppers = [stepper_of(ThreeState(), a, range(3)) for a in (plain, agent)]
+    mean, n = steppers[0].policies().weights.astype(float), 0
+    for made in range(1, 13):
+        for stepper in steppers:
+            stepper.advance(improve)
+        theta = steppers[0].policies().weights.astype(float)
+        np.testing.assert_array_equal(steppers[1].state["cycle"].agent.policy.weights, theta)
+        n = max(made - average.start, 0)
+        mean = theta if n == 0 else mean + max(1 / n, average.rate) * (theta - mean)
+        np.testing.assert_allclose(steppers[1].policies().weights, mean, rtol=1e-5)
+    assert np.abs(mean - theta).max() > 1e-3
+
+
+def test_averages_of_many_seeds_lie_closer_together_than_their_last_parameters():
+    """With a bonus the optimum is at finite weights, about which a constant step size makes a cloud."""
+    estimator = Estimator(Exponential(0.0), MeanReward(), entropy=1.0)
+    agent = Agent(Softmax(jnp.zeros((2, 4))), estimator, sgd(0.1), average=WeightAverage(2_000))
+    stepper = stepper_of(Chain(length=4), agent, range(50))
+    stepper.advance(20_000)
+    cloud, mean = stepper.state["cycle"].agent.policy.weights, stepper.policies().weights
+    assert mean.std(0).max() < 0.5 * cloud.std(0).min()
+
+
+def test_annealed_numbers_end_at_their_end():
+    line = Annealed(2.0, 1.0, 4)
+    found = [float(at(line, jnp.int32(n))) for n in (0, 1, 4, 9)]
+    assert found == [2.0, 1.75, 1.0, 1.0]
+    assert float(at(0.5, None)) == 0.5
+    assert float(at(line, None)) == 2.0
+
+
+def test_nothing_is_kept_that_nothing_asks_for():
+    state = Agent(POINT, Olgarb(0.5)).init(jax.random.key(0))
+    assert (state.steps, state.average, state.last) == (None, None, None)
+    fixed = Agent(POINT, dataclasses.replace(Olgarb(0.5), entropy=0.1)).init(jax.random.key(0))
+    assert fixed.steps is None
+
+
+GROWTH = Growth(Clock(10_000))
+
+
+@pytest.mark.parametrize(
+    ("make_it", "said"),
+    [
+        (lambda: FisherMetric(kl=-1.0), "kl = -1.0: must be a finite number of at least 0, or Annealed"),
+        (lambda: Estimator(entropy=float("nan")), "entropy = nan: must be a finite number"),
+        (lambda: Annealed(-1.0), "start = -1.0"),
+        (lambda: Annealed(1.0, float("inf")), "end = inf"),
+        (lambda: Annealed(1.0, steps=0), "steps = 0: must be a positive number of steps"),
+        (lambda: WeightAverage(start=-1), "start = -1"),
+        (lambda: WeightAverage(rate=1.5), "rate = 1.5"),
+        (lambda: Agent(POINT, average=0.5), "average = 0.5: must be None or a WeightAverage"),
+        (
+            lambda: Agent(POINT, Gpomdp(0.5), average=WeightAverage()),
+            "average = .*: must be None where parameters",
+        ),
+        (
+            lambda: Agent(POINT, growth=GROWTH, average=WeightAverage()),
+            "average = .*: must be None where a policy",
+        ),
+        (
+            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(entropy=0.1)),
+            "entropy = 0.1: must be 0 where units are indexed",
+        ),
+        (
+            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), average=WeightAverage()),
+            "average = .*: must be None where units are indexed",
+        ),
+        (lambda: settings_for("three-state", metric_kl=0.1), "metric_kl = 0.1: must be none unless metric = 'fisher'"),
+        (lambda: settings_for("three-state", metric="fisher", metric_kl=-0.1), "metric_kl = -0.1"),
+        (lambda: settings_for("three-state", metric_kl_end=0.1), "metric_kl_end = 0.1: must be none where there is no"),
+        (lambda: settings_for("three-state", entropy=0.1, entropy_end=-1.0), "entropy_end = -1.0"),
+        (lambda: settings_for("three-state", entropy=0.1, entropy_end=0.0, entropy_steps=0), "entropy_steps = 0"),
+        (lambda: settings_for("three-state", entropy=-0.1, entropy_end=0.0), "entropy = -0.1"),
+        (lambda: settings_for("three-state", average=True, average_start=-1), "average_start = -1"),
+    ],
+)
+def test_what_is_impossible_is_refused_by_name(make_it, said):
+    with pytest.raises(ValueError, match=said):
+        make_it()
+
+
+def test_settings_stand_for_the_parts():
+    settings = settings_for(
+        "three-state",
+        critic="least-squares",
+        critic_discount=0.97,
+        critic_actions=True,
+        decay=0.873,
+        improve=160,
+        entropy=0.02,
+        entropy_end=0.0,
+        entropy_steps=300,
+        metric="fisher",
+        metric_kl=0.03,
+        average=True,
+        average_start=150,
+    )
+    agent = settings.agent(make("three-state"))
+    critic = agent.estimator.baseline
+    assert (critic.discount, critic.features.actions, critic.fit) == (0.97, True, LeastSquares())
+    assert agent.estimator.entropy == Annealed(0.02, 0.0, 300)
+    assert (agent.metric.kl, agent.average) == (0.03, WeightAverage(150))
