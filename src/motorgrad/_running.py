@@ -33,14 +33,15 @@ def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
     return after, (total - (after - part)) + (more - part)
 
 
-def add_sample(running: RunningMean, sample: PyTree[Array], rate: float = 0.0) -> RunningMean:
-    """Take in the n-th sample: the mean moves by 1/n of its distance from it, and with a `rate` by at least so much."""
-    count = running.count + 1
+def add_sample(running: RunningMean, sample: PyTree[Array], rate: float = 0.0, size: int = 1) -> RunningMean:
+    """Take in the n-th sample: the mean moves by 1/n of its distance from it, and with a `rate` by at least so much. A
+    sample that is itself the mean of `size` others counts as so many."""
+    count = running.count + size
 
     def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
         distance = (x - mean) - carry
-        step = distance / count.astype(mean.dtype)
-        return two_sum(mean, carry, jnp.where(rate * count > 1, rate * distance, step) if rate else step)
+        step = distance * size / count.astype(mean.dtype)
+        return two_sum(mean, carry, jnp.where(rate * count > size, rate * distance, step) if rate else step)
 
     means, structure = jax.tree.flatten(running.mean)
     leaves = zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)

@@ -150,7 +150,7 @@ class Agent:
         trace restarts.
         """
         estimator = self.estimator
-        sample, baseline, scale = self._compare(state, reward, next_observation, terminated)
+        sample, baseline, scale = self._compare(state, reward, next_observation, terminated, diverged)
         if estimator.entropy != 0:
             bonus = at(estimator.entropy, state.steps)
             slope = entropy_gradient(state.policy, last_of(state).observation)
@@ -159,15 +159,15 @@ class Agent:
             baseline=baseline,
             gradient=sample if estimator.online else add_sample(running_of(state), sample),
             weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
-            metric=self._measure(state),
+            metric=self._measure(state, diverged),
             scale=scale,
             growth=self._watch(state, reward),
         )
         if diverged is not False:
             dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient
-            kept = {"baseline": state.baseline, "metric": state.metric, "scale": state.scale}
-            kept["growth"] = state.growth
-            without = after._replace(gradient=dropped, **kept)
+            critical = isinstance(estimator.baseline, LinearCritic)  # and has let it pass
+            kept = {"baseline": after.baseline if critical else state.baseline, "scale": state.scale}
+            without = after._replace(gradient=dropped, growth=state.growth, **kept)
             after = where(diverged, without, after)
         ended = any_of(terminated, truncated, diverged)
         return after if ended is False else self.restart(after, ended)
@@ -225,12 +225,17 @@ class Agent:
         return state._replace(growth=growth, policy=policy, metric=metric)
 
     def _compare(
-        self, state: AgentState, reward: Float[Array, ""], next_observation: Float[Array, " inputs"], terminated: Flag
+        self,
+        state: AgentState,
+        reward: Float[Array, ""],
+        next_observation: Float[Array, " inputs"],
+        terminated: Flag,
+        diverged: Flag,
     ) -> tuple[PyTree[Array], Any, ScaleState | None]:
         """The gradient sample of a reward, and the baseline and the scale afterwards."""
         trace, baseline = self.estimator.trace, self.estimator.baseline
         if isinstance(baseline, LinearCritic):
-            told = (last_of(state).action, reward, next_observation, terminated)
+            told = (last_of(state).action, reward, next_observation, terminated, diverged)
             error, critic = baseline.follow(state.baseline, state.policy, *told)
             scale, credit = self._credit(state, error)
             return credit(trace.value(state.trace), error), critic, scale
@@ -264,10 +269,10 @@ class Agent:
 
         return scale, credit
 
-    def _measure(self, state: AgentState) -> FisherState | None:
+    def _measure(self, state: AgentState, diverged: Flag) -> FisherState | None:
         if self.metric is None or state.metric is None:
             return None
-        return self.metric.update(state.metric, state.policy, *last_of(state))
+        return self.metric.update(state.metric, state.policy, *last_of(state), diverged)
 
     def _watch(self, state: AgentState, reward: Float[Array, ""]) -> GrowthState | None:
         if self.growth is None or state.growth is None:

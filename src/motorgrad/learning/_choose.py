@@ -24,6 +24,8 @@ def any_of(*flags: Flag) -> Flag:
 
 def where(condition: Flag, yes: T, no: T) -> T:
     """The leaves of one tree or of the other."""
+    if condition is False:
+        return no
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._choose import Flag
+from motorgrad.learning._choose import Flag, where
 from motorgrad.learning._critic_fit import Evidence, LeastSquares, TemporalDifference
 from motorgrad.policies import Policy
 
@@ -135,8 +135,10 @@ class LinearCritic:
         reward: Float[Array, ""],
         next_observation: Float[Array, " inputs"],
         terminated: Flag = False,
+        dropped: Flag = False,
     ) -> tuple[Float[Array, ""], CriticState]:
-        r"""The temporal difference $\delta$ of a reward, and the critic once it has learnt from it."""
+        r"""The temporal difference $\delta$ of a reward, and the critic once it has learnt from it; from one that is to
+        be `dropped` it learns nothing."""
         dtype = state.weights.dtype
         previous = _numbers(policy, action, dtype)
         ahead = self._features(state, next_observation, previous)
@@ -148,8 +150,9 @@ class LinearCritic:
         error = (pay - jnp.sum(state.weights * change)).astype(dtype)
         trace = self.ahead * self.decay * state.trace + state.features
         level = add_sample(state.level, reward, self.fit.level_rate)
+        level = where(dropped, state.level, level)
         evidence = Evidence(trace, change, jnp.asarray(reward, dtype), error, level.mean if centred else None)
-        weights, fit = self.fit.update(state.weights, state.fit, evidence)
+        weights, fit = self.fit.update(state.weights, state.fit, evidence, dropped)
         return error, state._replace(weights=weights, previous=previous, trace=trace, level=level, fit=fit)
 
     def restart(self, state: CriticState) -> CriticState:

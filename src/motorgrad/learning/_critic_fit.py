@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._choose import where_any
+from motorgrad.learning._choose import Flag, where, where_any
 
 
 class Evidence(NamedTuple):
@@ -51,10 +51,18 @@ class TemporalDifference:
         del weights
 
     def update(
-        self, weights: Float[Array, " features"], state: None, evidence: Evidence
+        self, weights: Float[Array, " features"], state: None, evidence: Evidence, dropped: Flag = False
     ) -> tuple[Float[Array, " features"], None]:
-        """The weights after one decision."""
-        return weights + self.rate * evidence.error * evidence.trace, state
+        """The weights after one decision; as they were where its reward is to be `dropped`."""
+        return where(dropped, weights, weights + self.rate * evidence.error * evidence.trace), state
+
+
+class LeastSquaresState(NamedTuple):
+    r"""`means` of $e d'$, $e r$ and $e$; their `sums` over the decisions since, of which so many are `gathered`."""
+
+    means: RunningMean
+    sums: tuple[Float[Array, "features features"], Float[Array, " features"], Float[Array, " features"]]
+    gathered: Int[Array, ""]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +78,7 @@ class LeastSquares:
     them. $A$ starts as `initial` times the identity, which counts as one decision. Without damping, these are the
     weights of the recursion by rank-one updates of $A^{-1}$. That recursion would pile up rounding errors, and while it
     forgets, directions in which nothing happens would grow without bounds. So it is $A$ that is kept, and the system
-    solved every so many decisions. Between two solutions the weights rest.
+    solved every `interval` decisions, which the means take in together. Between two solutions the weights rest.
 
     **Arguments:**
 
@@ -97,26 +105,35 @@ class LeastSquares:
         """The mean of rewards has the memory of the other means."""
         return self.rate
 
-    def init(self, weights: Float[Array, " features"]) -> RunningMean:
+    def init(self, weights: Float[Array, " features"]) -> LeastSquaresState:
         """The means before any decision."""
         matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
         started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
-        return started._replace(count=started.count + 1)
+        none = (jnp.zeros_like(matrix), weights, weights)
+        return LeastSquaresState(started._replace(count=started.count + 1), none, jnp.zeros((), jnp.int32))
 
     def update(
-        self, weights: Float[Array, " features"], state: RunningMean, evidence: Evidence
-    ) -> tuple[Float[Array, " features"], RunningMean]:
-        """The weights after one decision, and the means."""
+        self, weights: Float[Array, " features"], state: LeastSquaresState, evidence: Evidence, dropped: Flag = False
+    ) -> tuple[Float[Array, " features"], LeastSquaresState]:
+        """The weights after one decision, and the means; as they were where its reward is to be `dropped`."""
         e = evidence.trace
-        state = add_sample(state, (e[:, None] * evidence.change, e * evidence.reward, e), self.rate)
+        new = (e[:, None] * evidence.change, e * evidence.reward, e)
+        one = jnp.ones((), jnp.int32)
+        new, one = where(dropped, jax.tree.map(jnp.zeros_like, (new, one)), (new, one))
+        state = state._replace(sums=jax.tree.map(jnp.add, state.sums, new), gathered=state.gathered + one)
         level = jnp.zeros_like(evidence.reward) if evidence.level is None else evidence.level
 
-        def solve(old: Float[Array, " features"]) -> Float[Array, " features"]:
-            # The barrier keeps the compiler from solving ahead of the loop in `where_any`.
-            old, (matrix, pay, trace), mean = jax.lax.optimization_barrier((old, state.mean, level))
-            damped = matrix + self.damping * jnp.eye(old.size, dtype=old.dtype)
-            new = jnp.linalg.solve(damped, pay - mean * trace)
-            return jnp.where(jnp.all(jnp.isfinite(new)), new, old)  # a singular system has no solution yet
+        def solve(old: Any) -> Any:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            weights, state = old
+            mean, state = jax.lax.optimization_barrier((level, state))
+            block = jax.tree.map(lambda total: total / self.interval, state.sums)
+            means = add_sample(state.means, block, 1 - (1 - self.rate) ** self.interval, self.interval)
+            matrix, pay, trace = means.mean
+            damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
+            solved = jnp.linalg.solve(damped, pay - mean * trace)
+            solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
+            return solved, LeastSquaresState(means, jax.tree.map(jnp.zeros_like, state.sums), state.gathered * 0)
 
-        due: Any = True if self.interval == 1 else (state.count - 1) % self.interval == 0
-        return where_any(due, solve, weights), state
+        due = state.gathered == self.interval
+        return where_any(due, solve, (weights, state))

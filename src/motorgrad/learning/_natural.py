@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group, check_groups
+from motorgrad.learning._choose import Flag, where
 from motorgrad.learning._schedule import Annealed, check_schedule
 from motorgrad.policies import Policy, trainable
 
@@ -80,12 +81,18 @@ class FisherMetric:
         return FisherState(tuple(_identities(block, self.initial) for block in damping), damping)
 
     def update(
-        self, state: FisherState, policy: Policy, observation: Float[Array, " inputs"], action: Array
+        self,
+        state: FisherState,
+        policy: Policy,
+        observation: Float[Array, " inputs"],
+        action: Array,
+        dropped: Flag = False,
     ) -> FisherState:
-        """Take in one decision: what was seen, and the action that was drawn."""
+        """Take in one decision, unless it is `dropped`: what was seen, and the action that was drawn."""
         now = policy.fisher(observation, action)
-        fisher = tuple(f + self.rate * (x - f) for f, x in zip(state.fisher, now, strict=True))
-        return state._replace(fisher=fisher)
+        distances = [x - f for f, x in zip(state.fisher, now, strict=True)]
+        steps = where(dropped, [jnp.zeros_like(x) for x in distances], [self.rate * x for x in distances])
+        return state._replace(fisher=tuple(f + step for f, step in zip(state.fisher, steps, strict=True)))
 
     def renew(self, state: FisherState, new: Bool[Array, " units"]) -> FisherState:
         """Begin anew for the units that are `new`, in a policy that is one pool: they know nothing yet."""
@@ -142,4 +149,7 @@ def _solve(
         return scale * factor * (one * right - across * right[:, ::-1])
     scaled = scale[:, :, None] * fisher * scale[:, None, :]
     scaled = jnp.where(jnp.eye(size, dtype=bool), one, scaled)
-    return scale * jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(scaled), True), right[:, :, None])[:, :, 0]
+    # The solver reads by columns. Handed the transpose, which is the same, it needs no copy of every matrix by columns;
+    # that copy would be made at every decision, not only in the loop of `where_any`.
+    factor = jax.lax.linalg.cholesky(jnp.swapaxes(scaled, 1, 2), symmetrize_input=False)
+    return scale * jax.scipy.linalg.cho_solve((factor, True), right[:, :, None])[:, :, 0]

@@ -53,7 +53,8 @@ class BinaryUnits(Policy):
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        r"""Exact, $p\,s_1s_1' + (1 - p)\,s_0s_0'$ of the scores for firing and for silence.
+        r"""Exact, $p\,s_1s_1' + (1 - p)\,s_0s_0'$ of the scores for firing and for silence, which is
+        $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$, as their mean is 0.
 
         Where several units share parameters it is the sample $ss'$.
         """
@@ -61,8 +62,7 @@ class BinaryUnits(Policy):
         (fire,), (silent,) = (self.blocks(self.score(observation, jnp.full_like(p, a))) for a in (1.0, 0.0))
         if fire.shape[0] != self.outputs:
             return super().fisher(observation, action)
-        p = p[:, None, None]
-        return (p * outer(fire) + (1 - p) * outer(silent),)
+        return (outer(jnp.sqrt(p * (1 - p))[:, None] * (fire - silent)),)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         p = self.prob(observation)
