@@ -24,13 +24,13 @@ def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> "Fig
     panels: Any = figure.subplots(4, len(kinds), sharex=True, sharey="row")
     for column, kind in zip(panels.T, kinds, strict=True):
         for wording, (colour, line, words) in LOOKS.items():
-            found = {name: values[f"{kind} {wording} {name}"] for name in ("net", "phase", "gait", "still")}
-            shares = {"tripod": found["gait"] == "tripod", "still": found["still"]}
+            gait = values[f"{kind} {wording} gait"]
+            phases = zip(values[f"{kind} {wording} phase"], gait != "stalled", strict=True)
             measured = [
-                [mean_of(row) for row in found["net"]],
-                [mean_of(row) for row in found["phase"]],
-                [share_of(row) for row in shares["tripod"]],
-                [share_of(row) for row in shares["still"]],
+                [mean_of(row) for row in values[f"{kind} {wording} net"]],
+                [mean_of(row[walks]) if walks.sum() > 1 else None for row, walks in phases],
+                [share_of(row) for row in gait == "tripod"],
+                [share_of(row) for row in values[f"{kind} {wording} still"]],
             ]
             for axes, each in zip(column, measured, strict=True):
                 shift = 0.2 if wording == "worded" else -0.2  # so that intervals do not cover each other
@@ -39,7 +39,7 @@ def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> "Fig
             axes.axvline(100 * clearance, color="0.75", linewidth=0.9, linestyle=":", zorder=0)
         column[0].set_title(kind)
         column[-1].set_xlabel("height (cm)")
-    labels = ("net displacement\n/ time (m/s)", "phase between\nthe tripods (cycles)", "share with\na tripod gait")
+    labels = ("net displacement\n/ time (m/s)", "phase of those that\nwalk (cycles)", "share with\na tripod gait")
     for axes, words in zip(panels[:, 0], (*labels, "share that stands\nstill at the end"), strict=True):
         axes.set_ylabel(words)
     panels[0, 0].set_ylim(0, None)
@@ -52,8 +52,10 @@ def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> "Fig
 
 
 def _points(axes: "Axes", x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
+    known = [number for number, each in enumerate(measured) if each is not None]
+    measured, x = [measured[number] for number in known], x[known]
     centre = np.array([each.value for each in measured])
-    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T
+    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T.reshape(2, -1)
     axes.errorbar(
         x, centre, np.maximum(ends, 0.0), fmt=line, color=colour, markersize=3.5, linewidth=1.2, elinewidth=0.9,
         label=words,
