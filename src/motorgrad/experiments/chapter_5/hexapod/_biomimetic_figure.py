@@ -60,7 +60,7 @@ def _names(axes: "Axes", body: Hexapod) -> None:
     for name in body.sections:
         section, centre = body.sections[name], places.joint(name)
         words = f"{section.length:g} m ×\n{section.width:g} m,\n{section.mass:g} kg"
-        axes.text(*centre, words, ha="center", va="center", fontsize=8, color="white", zorder=8)
+        axes.text(centre[0], centre[1], words, ha="center", va="center", fontsize=8, color="white", zorder=8)
     axes.set(xlim=(-1.0, 1.0), ylim=(-0.55, 0.55))
 
 

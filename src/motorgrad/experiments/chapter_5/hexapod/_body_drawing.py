@@ -82,8 +82,8 @@ def dimension(axes: "Axes", start: Any, stop: Any, words: str, away: tuple[float
     """A length from one point to another, its number `away` metres from the middle of the arrow."""
     look = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tuple(start), tuple(stop), zorder=7, arrowprops=look)
-    middle = (np.asarray(start) + stop) / 2 + away
-    axes.text(*middle, words, ha="center", va="center", fontsize=8.5, color=colour, zorder=8)
+    x, y = (np.asarray(start) + stop) / 2 + away
+    axes.text(x, y, words, ha="center", va="center", fontsize=8.5, color=colour, zorder=8)
 
 
 def freedom(axes: "Axes", joint: np.ndarray, rest: float, span: tuple[float, float], radius: float, words: str) -> None:
@@ -92,12 +92,10 @@ def freedom(axes: "Axes", joint: np.ndarray, rest: float, span: tuple[float, flo
 
     least, greatest = sorted(rest + np.array(span))
     axes.add_patch(
-        Arc(
-            tuple(joint), 2 * radius, 2 * radius, theta1=least, theta2=greatest, color=FREEDOM, linewidth=1.4, zorder=7
-        )
+        Arc(tuple(joint), 2 * radius, 2 * radius, theta1=least, theta2=greatest, color=FREEDOM, linewidth=1.4, zorder=7)
     )
     for angle in np.radians([least, greatest]):
         ray = np.array([np.cos(angle), np.sin(angle)])
         axes.plot(*np.transpose([joint, joint + 1.08 * radius * ray]), ":", color=FREEDOM, linewidth=0.9, zorder=7)
-    ray = np.array([np.cos(np.radians(greatest)), np.sin(np.radians(greatest))])
-    axes.text(*(joint + 1.14 * radius * ray), words, ha="center", va="bottom", fontsize=8.5, color=FREEDOM, zorder=8)
+    x, y = joint + 1.14 * radius * np.array([np.cos(np.radians(greatest)), np.sin(np.radians(greatest))])
+    axes.text(x, y, words, ha="center", va="bottom", fontsize=8.5, color=FREEDOM, zorder=8)

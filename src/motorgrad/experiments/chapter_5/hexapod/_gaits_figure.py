@@ -70,7 +70,7 @@ def _classes(axes: "Axes", values: Values, lags: Sequence[int]) -> None:
             left += count
     axes.set_yticks(range(len(rows)), [f"lag {lag},\n{DRAWN[mode]}" for lag, mode in rows], fontsize=8)
     axes.invert_yaxis()
-    axes.set(xlabel="seeds", xlim=(0, left))
+    axes.set(xlabel="seeds", xlim=(0, len(values[f"lag {lags[0]} sample gait"])))
 
 
 def _distances(axes: "Axes", values: Values, lags: Sequence[int], mode: str, most: float) -> None:

@@ -29,9 +29,7 @@ def draw_machine(axes: "Axes", controller: TripodController) -> None:
     _arrow(axes, (5.0 - WIDE / 2, 0.0), (WIDE / 2, 0.0))
     look: dict[str, Any] = {"fontsize": 8.5, "zorder": 5}
     axes.text(0.15, 1.8, f"the leg is back\nbeyond {_degrees(controller.back)}", ha="left", va="center", **look)
-    axes.text(
-        4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **look
-    )
+    axes.text(4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **look)
     axes.text(
         2.5, 3.6 + HIGH / 2 + 0.1, "more than one leg of the\nopposing tripod is in stance",
         ha="center", va="bottom", **look,

@@ -44,7 +44,7 @@ class SynergyStudy(Experiment):
         check(rising, "lags", self.lags, "at least one, rising")
         for lag in self.lags:
             _ = self.learner(lag)
-        least = 50 * self.task(self.lags[0]).period
+        least = 50 * self.task(min(self.lags)).period
         check(least <= self.seconds < math.inf, "seconds", self.seconds, f"a finite time of at least {least:g} s")
         check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
         check(20.0 <= self.watched <= 3600, "watched", self.watched, "in 20 … 3600 simulated s")

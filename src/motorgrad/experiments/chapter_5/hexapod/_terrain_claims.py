@@ -59,9 +59,7 @@ def controller_claims(values: Values, kinds: Sequence[str], clearance: float) ->
     stands = {wording: share_of(each) for wording, each in still.items()}
     never = share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds]))
     fewer = mean_of(still["worded"] * 1.0 - still["mended"])
-    by_kind = ", ".join(
-        f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds
-    )
+    by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
     seeds = len(still["mended"]) // len(kinds)
     return [
         Claim(

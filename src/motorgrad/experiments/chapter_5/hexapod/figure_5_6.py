@@ -9,7 +9,14 @@ from motorgrad.bodies import Hexapod
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._style import EXTENSOR
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._body_drawing import FREEDOM, Places, dimension, draw_view, freedom, name_part
+from motorgrad.experiments.chapter_5.hexapod._body_drawing import (
+    FREEDOM,
+    Places,
+    dimension,
+    draw_view,
+    freedom,
+    name_part,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +59,7 @@ def _side(axes: "Axes", body: Hexapod) -> None:
     places, section = Places(body, "side"), body.middle
     front, middle, rear = (places.joint(name) for name in ("front", "middle", "rear"))
     high = middle[1] + section.height / 2
-    ends = [rear - (body.rear.length / 2, 0.0), front + (body.front.length / 2, 0.0)]
+    ends = [rear - (body.rear.length / 2, 0.0), np.add(front, (body.front.length / 2, 0.0))]
     level = high + 0.15
     dimension(axes, (ends[0][0], level), (ends[1][0], level), f"{body.length:g} m", (0.0, 0.03))
     level = high + 0.07
@@ -70,7 +77,7 @@ def _front(axes: "Axes", body: Hexapod) -> None:
     vertical, ankle, tip = places.joint(f"femur_{LEG}"), places.joint(f"foot_{LEG}"), places.tip(LEG)
     freedom(axes, vertical, 0.0, leg.vertical.range, 0.19, f"{_span(leg.vertical.range)}")
     name_part(axes, f"ankle, a spring,\n{_span(leg.ankle.range)}", ankle, (-0.05, -0.09))
-    dimension(axes, ankle + (0.045, 0.0), tip + (0.045, 0.0), f"{leg.foot.length:g} m", (0.075, 0.0))
+    dimension(axes, np.add(ankle, (0.045, 0.0)), np.add(tip, (0.045, 0.0)), f"{leg.foot.length:g} m", (0.075, 0.0))
     muscles = leg.vertical_muscles
     other = "right_middle"
     name_part(axes, f"levator, {muscles.levator:g} N", places.muscle(f"levator_{other}"), (-0.12, 0.1))
@@ -100,10 +107,12 @@ def _above(axes: "Axes", body: Hexapod) -> None:
     middle, front = places.joint("middle"), places.joint("front")
     joint = (middle + front) / 2
     name_part(axes, f"joint between sections,\n{body.spine_axis}, {_span(body.spine.range)}", joint, (0.0, -0.42))
-    half = section.width / 2
-    inside = front + (0.02, 0.0)
-    dimension(axes, inside - (0.0, half), inside + (0.0, half), f"{section.width:g} m", (-0.06, 0.0), "white")
-    name_part(axes, f"section, {section.length:g} m long, {section.mass:g} kg", front + (0.08, -0.08), (0.16, -0.02))
+    across = np.array([0.0, section.width / 2])
+    inside = np.add(front, (0.02, 0.0))
+    dimension(axes, inside - across, inside + across, f"{section.width:g} m", (-0.06, 0.0), "white")
+    name_part(
+        axes, f"section, {section.length:g} m long, {section.mass:g} kg", np.add(front, (0.08, -0.08)), (0.16, -0.02)
+    )
     axes.set(xlim=(-0.95, 0.95), ylim=(-0.52, 0.42))
 
 

@@ -52,9 +52,7 @@ class TwoGaits(SynergyStudy):
         for lag in self.lags:
             run = self.trained(work, lag)
             found.append(work.part(f"lag {lag}", lambda run=run: self._watched(self.watch(work, run, "sample"))))
-        values: Values = {
-            name: np.concatenate([each[name] for each in found]) for name in found[0] if name != "time"
-        }
+        values: Values = {name: np.concatenate([each[name] for each in found]) for name in found[0] if name != "time"}
         values["lag"], values["seed"] = np.repeat(self.lags, self.seeds), np.tile(np.arange(self.seeds), len(self.lags))
         kept: Values = {name: values[name] for name in values if name not in ("lateral", "contact")}
         kept["time"] = found[0]["time"]

@@ -72,9 +72,7 @@ class BiomimeticHexapod(Experiment):
     def run(self, work: Workspace) -> Values:
         found: Values = {"friction": np.array(self.frictions)}
         for name, body in self.bodies().items():
-            seen = work.part(
-                name, lambda b=body: walked(b, self.height, self.seeds, self.seconds, work.threads)
-            )
+            seen = work.part(name, lambda b=body: walked(b, self.height, self.seeds, self.seconds, work.threads))
             found |= {f"{name} {quantity}": each for quantity, each in seen.items()}
         return found
 
@@ -91,13 +89,16 @@ class BiomimeticHexapod(Experiment):
             return " and ".join(f"{values[f'{name} {quantity}'].mean():.3f}" for name in names)
 
         front, behind = (f"front {least}", f"front {most}"), (f"behind {most}", f"behind {least}")
+        own = f"{biomimetic_hexapod().front.leg.friction:g}"
         early = "Parts of the swing in which front feet touch the ground: {}, and {} of legs that are not clear."
+        fastest = max(values["friction"], key=lambda friction: values[f"behind {friction:g} speed"].mean())
+        best = f"Fastest with {fastest:g}: {means('speed', f'behind {fastest:g}')} m/s."
         rows = (
             (
                 f"The front feet must have low friction: it is faster with {least} than with {most}.",
                 difference("speed", *front),
                 "m/s",
-                f"{means('speed', *front)} m/s. As it is, with {biomimetic_hexapod().front.leg.friction:g}: {means('speed', 'as it is')} m/s.",
+                f"{means('speed', *front)} m/s. As it is, with {own}: {means('speed', 'as it is')} m/s.",
             ),
             (
                 f"The friction of middle and rear feet must be high: with {least} they slip more than with {most}.",
@@ -109,7 +110,7 @@ class BiomimeticHexapod(Experiment):
                 f"Because they slip, it is slower with {least} than with {most} on middle and rear feet.",
                 difference("speed", *behind),
                 "m/s",
-                f"{means('speed', *behind)} m/s.",
+                f"{means('speed', *behind[::-1])} m/s. {best}",
             ),
             (
                 f"The front legs must be clear in the swing: it is slower where they rise to {self.highest:g}° only.",

@@ -79,9 +79,7 @@ class RoughGround(Experiment):
         """The bodies on ground of a kind and a height, of all seeds."""
         steepest = self.heights[-1]
         return [
-            OnTerrain(
-                Hexapod(drive="servos"), Terrain(kind, height=steepest, difficulty=height / steepest, seed=seed)
-            )
+            OnTerrain(Hexapod(drive="servos"), Terrain(kind, height=steepest, difficulty=height / steepest, seed=seed))
             for seed in range(self.seeds)
         ]
 

@@ -48,9 +48,7 @@ class LearntGaits(SynergyStudy):
             passed = (curve.values > level) & (curve.x >= min(SMOOTH, self.seconds))
             found[f"lag {lag} passed"] = np.nan_to_num(first_time(curve.x, passed), nan=self.seconds)
             for mode in MODES:
-                seen = work.part(
-                    f"lag {lag} {mode}", lambda run=run, mode=mode: judged(self.watch(work, run, mode))
-                )
+                seen = work.part(f"lag {lag} {mode}", lambda run=run, mode=mode: judged(self.watch(work, run, mode)))
                 found |= {f"lag {lag} {mode} {name}": values for name, values in seen.items()}
         return found
 
