@@ -2,7 +2,6 @@
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
-import dataclasses
 from typing import Any
 
 import mujoco
@@ -14,12 +13,10 @@ from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, biom
 from motorgrad.experiments.chapter_5.hexapod._body_drawing import draw_view
 from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH, draw_angles, draw_contacts, draw_states
 from motorgrad.sim import draw
-from tools.figures._style import BLUE, EXTENSOR, FAINT, FLEXOR, PINK, band, panels
-from tools.figures._work import Work
+from tools.figures._style import EXTENSOR, FAINT, FLEXOR, panels
 
 WALKER = Hexapod(drive="servos")
 KINDS = ("bumps", "slopes", "steps", "waves")
-STEEPEST, SEEDS, SECONDS = 0.25, 12, 20.0
 
 
 def body() -> Figure:
@@ -125,26 +122,3 @@ def terrain() -> Figure:
         above.set_xlabel("x (m)")
     figure.colorbar(shown, ax=list(axes[0]), label="height (m)", pad=0.01)
     return figure
-
-
-def speeds(work: Work) -> Figure:
-    """How fast the fixed controller gets ahead over ever higher ground, with and without its mending."""
-    seconds = min(SECONDS, work.most * 0.01)
-    share = np.array([0.0, 0.05, 0.1, 0.16, 0.2, STEEPEST]) / STEEPEST
-    figure, axes = panels(4, height=2.6, sharey=True)
-    for panel, kind in zip(axes, KINDS, strict=True):
-        base = Terrain(kind, height=STEEPEST)
-        for mended, colour, words in ((True, BLUE, "mended"), (False, PINK, "as worded")):
-            net = [_net(base, each, mended, seconds) for each in share]
-            band(panel, 100 * STEEPEST * share, np.array(net).T, colour, words)
-        panel.set(title=f'"{kind}"', xlabel="height (cm)", xticks=[0, 10, 20], ylim=(0, 0.6))
-    axes[0].set_ylabel("net displacement / time (m/s)")
-    axes[-1].legend(loc="center right")
-    return figure
-
-
-def _net(base: Terrain, difficulty: float, mended: bool, seconds: float) -> np.ndarray:
-    """Net displacement over time for each seed of the ground, (seeds,), once the start is over."""
-    grounds = [dataclasses.replace(base, difficulty=float(difficulty), seed=seed) for seed in range(SEEDS)]
-    found = walk([OnTerrain(WALKER, ground) for ground in grounds], TripodController(mended=mended), seconds)
-    return found.gait(since=seconds / 10).net

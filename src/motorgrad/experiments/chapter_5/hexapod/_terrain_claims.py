@@ -6,8 +6,9 @@ import numpy as np
 
 from motorgrad.experiments._claim import Claim, mean_of, share_of
 from motorgrad.experiments._experiment import Values
+from motorgrad.experiments.chapter_5.hexapod._sources import INDEPENDENT, OURS
 
-THESIS, OURS, INDEPENDENT = "section 5.3.3", "our own expectation", "an independent model of the hexapod"
+THESIS = "section 5.3.3"
 CONSISTENT, ROBUST = 0.75, 0.9
 """What the interval of a share of grounds must be above to count as consistent: with 20 grounds, no more than one may
 be otherwise. And the least part of the speed on level ground that counts as robust."""

@@ -11,18 +11,18 @@ from motorgrad.bodies import Hexapod, TripodController, walk
 from motorgrad.experiments._claim import Claim, mean_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5.hexapod._sources import INDEPENDENT
 from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
 from motorgrad.experiments.chapter_5.hexapod._walk_record import draw_angles, draw_contacts, draw_states
-from motorgrad.experiments.chapter_5.hexapod._walkers import alike
+from motorgrad.experiments.chapter_5.hexapod._walkers import JITTER, alike
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 START, SHOWN = 2.0, 2.0  # s
-INDEPENDENT = "an independent model of the hexapod"
 ALMOST = (
-    "Over walks whose servos' gains differ by up to a thousandth: a walk is chaotic, and this is its spread. The bound "
-    "was chosen after one walk had been measured."
+    f"Over walks whose servos' gains differ by up to {100 * JITTER:g} %: a walk is chaotic, and this is its "
+    "spread. The bound was chosen after one walk had been measured."
 )
 
 
