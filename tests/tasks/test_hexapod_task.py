@@ -156,6 +156,34 @@ def test_net_displacement_is_that_of_twenty_seconds_each():
     assert found == [(20, pytest.approx(0.5)), (40, pytest.approx(1.0))]
 
 
+def walked(task, speeds, upward=1.0):
+    """The readings of `net` along x at these speeds in m/s, one a decision; at the last the trunk's up points so."""
+    memory, _ = task.observe(task.init(NONE), at(0, position=(0.0, 0.0, 0.2)), NONE)
+    found, place = [], 0.0
+    for n, speed in enumerate(speeds, 1):
+        place += speed * task.period
+        up = (0.0, 0.0, upward if n == len(speeds) else 1.0)
+        state = at(0, position=(place, 0.0, 0.2), velocity=(speed, 0.0, 0.0), forward=(1.0, 0.0, 0.0), upward=up)
+        memory, _, _ = task.reward(memory, state, jnp.zeros(24))
+        memory, _ = task.observe(memory, state, NONE)
+        value, occurred = task.readings(memory, state)["net"]
+        found += [(n, float(value))] if bool(occurred) else []
+    return found
+
+
+def test_a_fall_ends_the_twenty_seconds_and_wins_nothing():
+    task = Hexapod(action_period=1.0)
+    assert walked(task, [1.0] * 5) == []
+    assert walked(task, [1.0] * 5, upward=-1.0) == [(5, pytest.approx(5 / 20))]
+    assert walked(task, [1.0] * 22, upward=-1.0) == [(20, pytest.approx(1.0)), (22, pytest.approx(2 / 20))]
+    assert walked(task, [1.0] * 20, upward=-1.0) == [(20, pytest.approx(1.0))]  # once, not twice
+
+
+def test_a_shorter_episode_has_a_net_displacement_of_its_own_length():
+    assert walked(Hexapod(action_period=1.0, time_limit=4.0), [1.0, 1.0, 1.0, -1.0]) == [(4, pytest.approx(0.5))]
+    assert walked(Hexapod(action_period=1.0, time_limit=40.0), [1.0] * 21) == [(20, pytest.approx(1.0))]
+
+
 def test_an_overturned_trunk_ends_the_episode_and_counts_as_a_fall():
     task = Hexapod()
     memory, _ = task.observe(task.init(NONE), at(0), NONE)

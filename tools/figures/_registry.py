@@ -73,8 +73,6 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,
-    "learning-hexapod-synergy": hexapod_tasks.learning,
-    "terrain-speeds": hexapod.speeds,
 }
 """Figures for which something has to learn first, or to be estimated."""
 

@@ -2,7 +2,6 @@
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
-import dataclasses
 from typing import Any
 
 import mujoco
@@ -10,27 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from motorgrad.bodies import (
-    LEGS,
-    TRIPODS,
-    Hexapod,
-    LegState,
-    OnTerrain,
-    Terrain,
-    TripodController,
-    biomimetic_hexapod,
-    compile_model,
-    walk,
-)
+from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, biomimetic_hexapod, compile_model, walk
+from motorgrad.experiments.chapter_5.hexapod._body_drawing import draw_view
+from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH, draw_angles, draw_contacts, draw_states
 from motorgrad.sim import draw
-from tools.figures._style import BLUE, EXTENSOR, FAINT, FLEXOR, GREEN, ORANGE, PINK, RED, SKY, band, panels
-from tools.figures._work import Work
+from tools.figures._style import EXTENSOR, FAINT, FLEXOR, panels
 
 WALKER = Hexapod(drive="servos")
 KINDS = ("bumps", "slopes", "steps", "waves")
-STATES = {LegState.STANCE: "0.25", LegState.WAIT: ORANGE, LegState.SWING: SKY, LegState.DROP: GREEN}
-TOUCH = TripodController().contact
-STEEPEST, SEEDS, SECONDS = 0.25, 12, 20.0
 
 
 def body() -> Figure:
@@ -39,13 +25,9 @@ def body() -> Figure:
     for column, (title, hexapod) in zip(
         axes.T, (("Hexapod()", Hexapod()), ("biomimetic_hexapod()", biomimetic_hexapod())), strict=True
     ):
-        model = compile_model(hexapod)
-        firing = np.array([float(name.startswith(("retractor", "depressor"))) for name in hexapod.groups])
-        for view, elevation, reach in zip(column, (0.0, -90.0), (0.30, 0.45), strict=True):
-            draw(view, model, model.key(0).qpos, firing, elevation=elevation, linewidth=1.6, ground=elevation == 0)
-            view.set_aspect("equal", adjustable="box")
-            view.set(xlim=(-0.72, 0.72), ylim=(-0.06 if elevation == 0 else -reach, reach))
-            view.set_axis_off()
+        for axes_, view, span in zip(column, ("side", "above"), ((-0.06, 0.30), (-0.45, 0.45)), strict=True):
+            draw_view(axes_, hexapod, view)
+            axes_.set(xlim=(-0.72, 0.72), ylim=span)
         column[0].set_title(title, family="monospace")
     _names(axes[1, 0])
     return figure
@@ -101,36 +83,15 @@ def controller() -> Figure:
     """Two seconds of a walk: the states of the legs, the tripods' angles, and the feet on the ground."""
     found = walk(WALKER, seconds=4.0)
     part = found.time > 2.0
-    time, order = found.time[part] - 2.0, [leg for tripod in TRIPODS for leg in tripod]
+    time = found.time[part] - 2.0
     figure, (states, angles, contacts) = panels(rows=3, height=5.0, sharex=True, height_ratios=[1.2, 1, 0.9])
-    for row, leg in enumerate(order):
-        own = found.states[part, 0, LEGS.index(leg)]
-        for state, colour in STATES.items():
-            _bars(states, row, time, own == state, colour)
-        touch = found.reading.contact[part, 0, LEGS.index(leg)] > TOUCH
-        colour = BLUE if leg in TRIPODS[0] else RED
-        _bars(contacts, row, time, touch, colour)
-        angles.plot(time, np.degrees(found.reading.lateral[part, 0, LEGS.index(leg)]), color=colour, linewidth=1)
-    for axes in (states, contacts):
-        axes.set(yticks=np.arange(6) + 0.4, yticklabels=[leg.replace("_", " ") for leg in order], ylim=(6, -0.2))
-    from matplotlib.patches import Patch
-
-    shown = [Patch(color=colour, label=state.name.lower()) for state, colour in STATES.items()]
-    states.legend(handles=shown, ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
+    draw_states(states, time, found.states[part, 0])
+    draw_angles(angles, time, found.reading.lateral[part, 0])
     for limit in (TripodController().back, TripodController().forward):
         angles.axhline(limit, color="0.6", linewidth=0.8, linestyle=":")
-    angles.set(ylabel="lateral angle (°)")
+    draw_contacts(contacts, time, found.reading.contact[part, 0])
     contacts.set(xlabel="time (s)", xlim=(0, 2), title=f"feet on the ground, with more than {TOUCH:g} N")
     return figure
-
-
-def _bars(axes: Axes, row: int, time: np.ndarray, holds: np.ndarray, colour: str) -> None:
-    """A bar over every run of decisions after which something holds; each decision began one period before."""
-    period = time[1] - time[0]
-    ends = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
-    first, last = np.flatnonzero(ends > 0), np.flatnonzero(ends < 0)
-    spans = list(zip(time[first] - period, period * (last - first), strict=True))
-    axes.broken_barh(spans, (row, 0.8), color=colour, linewidth=0)
 
 
 def terrain() -> Figure:
@@ -161,26 +122,3 @@ def terrain() -> Figure:
         above.set_xlabel("x (m)")
     figure.colorbar(shown, ax=list(axes[0]), label="height (m)", pad=0.01)
     return figure
-
-
-def speeds(work: Work) -> Figure:
-    """How fast the fixed controller gets ahead over ever higher ground, with and without its mending."""
-    seconds = min(SECONDS, work.most * 0.01)
-    share = np.array([0.0, 0.05, 0.1, 0.16, 0.2, STEEPEST]) / STEEPEST
-    figure, axes = panels(4, height=2.6, sharey=True)
-    for panel, kind in zip(axes, KINDS, strict=True):
-        base = Terrain(kind, height=STEEPEST)
-        for mended, colour, words in ((True, BLUE, "mended"), (False, PINK, "as worded")):
-            net = [_net(base, each, mended, seconds) for each in share]
-            band(panel, 100 * STEEPEST * share, np.array(net).T, colour, words)
-        panel.set(title=f'"{kind}"', xlabel="height (cm)", xticks=[0, 10, 20], ylim=(0, 0.6))
-    axes[0].set_ylabel("net displacement / time (m/s)")
-    axes[-1].legend(loc="center right")
-    return figure
-
-
-def _net(base: Terrain, difficulty: float, mended: bool, seconds: float) -> np.ndarray:
-    """Net displacement over time for each seed of the ground, (seeds,), once the start is over."""
-    grounds = [dataclasses.replace(base, difficulty=float(difficulty), seed=seed) for seed in range(SEEDS)]
-    found = walk([OnTerrain(WALKER, ground) for ground in grounds], TripodController(mended=mended), seconds)
-    return found.gait(since=seconds / 10).net

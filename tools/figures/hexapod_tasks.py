@@ -1,4 +1,4 @@
-"""Figures of the hexapod's tasks: what is observed and paid, the synergies, and how walking is learnt."""
+"""Figures of the hexapod's tasks: what is observed and paid, and the synergies."""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
@@ -13,13 +13,10 @@ from matplotlib.figure import Figure
 from motorgrad.bodies import LEGS, TRIPODS, BodyBatch, BodyState, compile_model
 from motorgrad.sim import draw
 from motorgrad.tasks import Hexapod, HexapodSynergy
-from motorgrad.training import learning_curves
-from tools.figures._style import BLUE, COLOURS, FAINT, ORANGE, RED, band, level, panels
-from tools.figures._work import Work
+from tools.figures._style import BLUE, FAINT, ORANGE, RED, panels
 
 ALL = Hexapod(observes=("lateral", "current", "contact", "yaw", "course"), lag=2, course=50)
-SECONDS, SEEDS, STEPS, SMOOTH = 4.0, 8, 15_000, 12.0
-CONTROLLER = 0.52  # m/s, of the fixed controller (docs/bodies/hexapod.md)
+SECONDS = 4.0
 
 
 def task() -> Figure:
@@ -94,18 +91,3 @@ def _foot(model: Any, leg: str) -> Any:
     data.qpos[:] = model.key(0).qpos
     mujoco.mj_kinematics(model, data)
     return data.body(f"foot_{leg}").xpos
-
-
-def learning(work: Work) -> Figure:
-    """The heading speed during practice, with observations that are late by 0, 1 and 2 decisions."""
-    figure, axes = panels(height=3.2)
-    for lag, colour in zip((0, 1, 2), COLOURS, strict=False):
-        task = HexapodSynergy(lag=lag)
-        run = work.train(task, None, STEPS, SEEDS, keep=f"hexapod-synergy-{lag}")
-        smooth = max(SMOOTH, 2 * run.config["run"]["window"] * task.period)
-        (curve,) = learning_curves([run], "speed", smooth=smooth).curves
-        band(axes, curve.x, curve.values, colour, f"lag {lag}")
-    level(axes, CONTROLLER, "fixed controller")
-    axes.set(xlabel="simulated time (s)", ylabel="speed along the heading (m/s)", ylim=(0, None))
-    axes.legend(loc="upper left", title=f"median and quartiles of {SEEDS} seeds", title_fontsize=8)
-    return figure

@@ -31,6 +31,12 @@ from motorgrad.experiments.chapter_5.figure_5_2 import HopperBody
 from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
 from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
 from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
+from motorgrad.experiments.chapter_5.hexapod.figure_5_6 import HexapodBody
+from motorgrad.experiments.chapter_5.hexapod.figure_5_7 import StateMachine
+from motorgrad.experiments.chapter_5.hexapod.figure_5_8 import TwoGaits
+from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import BiomimeticHexapod
+from motorgrad.experiments.chapter_5.hexapod.section_5_3_3_terrain import RoughGround
+from motorgrad.experiments.chapter_5.hexapod.section_5_3_4_gaits import LearntGaits
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
@@ -85,6 +91,12 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HopperDynamics,
         HopperWeights,
         ActionPeriod,
+        HexapodBody,
+        StateMachine,
+        RoughGround,
+        TwoGaits,
+        LearntGaits,
+        BiomimeticHexapod,
         Approximators,
         Forgetting,
         Partition,

@@ -174,7 +174,7 @@ class Hexapod(TimedBodyTask):
         line = jnp.where(made == 0, now, line)  # before the start it stood still
         yaw = memory.yaw + self.yaw_smoothing * (reading.yaw_rate - memory.yaw)
         course = jnp.where(made % self.course == 0, reading.heading, memory.course)
-        origin = jnp.where(made % self._decisions(SPAN) == 0, reading.position[:2], memory.origin)
+        origin = jnp.where(made % self._span == 0, reading.position[:2], memory.origin)
         away = reading.heading - course
         seen = {
             "lateral": line[-1],
@@ -201,20 +201,22 @@ class Hexapod(TimedBodyTask):
         after = memory._replace(
             run=jnp.where(over, 0.0, run),
             stalled=jnp.where(over, (run / second < STALL) * 1.0, memory.stalled),
-            net=jnp.linalg.norm(reading.position[:2] - memory.origin) / (self._decisions(SPAN) * self.period),
+            net=jnp.linalg.norm(reading.position[:2] - memory.origin) / (self._span * self.period),
         )
         return after, self.reward_scale * along[self.paid], _overturned(reading)
 
     def readings(self, memory: March, state: BodyState) -> dict[str, Reading]:
-        """`speed`: along the heading, m/s. `net`: the net displacement over each 20 s of an episode divided by them,
-        m/s. `stalls`: the part of an episode's whole seconds in which the mean speed is below 0.3 m/s. `falls`: how
-        often the trunk overturns in a second."""
+        """`speed`: along the heading, m/s. `net`: the net displacement over each 20 s of an episode, or over an episode
+        of a shorter `time_limit`, divided by that time, m/s; where the trunk overturns before it is over, the
+        displacement until then, divided by the whole. `stalls`: the part of an episode's whole seconds in which the
+        mean speed is below 0.3 m/s. `falls`: how often the trunk overturns in a second."""
         reading = read_hexapod(state)
+        fallen = _overturned(reading)
         return {
             "speed": (reading.speed, True),
-            "net": (memory.net, memory.decisions % self._decisions(SPAN) == 0),
+            "net": (memory.net, fallen | (memory.decisions % self._span == 0)),
             "stalls": (memory.stalled, memory.decisions % self._decisions(SECOND) == 0),
-            "falls": (_overturned(reading) / self.period, True),
+            "falls": (fallen / self.period, True),
         }
 
     def measures(self, recorded: BodyState) -> dict[str, np.ndarray]:
@@ -227,6 +229,11 @@ class Hexapod(TimedBodyTask):
         late = HexapodReading(*(np.swapaxes(part, 0, 1)[since:] for part in reading))
         found = measure_gait(late, self.period)._asdict()
         return {"gait": found.pop("kind"), **{name: found[name] for name in found if name not in ("speed", "net")}}
+
+    @property
+    def _span(self) -> int:
+        """Decisions of a net displacement."""
+        return self._decisions(min(SPAN, self.time_limit or SPAN))
 
     def _decisions(self, seconds: float) -> int:
         return max(1, round(seconds / self.period))

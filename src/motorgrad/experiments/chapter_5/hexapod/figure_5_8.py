@@ -1,0 +1,141 @@
+"""Figure 5.8: the two gaits that hexapods learn, pronking and tripod."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import LEGS, TRIPODS, debounced
+from motorgrad.experiments._claim import Claim, exact, share_of
+from motorgrad.experiments._experiment import Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5.hexapod._synergy_study import START, SynergyStudy
+from motorgrad.experiments.chapter_5.hexapod._two_gaits_figure import draw_two_gaits
+from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH
+from motorgrad.training import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHOWN = ("pronk", "tripod")
+TOGETHER, AIRBORNE = 0.5, 0.05
+"""The mean correlation between legs above which they move together, and the part of the time without a foot on the
+ground above which a gait jumps."""
+MEMBERS = [np.array([LEGS.index(leg) for leg in tripod]) for tripod in TRIPODS]
+
+
+@dataclasses.dataclass(frozen=True)
+class TwoGaits(SynergyStudy):
+    """The lateral angles and the feet on the ground of two hexapods that have learnt to walk on four synergies: of the
+    seed that pronks most clearly, and of the one with the clearest tripod gait, by the correlation between the two
+    tripods' mean lateral angles; of all lags, with actions that are drawn. A gait to which no seed came is not shown.
+
+    **Arguments:** those of the study, and
+
+    - `shown` (simulated s): length of the record, from the middle of the walk on.
+    """
+
+    name: ClassVar[str] = "fig-5.8"
+    title: ClassVar[str] = "two learnt gaits"
+    source: ClassVar[str] = "figure 5.8"
+
+    shown: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(0.1 <= self.shown <= 10, "shown", self.shown, "in 0.1 … 10 simulated s")
+
+    def run(self, work: Workspace) -> Values:
+        found = []
+        for lag in self.lags:
+            run = self.trained(work, lag)
+            found.append(work.part(f"lag {lag}", lambda run=run: self._watched(self.watch(work, run, "sample"))))
+        values: Values = {name: np.concatenate([each[name] for each in found]) for name in found[0] if name != "time"}
+        values["lag"], values["seed"] = np.repeat(self.lags, self.seeds), np.tile(np.arange(self.seeds), len(self.lags))
+        kept: Values = {name: values[name] for name in values if name not in ("lateral", "contact")}
+        kept["time"] = found[0]["time"]
+        for kind in SHOWN:
+            row = clearest(values["gait"], values["correlation"], kind)
+            kept[f"{kind} row"] = np.array(row)
+            for name in ("lateral", "contact"):
+                kept[f"{kind} {name}"] = values[name][max(row, 0)]
+        return kept
+
+    def _watched(self, outcome: Evaluation) -> dict[str, Any]:
+        """Of each seed: its gait with its measures, and a record of its legs from the middle of the walk on."""
+        sensors = outcome.sensors or {}
+        lateral, contact = (np.stack([sensors[f"{kind}_{leg}"] for leg in LEGS], -1) for kind in ("lateral", "contact"))
+        late, middle = outcome.time > START, outcome.time[-1] / 2
+        part = (outcome.time > middle) & (outcome.time <= middle + self.shown)
+        period = float(outcome.time[1] - outcome.time[0])
+        down = debounced(np.swapaxes(contact[:, late] > TOUCH, 0, 1), period)
+        return {
+            **{name: outcome.measures[name] for name in ("gait", "phase", "correlation")},
+            "speed": outcome.readings["speed"],
+            **movement(lateral[:, late], np.swapaxes(down, 0, 1)),
+            "time": outcome.time[part] - middle,
+            "lateral": lateral[:, part],
+            "contact": contact[:, part],
+        }
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_two_gaits(values, SHOWN)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        jumps, alternate = values["airborne"] > AIRBORNE, values["feet"] < 0
+        rows = (
+            ("pronk", "In the pronking gait all legs cycle together.", values["all six"] > TOGETHER,
+             f"mean correlation of the six lateral angles above {TOGETHER:g}"),
+            ("pronk", "Pronking is a jumping movement: all feet are off the ground at once.", jumps,
+             f"for more than {AIRBORNE:g} of the time"),
+            ("tripod", "In the tripod gait the legs of a tripod move together.", values["within"] > TOGETHER,
+             f"mean correlation of their lateral angles above {TOGETHER:g}"),
+            ("tripod", "The two tripods are on the ground in turn.", alternate,
+             "correlation between how many feet of each are on the ground below 0"),
+        )  # fmt: skip
+        made = []
+        for kind, statement, holds, expected in rows:
+            own = holds[values["gait"] == kind]
+            measured = share_of(own) if len(own) else exact(0)
+            note = "" if len(own) else f"No seed of {len(holds)} came to this gait."
+            expected = f"{expected}: in most seeds of this gait"
+            made.append(Claim(statement, "section 5.3.2", expected, measured, measured.low > 0.5, note=note))
+        return made
+
+
+def clearest(gaits: np.ndarray, correlation: np.ndarray, kind: str) -> int:
+    """The row of the seed of a class whose tripods' correlation is farthest from 0, −1 where no seed is of it."""
+    rows = np.flatnonzero(gaits == kind)
+    return int(rows[np.argmax(np.abs(correlation[rows]))]) if len(rows) else -1
+
+
+def movement(lateral: np.ndarray, down: np.ndarray) -> dict[str, np.ndarray]:
+    """How the legs of each seed move with one another.
+
+    **Arguments:** lateral angles and whether the feet are on the ground, (seeds, decisions, 6) both.
+
+    **Returns** by name, (seeds,) each: the mean correlation between the lateral angles of two legs, of `all six` and
+    `within` a tripod; `feet`, the correlation between how many feet of each tripod are on the ground; `airborne`, the
+    part of the time in which none is.
+    """
+    legs = [np.nan_to_num(_correlations(each.T)) for each in lateral]
+    within = [np.mean([_pairs(matrix[np.ix_(rows, rows)]) for rows in MEMBERS]) for matrix in legs]
+    counts = [np.stack([each[:, rows].sum(1) for rows in MEMBERS]) for each in down]
+    return {
+        "all six": np.array([_pairs(matrix) for matrix in legs]),
+        "within": np.array(within),
+        "feet": np.array([np.nan_to_num(_correlations(each))[0, 1] for each in counts]),
+        "airborne": (~down.any(2)).mean(1),
+    }
+
+
+def _correlations(rows: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.corrcoef(rows)
+
+
+def _pairs(matrix: np.ndarray) -> float:
+    """The mean of a matrix above its diagonal."""
+    return float(matrix[np.triu_indices(len(matrix), 1)].mean())
