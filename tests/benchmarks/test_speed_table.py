@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from motorgrad.benchmarks import Row
-from motorgrad.benchmarks._hopper import hopper_rows
+from motorgrad.benchmarks._body import body_row, simulated_row
 from motorgrad.benchmarks._measure import in_turn
 from motorgrad.benchmarks._particle import hand_written
 from motorgrad.benchmarks._recruitment_loop import recruitment_loop
 from motorgrad.benchmarks._three_state_loop import three_state_loop
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
-from motorgrad.tasks import FallingParticle, LinearRecruitment, ThreeState
+from motorgrad.tasks import FallingParticle, HexapodSynergy, Hopper, LinearRecruitment, ThreeState
 from motorgrad.training import settings_for, train
 from motorgrad.worlds import oracle
 
@@ -40,10 +40,14 @@ def test_ratios_are_of_pairs_measured_in_turn():
     assert (row.name, row.unit, row.wanted) == ("n", "u/s", "≥ 0.1")
 
 
-def test_the_hopper_row_compares_learning_with_replayed_physics():
-    row = hopper_rows(2, 20, pairs=2)
+@pytest.mark.parametrize("task", [Hopper(), HexapodSynergy()], ids=lambda task: task.name)
+def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
+    row = body_row("a body", task, 2, 20, pairs=2)
     assert row.unit == "physics steps/s"
     assert 0 < row.spread[0] <= row.ratio <= row.spread[1]
+    simulated = simulated_row(row, task)
+    assert simulated.ours == pytest.approx(row.ours * task.dynamics.timestep)
+    assert simulated.unit == "simulated s/s"
 
 
 def test_the_hand_written_loop_learns_the_best_policy():

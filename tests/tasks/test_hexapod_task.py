@@ -62,17 +62,17 @@ def followed(task, row=0, walk=WALK):
 
 
 def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
-    observed, *_ = followed(Hexapod())
+    observed, *_ = followed(Hexapod(observes=("lateral",), lag=0))
     np.testing.assert_allclose(observed, np.degrees(read_hexapod(WALK).lateral[:, 0]) / 30.0, atol=1e-6)
     assert np.abs(observed).max() > 0.5
-    half, *_ = followed(Hexapod(angle_scale=60.0))
+    half, *_ = followed(Hexapod(observes=("lateral",), lag=0, angle_scale=60.0))
     np.testing.assert_allclose(half, observed / 2, atol=1e-6)
 
 
 @pytest.mark.parametrize("lag", [0, 1, 2, 5])
 def test_lag_shows_the_angles_of_so_many_decisions_ago_and_stood_still_before(lag):
-    fresh, *_ = followed(Hexapod())
-    late, *_ = followed(Hexapod(lag=lag))
+    fresh, *_ = followed(Hexapod(observes=("lateral",), lag=0))
+    late, *_ = followed(Hexapod(observes=("lateral",), lag=lag))
     np.testing.assert_array_equal(late[lag:], fresh[: len(fresh) - lag])
     np.testing.assert_array_equal(late[:lag], np.tile(fresh[0], (lag, 1)))
 

@@ -9,18 +9,23 @@ __all__ = ["Row", "speed_table"]
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """The rows of the speed table, one after the other as they are measured. `quick` is a smoke test's size."""
+    from motorgrad.benchmarks._body import body_row, simulated_row
     from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
-    from motorgrad.benchmarks._hopper import hopper_rows
     from motorgrad.benchmarks._index import index_row
     from motorgrad.benchmarks._learning import learning_rows
     from motorgrad.benchmarks._particle import local_learning_row, particle_row
     from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
     from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
     from motorgrad.benchmarks._three_state import three_state_row
+    from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper
 
     pairs = 2 if quick else 7
-    yield hopper_rows(16, 50 if quick else 1500, pairs, "≥ 0.8")
-    yield hopper_rows(1, 100 if quick else 8000, pairs, "≥ 0.6")
+    yield body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
+    yield body_row("hopper", Hopper(), 1, 100 if quick else 8000, pairs, "≥ 0.6")
+    for name, task in (("hexapod on synergies", HexapodSynergy()), ("hexapod on 24 muscles", Hexapod())):
+        row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
+        yield row
+        yield simulated_row(row, task)
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
     yield recruitment_row(1, 10_000 if quick else 1_000_000, pairs, "≥ 0.35")

@@ -23,6 +23,7 @@ from motorgrad.bodies import (
     read_hexapod,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.tasks._hexapod_learner import BATCH, MUSCLE_LEARNER
 from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Reading
 from motorgrad.tasks._timed_body_task import TimedBodyTask
@@ -98,17 +99,17 @@ class Hexapod(TimedBodyTask):
     name: ClassVar[str] = "hexapod"
     reports: ClassVar[tuple[str, ...]] = ("speed", "net", "stalls", "falls")
     episodic: ClassVar[bool] = True
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "rate": 1e-3}
+    learner: ClassVar[Mapping[str, Any]] = MUSCLE_LEARNER
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
     terrain: Terrain = LEVEL
     synergies: tuple[str, ...] | None = None
-    observes: tuple[Sense, ...] = ("lateral",)
-    lag: int = 0
+    observes: tuple[Sense, ...] = SENSES
+    lag: int = 1
     angle_scale: float = 30.0
     yaw_smoothing: float = 0.1
-    paid: Literal["heading", "course", "x"] = "heading"
-    course: int = 160
+    paid: Literal["heading", "course", "x"] = "course"
+    course: int = BATCH
     reward_scale: float = 4.0
     action_period: float = 0.02
     time_limit: float | None = None
@@ -243,7 +244,8 @@ class Hexapod(TimedBodyTask):
 class HexapodSynergy(Hexapod):
     """Walk as fast as possible, on four units: swing and stance of each tripod of legs.
 
-    Everything else is as in `Hexapod`.
+    As in the thesis, it observes the six lateral angles without a lag, is paid for velocity along the heading, and
+    learns by OLGARB. Everything else is as in `Hexapod`.
 
     **Arguments:** those of `Hexapod`, and
 
@@ -252,8 +254,12 @@ class HexapodSynergy(Hexapod):
     """
 
     name: ClassVar[str] = "hexapod-synergy"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "rate": 1e-3}
 
     synergies: tuple[str, ...] = TRIPOD_SYNERGIES
+    observes: tuple[Sense, ...] = ("lateral",)
+    lag: int = 0
+    paid: Literal["heading", "course", "x"] = "heading"
 
 
 def _overturned(reading: HexapodReading) -> Any:

@@ -1,17 +1,17 @@
-"""The hopper that learns, beside its bare physics replaying the same actions."""
+"""Bodies that learn, beside their bare physics replaying the same actions."""
 
 import numpy as np
 from mujoco.batch import Batch
 
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import compile_model
-from motorgrad.tasks import Hopper
+from motorgrad.tasks import BodyTask
 from motorgrad.training import BodyStepper, settings_for
 
 
-def hopper_rows(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Physics steps per second of learning, against `mujoco.batch` alone on the actions that the learner took."""
-    task = Hopper()
+def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """Physics steps per second of learning by the task's own learner, against `mujoco.batch` alone on the actions that
+    the learner took."""
 
     def make() -> BodyStepper:
         return BodyStepper(task, settings_for(task).agent(task), range(seeds))
@@ -39,7 +39,14 @@ def hopper_rows(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") ->
             bare.step(nstep=task.substeps)
 
     steps = decisions * seeds * task.substeps
-    name = f"hopper, learning ÷ bare physics, {seeds} seed{'s' * (seeds > 1)}"
+    what = f"{name}, learning ÷ bare physics, {seeds} seed{'s' * (seeds > 1)}"
     return in_turn(
-        name, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted
+        what, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted
     )
+
+
+def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
+    """How many seconds of all seeds together are simulated and learnt from in a second of wall time, of a `body_row`."""
+    assert row.other is not None
+    ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
+    return Row("   in simulated time", ours, other, "simulated s/s", None, None, wanted)
