@@ -32,6 +32,7 @@ from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
 from motorgrad.experiments.chapter_5.figure_5_4 import HopperDynamics
 from motorgrad.experiments.chapter_5.figure_5_5 import HopperWeights
 from motorgrad.experiments.chapter_5.morphology.section_5_3_3_forces import Forces
+from motorgrad.experiments.chapter_5.morphology.section_5_3_3_morphology import Morphology
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
@@ -86,6 +87,7 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HopperDynamics,
         HopperWeights,
         ActionPeriod,
+        Morphology,
         Forces,
         Approximators,
         Forgetting,

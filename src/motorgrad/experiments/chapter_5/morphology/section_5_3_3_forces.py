@@ -28,7 +28,7 @@ WAYS = ("all", "lateral")
 
 @dataclasses.dataclass(frozen=True)
 class Forces(Experiment):
-    """Hexapods learn to walk on four synergies with muscles of several strengths: all muscles stronger or weaker, or the
+    """Hexapods learn to walk on four synergies with muscles of several strengths: all stronger or weaker, or the
     lateral ones alone, which changes the ratio of lateral to vertical force. How fast the frozen policies walk, and for
     how much of the time their feet are on the ground.
 
