@@ -6,7 +6,9 @@ import importlib.util
 import numpy as np
 import pytest
 
+from motorgrad._commands import reproduce as command
 from motorgrad.bodies import Hexapod, walk
+from motorgrad.cli import main
 from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.chapter_5.morphology._body_space import (
     PITCH,
@@ -160,6 +162,21 @@ def test_levels_multiply_the_forces():
     strengths = {each.name.split("_")[0]: each.strength for each in task.body.muscles}
     assert strengths == {"protractor": 480.0, "retractor": 480.0, "levator": 125.0, "depressor": 125.0}
     assert Forces().task(1.0, 1.0).body == Hexapod()
+
+
+def test_without_evosax_the_search_is_refused_or_left_out_aloud(monkeypatch, tmp_path, capsys):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *more: None if name == "evosax" else found(name, *more)
+    )
+    others = {name: kind for name, kind in EXPERIMENTS.items() if name in ("sec-5.3.3-morphology", "fig-5.2")}
+    monkeypatch.setattr(command, "EXPERIMENTS", others)
+    needs = "sec-5.3.3-morphology needs the package evosax: pip install 'motorgrad[search]'"
+    assert main(["reproduce", "sec-5.3.3-morphology", "--quick", "--out", str(tmp_path)]) != 0
+    assert capsys.readouterr().err.strip().endswith(needs)
+    assert main(["reproduce", "all", "--quick", "--out", str(tmp_path)]) == 0
+    assert f"left out: {needs}" in capsys.readouterr().err
+    assert (tmp_path / "fig-5.2" / "figure.svg").exists()
 
 
 @pytest.mark.parametrize(

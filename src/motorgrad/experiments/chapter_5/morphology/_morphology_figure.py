@@ -94,7 +94,8 @@ def _found(axes: "Axes", values: Values, kinds: Sequence[str]) -> None:
         axes.plot(places, np.broadcast_to(height, places.shape), "o", color=COLOURS[kind], markersize=4, alpha=0.8)
         axes.plot([], [], "o", color=COLOURS[kind], markersize=4, label=METHODS[kind])
     usual = SPACE.places(list(usual_numbers().values()))
-    axes.plot(usual, rows, "|", color="0.1", markersize=20, markeredgewidth=1.6, label="the usual body")
+    axes.plot(usual, rows, "|", color="0.1", markersize=20, markeredgewidth=1.6)
+    axes.plot([], [], "|", color="0.1", markersize=9, markeredgewidth=1.6, label="the usual body")
     axes.set_yticks(rows, list(WORDS.values()))
     axes.set(xlim=(-0.03, 1.03), ylim=(SPACE.size - 0.5, -0.5), xlabel="the best of each search, within the bounds")
     bounds = [f"{each.low:g} … {each.high:g}" for each in SPACE.ranges.values()]

@@ -43,6 +43,7 @@ class Morphology(Experiment):
     name: ClassVar[str] = "sec-5.3.3-morphology"
     title: ClassVar[str] = "a search for the hexapod's body"
     source: ClassVar[str] = "section 5.3.3"
+    needs: ClassVar[tuple[str, str] | None] = ("evosax", "search")
 
     evaluations: int = 240
     searches: int = 5
