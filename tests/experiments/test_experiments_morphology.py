@@ -146,7 +146,7 @@ def forces(speed, lateral, duty):
     noise = 0.01 * np.random.default_rng(0).standard_normal((5, 8))
     rows = {"all speed": speed, "lateral speed": lateral, "all duty": duty, "lateral duty": duty}
     values = {name: np.array(each)[:, None] + noise for name, each in rows.items()}
-    air = {f"{way} airborne": np.full((5, 8), 0.1) for way in ("all", "lateral")}
+    air = {f"{way} {name}": np.full((5, 8), 0.1) for way in ("all", "lateral") for name in ("airborne", "belly")}
     return {"levels": np.array([0.25, 0.5, 1, 2, 4]), **values, **air}
 
 

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 ROWS = (
     ("speed", "speed along the heading (m/s)"),
     ("duty", "part of the time that\na foot is on the ground"),
-    ("airborne", "part of the time without\nany foot on the ground"),
+    ("airborne", "part of the time\nin the air"),
+    ("belly", "part of the time that\nthe belly is on the ground"),
 )
 TITLES = {"all": "all muscles", "lateral": "the lateral muscles alone"}
 
@@ -25,7 +26,7 @@ def draw_forces(values: Values, usual: Mapping[str, float]) -> "Figure":
     each, what the level 1 stands for."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 8.4), layout="constrained")
+    figure = Figure(figsize=(9, 9.8), layout="constrained")
     axes = figure.subplots(len(ROWS), 2, sharex="col", sharey="row")
     levels = values["levels"]
     for column, (way, title) in enumerate(TITLES.items()):

@@ -88,13 +88,15 @@ class Forces(Experiment):
         outcome = evaluate(run, round(self.watched / run.task.period), threads=work.threads)
         reading = read_hexapod(BodyState(outcome.position, None, outcome.sensors or {}))
         late = outcome.time > SETTLING
-        contact, place = reading.contact[:, late] > TOUCH, reading.position[:, late, :2]
+        feet, belly = (reading.contact[:, late] > TOUCH).any(axis=-1), reading.belly[:, late] > TOUCH
+        place = reading.position[:, late, :2]
         seconds = run.task.period * (place.shape[1] - 1)
         return {
             "speed": reading.speed[:, late].mean(axis=1),
             "net": np.linalg.norm(place[:, -1] - place[:, 0], axis=-1) / seconds,
             "duty": outcome.measures["duty"],
-            "airborne": (~contact.any(axis=-1) & (reading.belly[:, late] <= TOUCH)).mean(axis=1),
+            "airborne": (~feet & ~belly).mean(axis=1),
+            "belly": belly.mean(axis=1),
             "falls": outcome.readings["falls"] * self.watched,
             "gait": outcome.measures["gait"],
             "diverged": run.curve("diverged")[1].sum(axis=1),
@@ -145,7 +147,7 @@ class Forces(Experiment):
         best = 1 + int(np.argmax(every[1:-1].mean(axis=1)))
         for way, words, level in (("all", "of all muscles", best), ("lateral", "of the lateral muscles alone", usual)):
             less = mean_of(values[f"{way} duty"][level] - values[f"{way} duty"][-1])
-            air = [mean_of(values[f"{way} airborne"][at]).value for at in (level, -1)]
+            air, belly = (values[f"{way} {name}"].mean(axis=1) for name in ("airborne", "belly"))
             made.append(
                 Claim(
                     f"With more force {words} feet are on the ground for less of the time.",
@@ -154,7 +156,8 @@ class Forces(Experiment):
                     less,
                     less.low > 0,
                     "of the time",
-                    f"No foot is on the ground for {air[1]:.0%} of the time, instead of {air[0]:.0%}.",
+                    f"In the air for {air[-1]:.0%} of the time in place of {air[level]:.0%}, on the belly for "
+                    f"{belly[-1]:.0%} in place of {belly[level]:.0%}.",
                 )
             )
         return made
