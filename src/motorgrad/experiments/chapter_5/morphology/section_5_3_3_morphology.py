@@ -38,6 +38,9 @@ class Morphology(Experiment):
     - `seconds` (simulated s): length of every walk, of which the first does not count.
     - `again`: walks by which a number is judged, of bodies that differ by too little to matter; at least 2.
     - `bodies`: bodies at random places, of which variants are compared; at least 2.
+    - `temperature`: of Boltzmann selection, in standard deviations of the scores.
+    - `changed`: numbers that Boltzmann selection moves at a time.
+    - `width`: standard deviation of its noise, in parts of a number's range.
     """
 
     name: ClassVar[str] = "sec-5.3.3-morphology"
@@ -51,12 +54,16 @@ class Morphology(Experiment):
     seconds: float = 4.0
     again: int = 12
     bodies: int = 40
+    temperature: float = Boltzmann.temperature
+    changed: int = Boltzmann.changed
+    width: float = Boltzmann.width
 
     def __post_init__(self) -> None:
         for name, least in (("searches", 2), ("batch", 4), ("again", 2), ("bodies", 2)):
             check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"in {least} … 10,000")
         whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
+        self.method("boltzmann")
         check(SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"in {SETTLING + 1:g} … 3600 simulated s")
 
     @classmethod
@@ -67,7 +74,9 @@ class Morphology(Experiment):
         """A method of search, with as many candidates to a round as the others."""
         if kind == "cma-es":
             return CmaEs(population=self.batch)
-        return Boltzmann(candidates=self.batch) if kind == "boltzmann" else Uniform(candidates=self.batch)
+        if kind == "boltzmann":
+            return Boltzmann(self.batch, self.temperature, self.changed, self.width)
+        return Uniform(candidates=self.batch)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
