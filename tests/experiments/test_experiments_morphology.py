@@ -34,6 +34,7 @@ from motorgrad.experiments.chapter_5.morphology.section_5_3_3_morphology import 
 
 INSTALLED = importlib.util.find_spec("evosax") is not None
 needs_evosax = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[search]")
+OTHERS = ("airborne", "belly", "net", "falls")
 CLAIMED = {"sec-5.3.3-morphology": 13, "sec-5.3.3-forces": 5}
 
 
@@ -146,7 +147,7 @@ def forces(speed, lateral, duty):
     noise = 0.01 * np.random.default_rng(0).standard_normal((5, 8))
     rows = {"all speed": speed, "lateral speed": lateral, "all duty": duty, "lateral duty": duty}
     values = {name: np.array(each)[:, None] + noise for name, each in rows.items()}
-    air = {f"{way} {name}": np.full((5, 8), 0.1) for way in ("all", "lateral") for name in ("airborne", "belly")}
+    air = {f"{way} {name}": np.full((5, 8), 0.1) for way in ("all", "lateral") for name in OTHERS}
     return {"levels": np.array([0.25, 0.5, 1, 2, 4]), **values, **air}
 
 

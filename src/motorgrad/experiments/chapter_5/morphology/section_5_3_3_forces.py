@@ -115,6 +115,7 @@ class Forces(Experiment):
             mean_of(lateral[usual] - lateral[-1]),
             mean_of(every[-1] - lateral[-1]),
         )
+        net, falls = ([values[f"{way} {name}"][-1].mean() for way in WAYS] for name in ("net", "falls"))
         told = {way: _medians(values, way) for way in WAYS}
         made = [
             Claim(
@@ -142,6 +143,8 @@ class Forces(Experiment):
                 matched,
                 matched.low > 0,
                 "m/s faster",
+                f"Net displacement {net[0]:.2f} m/s with it, {net[1]:.2f} m/s without; overturned {falls[0]:.2g} and "
+                f"{falls[1]:.2g} times, after which a body begins anew.",
             ),
         ]
         best = 1 + int(np.argmax(every[1:-1].mean(axis=1)))
