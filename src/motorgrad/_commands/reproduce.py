@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import tyro
@@ -66,7 +67,7 @@ def run(arguments: list[str]) -> int:
     return 1 if options.strict and not all(claim.holds for each in done for claim in each.claims) else 0
 
 
-def _possible(experiments: list[str]) -> list[str]:
+def _possible(experiments: Sequence[str]) -> list[str]:
     """The experiments that are meant, but for those that need a package which is missing: of a chapter or of all these
     are left out aloud; one that is named is refused."""
     names = chosen(experiments, EXPERIMENTS)

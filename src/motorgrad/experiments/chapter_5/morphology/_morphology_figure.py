@@ -63,7 +63,7 @@ def _searches(axes: "Axes", values: Values, kinds: Sequence[str]) -> None:
     axes.axhline(values["usual"].mean(), color="0.25", linestyle="--", linewidth=1, label="the usual body")
     axes.set(xlabel="evaluations; dots: the best walk again", ylabel="speed of the best body so far (m/s)")
     axes.set_ylim(0.9 * values["usual"].mean(), None)
-    axes.legend(loc="lower right", bbox_to_anchor=(0.98, 0.03), fontsize=9)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=9)
 
 
 def _bodies(axes: Any, values: Values) -> None:
