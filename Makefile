@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What is installed beside the library: dev for tests, docs for the site, peers and tensorboard (CONTRIBUTING.md).
+# What is installed beside the library: dev for tests, docs for the site, and others (CONTRIBUTING.md).
 EXTRAS ?= dev
 comma := ,
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))

@@ -19,13 +19,14 @@ DYNAMICS = {"bodies", "worlds"}
 BELOW = {
     "policies": set(),
     "learning": {"policies"},
+    "search": set(),
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
     "sim": {"tasks", "policies"} | DYNAMICS,  # it shows bodies and learners
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
-    "experiments": {"training", "tasks", "sim"} | DYNAMICS | LEARNING,
+    "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "training", "tasks"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},

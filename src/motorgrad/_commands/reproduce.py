@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import tyro
@@ -48,7 +49,7 @@ class Reproduce:
 def run(arguments: list[str]) -> int:
     given = read(arguments)
     options = resolve(_command(given), given, "reproduce")
-    names, out, settings = chosen(options.experiments, EXPERIMENTS), options.folder, getattr(options, "settings", None)
+    names, out, settings = _possible(options.experiments), options.folder, getattr(options, "settings", None)
     done: list[Reproduction] = []
     try:
         for name in names:
@@ -64,6 +65,18 @@ def run(arguments: list[str]) -> int:
         _say(done, report)
     write_json(options.json, {"report": str(report), "experiments": [each.record() for each in done]})
     return 1 if options.strict and not all(claim.holds for each in done for claim in each.claims) else 0
+
+
+def _possible(experiments: Sequence[str]) -> list[str]:
+    """The experiments that are meant, but for those that need a package which is missing: of a chapter or of all these
+    are left out aloud; one that is named is refused."""
+    names = chosen(experiments, EXPERIMENTS)
+    lacking = {name: lacks for name in names if (lacks := EXPERIMENTS[name].lacks())}
+    for name, lacks in lacking.items():
+        if name in map(str.lower, experiments):
+            raise RuntimeError(lacks)
+        print(f"left out: {lacks}", file=sys.stderr)
+    return [name for name in names if name not in lacking]
 
 
 def _command(given: Given) -> type[Reproduce]:

@@ -46,7 +46,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
 
 
 def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
-    """How many seconds of all seeds together are simulated and learnt from in a second of wall time, of a `body_row`."""
+    """How many seconds, of all seeds together, are simulated and learnt from in a second, of a `body_row`."""
     assert row.other is not None
     ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
     return Row("   in simulated time", ours, other, "simulated s/s", None, None, wanted)

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import importlib.util
 import inspect
 import re
 from collections.abc import Mapping, Sequence
@@ -31,11 +32,20 @@ class Experiment(abc.ABC):
     """A few words."""
     source: ClassVar[str]
     """Where it comes from: `"figure 5.5"`, `"section 5.2.2"`, of the thesis unless it says another."""
+    needs: ClassVar[tuple[str, str] | None] = None
+    """A package that the library itself does without, and the extra that has it: `("evosax", "search")`."""
 
     @classmethod
     def quick(cls) -> Self:
         """A smoke size: everything happens, and nothing is shown by it."""
         return cls()
+
+    @classmethod
+    def lacks(cls) -> str:
+        """What is missing to run it, and how to get it; nothing where it can run."""
+        if cls.needs is None or importlib.util.find_spec(cls.needs[0]) is not None:
+            return ""
+        return f"{cls.name} needs the package {cls.needs[0]}: pip install 'motorgrad[{cls.needs[1]}]'"
 
     @property
     def part(self) -> str:

@@ -37,6 +37,8 @@ from motorgrad.experiments.chapter_5.hexapod.figure_5_8 import TwoGaits
 from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import BiomimeticHexapod
 from motorgrad.experiments.chapter_5.hexapod.section_5_3_3_terrain import RoughGround
 from motorgrad.experiments.chapter_5.hexapod.section_5_3_4_gaits import LearntGaits
+from motorgrad.experiments.chapter_5.morphology.section_5_3_3_forces import Forces
+from motorgrad.experiments.chapter_5.morphology.section_5_3_3_morphology import Morphology
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
@@ -94,6 +96,8 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         HexapodBody,
         StateMachine,
         RoughGround,
+        Morphology,
+        Forces,
         TwoGaits,
         LearntGaits,
         BiomimeticHexapod,

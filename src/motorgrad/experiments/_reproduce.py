@@ -13,6 +13,7 @@ from typing import Any
 import filelock
 import tomli_w
 
+from motorgrad._arrays import read_arrays, write_arrays
 from motorgrad._errors import unknown
 from motorgrad._files import read_json, write_atomically
 from motorgrad._settings import table
@@ -20,7 +21,7 @@ from motorgrad.experiments._animate import animate
 from motorgrad.experiments._claim import Claim
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._style import STYLE
-from motorgrad.experiments._workspace import Workspace, read_arrays, write_arrays
+from motorgrad.experiments._workspace import Workspace
 from motorgrad.training import RunWarning, provenance, what_changed
 
 QUICK = 2.0  # seconds of film at a smoke size

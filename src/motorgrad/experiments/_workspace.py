@@ -1,17 +1,15 @@
 """Where an experiment works: a folder that keeps what is finished."""
 
 import hashlib
-import io
 import json
 import sys
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from motorgrad._files import write_atomically
+from motorgrad._arrays import read_arrays, write_arrays
 from motorgrad._settings import table
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
@@ -63,20 +61,3 @@ class Workspace:
         """A line about how far it is."""
         if self.progress:
             print(f"  {self.path.name}: {what}", file=sys.stderr, flush=True)
-
-
-def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Store arrays by name, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
-
-
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file of `write_arrays`. **Raises** `ValueError` for a damaged file."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: damaged: {error}; delete it, and it is made again") from None

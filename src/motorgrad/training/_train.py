@@ -197,7 +197,7 @@ class _Training:
                 # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
                 count = max(1, min(2 * count, round(made * SLICE / took)))
                 latest = {} if stepper.decision % window else self._record()
-                report.update(stepper.decision, made / took, latest)
+                report.report(stepper.decision, made / took, latest)
                 if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
                     self._commit()
                     saved = time.monotonic()

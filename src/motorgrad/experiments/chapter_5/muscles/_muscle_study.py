@@ -15,7 +15,7 @@ FULL = "the learner"
 VARIANTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     FULL: ({}, {}),
     "mirror tie": ({}, {"policy": "mirrored"}),
-    # So much damping leaves the gradient's direction as it is; the limit on the divergence still sets the step's length.
+    # So much damping leaves the gradient's direction as it is; the limit on the divergence still sets the length.
     "Euclidean": ({}, {"damping": 1e4, "rate": 1e6}),
     "no critic": ({}, {"critic": "none"}),
     "no lag": ({"lag": 0}, {}),

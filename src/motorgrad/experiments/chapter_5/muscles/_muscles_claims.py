@@ -22,15 +22,10 @@ CHANGES = {
 
 def muscle_claims(values: Values) -> Sequence[Claim]:
     """Of the learner itself."""
-    mode, sample = (
-        {name: values[f"{FULL} {kind} {name}"] for name in ("speed", "net", "stalls", "falls", "gait")}
-        for kind in ("mode", "sample")
-    )
+    mode, sample = (_quantities(values, kind) for kind in ("mode", "sample"))
     speed, net = median_of(mode["speed"]), median_of(mode["net"])
-    kinds = ", ".join(
-        f"{kind} {count}" for kind, count in zip(*np.unique(mode["gait"], return_counts=True), strict=True)
-    )
-    gaits = f"Gaits with the most probable actions: {kinds}."
+    counts = zip(*np.unique(mode["gait"], return_counts=True), strict=True)
+    gaits = f"Gaits with the most probable actions: {', '.join(f'{kind} {count}' for kind, count in counts)}."
     walks = median_of(sample["net"])
     still = mean_of(mode["stalls"])
     seeds = len(mode["speed"])
@@ -96,3 +91,7 @@ def ablation_claims(values: Values) -> Sequence[Claim]:
             )
         )
     return made
+
+
+def _quantities(values: Values, mode: str) -> dict[str, np.ndarray]:
+    return {name: values[f"{FULL} {mode} {name}"] for name in ("speed", "net", "stalls", "falls", "gait")}

@@ -1,0 +1,113 @@
+"""What is searched: named numbers, each within bounds."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check
+
+
+@dataclasses.dataclass(frozen=True)
+class Range:
+    """What one number may be, in its own unit.
+
+    - `low`, `high`: the bounds, both included.
+    - `start`: where a search begins; by default in the middle.
+    - `log`: whether equal ratios count alike, in place of equal differences; then both bounds are above 0.
+
+    **Raises:** `ValueError` naming the field and what it may be.
+    """
+
+    low: float
+    high: float
+    start: float | None = None
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        least = 0.0 if self.log else -math.inf
+        check(_number(self.low) and self.low > least, "Range.low", self.low, f"a finite number above {least:g}")
+        check(
+            _number(self.high) and self.high > self.low, "Range.high", self.high, f"finite and above low = {self.low!r}"
+        )
+        if self.start is not None:
+            inside = _number(self.start) and self.low <= self.start <= self.high
+            check(inside, "Range.start", self.start, f"in {self.low!r} … {self.high!r}")
+
+    def number(self, place: Any) -> Any:
+        """The numbers at places from 0, the lower bound, to 1, the upper one; of any shape."""
+        if not self.log:
+            return self.low + place * (self.high - self.low)
+        return np.exp(math.log(self.low) + place * (math.log(self.high) - math.log(self.low)))
+
+    def place(self, number: Any) -> Any:
+        """The inverse of `number`."""
+        if not self.log:
+            return (number - self.low) / (self.high - self.low)
+        return (np.log(number) - math.log(self.low)) / (math.log(self.high) - math.log(self.low))
+
+
+@dataclasses.dataclass(frozen=True)
+class Space:
+    """Named numbers within bounds. Methods of search see *places* from 0 to 1; functions see the numbers themselves.
+
+    - `ranges`: a `Range` for every name.
+
+    **Raises:** `ValueError` unless there is at least one.
+    """
+
+    ranges: Mapping[str, Range]
+
+    def __post_init__(self) -> None:
+        right = len(self.ranges) > 0 and all(isinstance(each, Range) for each in self.ranges.values())
+        check(right, "Space.ranges", self.ranges, "at least one Range by name")
+        object.__setattr__(self, "ranges", MappingProxyType(dict(self.ranges)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the numbers, in the order of every array."""
+        return tuple(self.ranges)
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return len(self.ranges)
+
+    @property
+    def start(self) -> Float[np.ndarray, " size"]:
+        """The places at which a search begins."""
+        starts = ((each, each.start) for each in self.ranges.values())
+        return np.array([0.5 if start is None else each.place(start) for each, start in starts], float)
+
+    def numbers(self, places: Any) -> Float[np.ndarray, "*batch size"]:
+        """Places (…, size) as numbers in their own units."""
+        places = self._of_its_size("places", places)
+        return np.stack([each.number(places[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
+
+    def places(self, numbers: Any) -> Float[np.ndarray, "*batch size"]:
+        """The inverse of `numbers`."""
+        numbers = self._of_its_size("numbers", numbers)
+        return np.stack([each.place(numbers[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
+
+    def named(self, places: Any) -> dict[str, float]:
+        """The numbers at one candidate's places (size,), by name."""
+        return dict(zip(self.names, self.numbers(places).tolist(), strict=True))
+
+    def _of_its_size(self, name: str, values: Any) -> np.ndarray:
+        values = np.asarray(values, float)
+        shape = values.shape
+        check(values.ndim > 0 and shape[-1] == self.size, f"{name}.shape", shape, f"(…, {self.size})")
+        return values
+
+
+def reflected(places: Any) -> Float[np.ndarray, "*batch size"]:
+    """Places anywhere, folded at the bounds into 0 … 1 as light is by two mirrors."""
+    return 1.0 - np.abs(1.0 - np.mod(places, 2.0))
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)

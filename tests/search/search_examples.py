@@ -1,0 +1,40 @@
+"""Functions with a known optimum, and the methods under test."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from motorgrad.search import Boltzmann, CmaEs, Range, Space, Uniform
+
+INSTALLED = importlib.util.find_spec("evosax") is not None
+needs_evosax = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[search]")
+SIZE = 5
+SPACE = Space({name: Range(-5.0, 5.0, start=3.0) for name in "abcde"})
+TURN = np.linalg.qr(np.random.default_rng(7).standard_normal((SIZE, SIZE)))[0]
+AXES = np.logspace(0, 3, SIZE)
+
+METHODS = [
+    pytest.param(Uniform, id="uniform"),
+    pytest.param(Boltzmann, id="boltzmann"),
+    pytest.param(CmaEs, id="cma-es", marks=needs_evosax),
+]
+
+
+def _rows(candidates):
+    return np.array([list(each.values()) for each in candidates])
+
+
+def sphere(candidates, random):
+    """Greatest, 0, at 1."""
+    return -((_rows(candidates) - 1.0) ** 2).sum(axis=1)
+
+
+def noisy_sphere(candidates, random):
+    """The same with noise, of 1/40 of what the start loses."""
+    return sphere(candidates, random) + 0.5 * random.standard_normal(len(candidates))
+
+
+def ellipsoid(candidates, random):
+    """Greatest, 0, at 1; a thousand times as steep along one direction as along another, none of them a number's."""
+    return -(((_rows(candidates) - 1.0) @ TURN) ** 2 @ AXES)
