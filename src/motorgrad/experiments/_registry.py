@@ -39,6 +39,8 @@ from motorgrad.experiments.chapter_5.hexapod.section_5_3_3_terrain import RoughG
 from motorgrad.experiments.chapter_5.hexapod.section_5_3_4_gaits import LearntGaits
 from motorgrad.experiments.chapter_5.morphology.section_5_3_3_forces import Forces
 from motorgrad.experiments.chapter_5.morphology.section_5_3_3_morphology import Morphology
+from motorgrad.experiments.chapter_5.muscles.beyond_5_3_4_muscles import Muscles
+from motorgrad.experiments.chapter_5.muscles.beyond_5_4_1_synergies import FoundSynergies
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
@@ -100,6 +102,8 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         Forces,
         TwoGaits,
         LearntGaits,
+        Muscles,
+        FoundSynergies,
         BiomimeticHexapod,
         Approximators,
         Forgetting,
