@@ -13,9 +13,9 @@ from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._policy import trainable
 
 
-def _whole(values: Any) -> tuple[int, ...]:
+def _whole(values: Any) -> Any:
     """The numbers as Python's own, so that they may be written down; what is not whole stays, to be refused."""
-    found: Any = np.ravel(np.asarray(values)).tolist()
+    found = np.ravel(np.asarray(values)).tolist()
     return tuple(int(n) if isinstance(n, int | float) and float(n).is_integer() else n for n in found)
 
 
