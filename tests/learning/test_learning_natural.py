@@ -16,6 +16,7 @@ from motorgrad.policies import (
     Factored,
     Hyperplanes,
     LocalGaussians,
+    Mirrored,
     Motoneurons,
     Softmax,
     fixed,
@@ -57,6 +58,7 @@ def rng_policies(seed):
         "motoneurons": pool,
         "gaussians": local,
         "factored": Factored([pool, Factored([local])]),
+        "mirrored": Mirrored(pool, (0,), (-1,), (0, 3), (1, 2)),
         "softmax": Softmax(rng.normal(size=(3, 1))),
         "thresholds": AdmissionThresholds(rng.normal(size=1)),
         "coupled": Coupled(rng.normal(size=2), rng.normal()),
@@ -120,7 +122,7 @@ def random_mdp(actions, inputs, seed=0, states=4):
     return FiniteMDP(transitions, rng.normal(size=(actions, states)), rng.normal(size=(states, inputs)))
 
 
-@pytest.mark.parametrize("name", ["motoneurons", "factored", "coupled", "softmax"])
+@pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "coupled", "softmax"])
 def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     policy = rng_policies(2)[name]
     mdp = random_mdp(len(policy.enumerate()), 1)
@@ -310,7 +312,7 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     assert moved["not damped"] > 10 * moved["damped"]
 
 
-@pytest.mark.parametrize("name", ["motoneurons", "factored", "gaussians", "softmax"])
+@pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "gaussians", "softmax"])
 def test_a_matrix_of_nothing_moves_nothing_and_a_singular_one_stays_finite(name):
     policy, metric = rng_policies(3)[name], FisherMetric(0.5, 0.0, 0.0)
     state = metric.init(policy)

@@ -36,6 +36,7 @@ from motorgrad.policies import (
     Hyperplanes,
     LocalGaussians,
     Masked,
+    Mirrored,
     Motoneurons,
     SoftBoxes,
     Softmax,
@@ -59,6 +60,9 @@ def pools():
         "motoneurons": motoneurons,
         "factored": Factored([motoneurons, gaussians]),
         "softmax": Softmax(rng.normal(size=(3, 2))),
+        "mirrored": Mirrored(
+            Hyperplanes(rng.normal(size=(2, 2)), rng.normal(size=2)), (1, 0), (-1, -1), (0, 3), (2, 1)
+        ),
     }
 
 

@@ -18,6 +18,7 @@ from motorgrad.policies import (
     Hyperplanes,
     LocalGaussians,
     Masked,
+    Mirrored,
     Motoneurons,
     Policy,
     SoftBoxes,
@@ -72,6 +73,8 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "soft-spheres": _spheres,
     "soft-boxes": _boxes,
     "masked": lambda rng: Masked(_local(rng, 4), np.array([True, False, True, True])),
+    "mirrored": lambda rng: Mirrored(_hyperplanes(rng, 2, 3), (1, 0, 2), (1, 1, -1), (0, 3), (2, 1)),
+    "mirrored-local": lambda rng: Mirrored(Factored([_local(rng, 1), _boxes(rng, 1)]), (0, 1), (1, -1), (0, 1), (2, 3)),
     "gated": _gated,
     "gated-nested": lambda rng: Gated(
         _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]
@@ -142,6 +145,11 @@ def _box_at(distance: float, hardness: float) -> tuple[Policy, np.ndarray]:
     return SoftBoxes([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.5]], [hardness, 1.0]), np.array([distance, 1.0])
 
 
+def _mirrored_at(potential: float) -> tuple[Policy, np.ndarray]:
+    pool = Hyperplanes([[potential, 0.0]], [0.0])
+    return Mirrored(pool, (1, 0), (-1, -1), (1,), (0,)), np.array([1.0, -2.0])
+
+
 def _gated_at(potential: float, widths: float) -> tuple[Policy, np.ndarray]:
     return Gated(Hyperplanes([[potential]], [0.0]), [LocalGaussians([[1.0 - widths]], [[0.0]])]), np.array([1.0])
 
@@ -161,6 +169,7 @@ EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
     **{f"box, {x} from its centre": lambda x=x: _box_at(x, 1.0) for x in (0.0, 1.0, 40.0)},
     "hard box at its centre": lambda: _box_at(0.0, np.log(700.0)),
     "hard box at its wall": lambda: _box_at(1.0, np.log(700.0)),
+    **{f"mirrored hyperplanes at {x}": lambda x=x: _mirrored_at(x) for x in (-700.0, 50.0)},
     "gate surely open, capped below": lambda: _gated_at(50.0, 0.0),
     "gate surely closed, far below": lambda: _gated_at(-50.0, 40.0),
     "factored, saturated and capped": lambda: _mixed_at(700.0, 0.0),

@@ -17,6 +17,7 @@ from motorgrad.policies import (
     FreeGaussians,
     Hyperplanes,
     LocalGaussians,
+    Mirrored,
     Motoneurons,
     Softmax,
     describe,
@@ -94,6 +95,13 @@ def test_rebuilding_runs_no_code_outside_the_known_policies():
         rebuild({"kind": "os.system", "weights": "float32[2,2]"})
 
 
+SIDES = ((1, 0), (1, 1), (0, 1), (2, 3))
+
+
+def mirror_of(order=(1, 0, 2), signs=(1, 1, -1), left=(0, 1), right=(2, 3)):
+    return Mirrored(Hyperplanes(np.zeros((2, 3)), two), order, signs, left, right)
+
+
 one, two, square = np.zeros(1), np.zeros(2), np.zeros((2, 2))
 
 
@@ -115,6 +123,23 @@ one, two, square = np.zeros(1), np.zeros(2), np.zeros((2, 2))
         (lambda: FreeGaussians(square, square, one), "log_mass = (1,): must be of shape (2,)"),
         (lambda: Factored([]), "pools = (): must be at least one"),
         (lambda: Factored([Motoneurons(two, two), Hyperplanes(square, two)]), "pools = [1, 2]"),
+        (lambda: Mirrored(Softmax(square), *SIDES), "pool = 'Softmax': must be a pool of binary units"),
+        (lambda: Mirrored(policy_of("gated"), *SIDES), "pool = 'Gated': must be a pool of independent units"),
+        (lambda: mirror_of(order=(0,)), "order = (0,): must be a permutation of the 3 inputs"),
+        (
+            lambda: mirror_of(order=(0, 1, 1)),
+            "order = (0, 1, 1): must be a permutation of the 3 inputs, each of 0 to 2",
+        ),
+        (lambda: mirror_of(order=(0, 1, 1.5)), "order = (0, 1, 1.5): must be a permutation"),
+        (lambda: mirror_of(order=(1, 2, 0)), "order = (1, 2, 0): must be pairs"),
+        (lambda: mirror_of(signs=(1, 1)), "signs = (1, 1): must be 1 or -1 for each of the 3 inputs"),
+        (lambda: mirror_of(signs=(1, 1, 0)), "signs = (1, 1, 0): must be 1 or -1"),
+        (lambda: mirror_of(signs=(1, 1, np.nan)), "signs = (1, 1, nan): must be 1 or -1"),
+        (lambda: mirror_of(signs=(1, -1, 1)), "signs = (1, -1, 1): must be the same for an input and its mirror"),
+        (lambda: mirror_of(left=(0,)), "left = (0,): must be an output of each of 2 units"),
+        (lambda: mirror_of(right=(1, 2, 3)), "right = (1, 2, 3): must be an output of each of 2 units"),
+        (lambda: mirror_of(right=(0, 3)), "left, right = ((0, 1), (0, 3)): must be each of 0 to 3 once"),
+        (lambda: mirror_of(right=(2, 4)), "left, right = ((0, 1), (2, 4)): must be each of 0 to 3 once"),
         (lambda: AdmissionThresholds(square), "threshold = (2, 2)"),
         (lambda: AdmissionThresholds(two, two), "steepness = (2,)"),
     ],
@@ -131,12 +156,13 @@ def started(start, seed=0):
 
 @pytest.mark.parametrize("name", INITIAL)
 def test_initial_policies_fit_the_task(name):
-    task = SimpleNamespace(observation_size=1, action_size=3)
+    mirror = SimpleNamespace(inputs=(0,), signs=(-1,), outputs=(1, 0, 3, 2))
+    task = SimpleNamespace(observation_size=1, action_size=4, mirror=mirror)
     policy = started(initial(name, task))
-    assert (policy.inputs, policy.outputs) == (1, 3)
+    assert (policy.inputs, policy.outputs) == (1, 4)
 
 
-@pytest.mark.parametrize("name", INITIAL)
+@pytest.mark.parametrize("name", sorted(INITIAL.keys() - {"mirrored"}))
 def test_initial_policies_can_be_made_from_sizes_alone(name):
     policy = started(INITIAL[name](1, 4))
     assert (policy.inputs, policy.outputs) == (1, 4)

@@ -31,6 +31,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-soft-box": units.soft_box,
     "unit-masked": units.masked,
     "unit-gated": units.gated,
+    "unit-mirrored": units.mirrored,
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,

@@ -15,6 +15,7 @@ from motorgrad.policies import (
     Hyperplanes,
     LocalGaussians,
     Masked,
+    Mirrored,
     Motoneurons,
     Querying,
     SoftBoxes,
@@ -258,6 +259,25 @@ def gated() -> Figure:
         panel.set(title=title, aspect="equal", xlabel="input $y_1$")
     axes[0].set_ylabel("input $y_2$")
     figure.colorbar(shown, ax=axes, shrink=0.8, label="probability")
+    return figure
+
+
+def mirrored() -> Figure:
+    """Two units and their copies: one where two inputs change places, one where an input turns its sign."""
+    swap = Mirrored(Hyperplanes([[3.0, 1.0]], [-0.5]), (1, 0), (1, 1), (0,), (1,))
+    gaussian = LocalGaussians([[0.4, 0.7]], np.log([[0.7, 0.35]]), p_max=jnp.array(0.95))
+    turn = Mirrored(gaussian, (0, 1), (1, -1), (0,), (1,))
+    x, y = plane(1.5, 91)
+    figure, axes = panels(4, height=2.0)
+    shown: Any = None
+    names = (("left angle", "right angle"), ("speed", "yaw rate"))
+    for number, panel in enumerate(axes):
+        policy, (across, up) = (swap, turn)[number // 2], names[number // 2]
+        shown = panel.pcolormesh(x, y, over(policy.prob, x, y)[..., number % 2], vmin=0, vmax=1, rasterized=True)
+        panel.plot(*(([-1.5, 1.5], [-1.5, 1.5]) if number < 2 else ([-1.5, 1.5], [0, 0])), ":", color="white")
+        panel.set(title=("unit, left output", "copy, right output")[number % 2], aspect="equal")
+        panel.set(xlabel=across, ylabel=up if number % 2 == 0 else "")
+    figure.colorbar(shown, ax=axes, shrink=0.8, label="probability of firing")
     return figure
 
 

@@ -10,7 +10,7 @@ from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._initial import INITIAL, Initial, initial
-from motorgrad.policies._initial_composed import gated, mixture
+from motorgrad.policies._initial_composed import gated, mirrored, mixture
 from motorgrad.policies._initial_global import (
     graded_motoneurons,
     hyperplanes,
@@ -20,6 +20,7 @@ from motorgrad.policies._initial_global import (
 )
 from motorgrad.policies._initial_local import gaussians, graded_tiles, growing, soft_boxes, soft_spheres, tiles
 from motorgrad.policies._masked import Masked
+from motorgrad.policies._mirrored import Mirrored
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
 from motorgrad.policies._prune import activity, prune, reach
@@ -42,6 +43,7 @@ __all__ = [
     "Initial",
     "LocalGaussians",
     "Masked",
+    "Mirrored",
     "Motoneurons",
     "Policy",
     "Querying",
@@ -60,6 +62,7 @@ __all__ = [
     "growing",
     "hyperplanes",
     "initial",
+    "mirrored",
     "mixture",
     "motoneurons",
     "prune",

@@ -1,7 +1,7 @@
 """Initial policies for a task: the usual starting points by name.
 
-Each takes a task (anything with `observation_size` and `action_size`) or the sizes themselves. Where the start is
-random the result is a function of a key, so that every seed starts differently.
+Each takes a task (anything with `observation_size` and `action_size`) or the sizes themselves; `mirrored` a task that
+has a `mirror`. Where the start is random the result is a function of a key, so that every seed starts differently.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from typing import Any
 import jax
 
 from motorgrad._errors import unknown
-from motorgrad.policies._initial_composed import gated, mixture
+from motorgrad.policies._initial_composed import gated, mirrored, mixture
 from motorgrad.policies._initial_global import (
     graded_motoneurons,
     hyperplanes,
@@ -31,6 +31,7 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "graded-tiles": graded_tiles,
     "growing": growing,
     "hyperplanes": hyperplanes,
+    "mirrored": mirrored,
     "mixture": mixture,
     "motoneurons": motoneurons,
     "querying-motoneurons": querying_motoneurons,

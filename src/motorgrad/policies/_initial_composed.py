@@ -13,6 +13,7 @@ from motorgrad.policies._gaussian import LocalGaussians
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._initial_global import hyperplanes
 from motorgrad.policies._initial_local import ends_of, lattice, tiles
+from motorgrad.policies._mirrored import Mirrored
 from motorgrad.policies._sizes import sizes
 
 
@@ -71,3 +72,25 @@ def gated(
         return Gated(gate, [pool(middle - wide, 2 * wide, share, level - 1) for middle, share in below])
 
     return pool(ends[:, 0], ends[:, 1] - ends[:, 0], outputs, levels)
+
+
+def mirrored(task: Any, units: int | None = None) -> Mirrored:
+    """Hyperplane units with zero weights, each of which acts for both sides of a symmetric body (`Mirrored`).
+
+    There is a unit for every two actions that are each other's mirror image, by the `mirror` of the task.
+
+    **Raises:** `ValueError` for a task without a mirror, or with an action of the middle, and for sizes alone.
+    """
+    inputs, outputs = sizes(task, units)
+    mirror = getattr(task, "mirror", None)
+    name = repr(getattr(task, "name", type(task).__name__))
+    if mirror is None:
+        told = f"there is none of {task} inputs" if isinstance(task, int) else f"task {name} has none"
+        raise ValueError(f"policy = 'mirrored': needs a task with a mirror of left and right, {told}")
+    check(outputs == len(mirror.outputs), "units", outputs, f"{len(mirror.outputs)}, as the task's mirror has them")
+    middle = [i for i, image in enumerate(mirror.outputs) if i == image]
+    if middle:
+        raise ValueError(f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side")
+    left = [i for i, image in enumerate(mirror.outputs) if i < image]
+    pool = hyperplanes(inputs, len(left))
+    return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])

@@ -10,6 +10,7 @@ from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, 
 from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
+from motorgrad.tasks._mirror import Mirror
 from motorgrad.tasks._particle import FallingParticle
 from motorgrad.tasks._particle_navigation import ParticleNavigation
 from motorgrad.tasks._particle_orbit import ParticleOrbit
@@ -44,6 +45,7 @@ __all__ = [
     "HostTask",
     "LinearRecruitment",
     "March",
+    "Mirror",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",

@@ -24,6 +24,8 @@ from motorgrad.bodies import (
 )
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._hexapod_learner import BATCH, MUSCLE_LEARNER
+from motorgrad.tasks._hexapod_mirror import hexapod_mirror
+from motorgrad.tasks._mirror import Mirror
 from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Reading
 from motorgrad.tasks._timed_body_task import TimedBodyTask
@@ -155,6 +157,11 @@ class Hexapod(TimedBodyTask):
         lateral = [(low / self.angle_scale, high / self.angle_scale) for low, high in joints]
         ranges = {"lateral": lateral, "current": lateral, "contact": [(-1.0, 1.0)] * 6}
         return tuple(each for sense in self._seen for each in ranges.get(sense, [(-1.0, 1.0)]))
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Legs swap their sides, turns their signs; the ground does not matter. `None` where a synergy has no image."""
+        return hexapod_mirror(self._seen, self.body.groups, self.drives)
 
     @property
     def _seen(self) -> list[str]:

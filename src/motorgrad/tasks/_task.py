@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad.bodies import Body
+from motorgrad.tasks._mirror import Mirror
 from motorgrad.worlds import World
 
 Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
@@ -75,6 +76,12 @@ class Task(abc.ABC):
     def observation_range(self) -> tuple[tuple[float, float], ...] | None:
         """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
         that is not known."""
+        return None
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Which inputs and actions are each other's mirror image, on the two sides of a symmetric body; `None` where
+        there are no sides."""
         return None
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:

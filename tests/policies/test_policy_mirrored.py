@@ -1,0 +1,188 @@
+"""Policies that act alike on both sides: what mirrors what, what units share, and what learners make of them."""
+
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+from policy_examples import observation_of, over_actions, policy_of
+
+from motorgrad.learning import (
+    Agent,
+    Estimator,
+    Exponential,
+    FisherMetric,
+    LinearCritic,
+    WeightAverage,
+    entropy_gradient,
+    sgd,
+)
+from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Mirrored, initial, split, trainable
+
+NAMES = ("mirrored", "mirrored-local")
+
+
+def swapped(policy, action):
+    """The action that the other side would call this one."""
+    image = np.empty(policy.outputs, int)
+    image[list(policy.left)], image[list(policy.right)] = policy.right, policy.left
+    return action[..., image]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_in_the_mirror_a_policy_does_the_same_on_the_other_side(name):
+    with jax.enable_x64(True):
+        policy = policy_of(name)
+        y = observation_of(policy)
+        there = policy.mirrored(y)
+        np.testing.assert_array_equal(policy.mirrored(there), y)
+        assert not np.allclose(there, y)
+        for method in ("prob", "mode"):
+            here = getattr(policy, method)(y)
+            np.testing.assert_array_equal(getattr(policy, method)(there), swapped(policy, here))
+        assert np.ptp(policy.prob(y)) > 0.01
+        assert not np.allclose(policy.prob(y), swapped(policy, policy.prob(y)))
+        for action in policy.enumerate():
+            image = swapped(policy, action)
+            assert float(policy.log_prob(there, image)) == pytest.approx(float(policy.log_prob(y, action)), rel=1e-12)
+            scores = (policy.score(y, action), policy.score(there, image))
+            for one, other in zip(*map(jax.tree.leaves, scores), strict=True):
+                np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_each_unit_sees_its_own_sides_view_and_drives_its_outputs():
+    units = Hyperplanes([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]], [0.1, 0.2])
+    policy = Mirrored(units, order=(1, 0, 2), signs=(1, 1, -1), left=(0, 3), right=(2, 1))
+    y = np.array([0.3, -0.4, 0.7])
+    np.testing.assert_allclose(policy.mirrored(y), [-0.4, 0.3, -0.7], rtol=1e-6)
+    one, two = units.prob(y)
+    other_one, other_two = units.prob(jnp.array([-0.4, 0.3, -0.7]))
+    np.testing.assert_allclose(policy.prob(y), [one, other_two, other_one, two], rtol=1e-6)
+    assert (policy.inputs, policy.outputs, policy.uniforms) == (3, 4, 4)
+    assert policy.independent
+    assert not policy.separate
+    assert ravel_pytree(trainable(policy))[0].size == ravel_pytree(trainable(units))[0].size == 8
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exact(name):
+    with jax.enable_x64(True):
+        policy = policy_of(name, 3)
+        y = observation_of(policy, 4)
+        parameters, rest = split(policy)
+        actions = policy.enumerate()
+
+        def blocks(action):
+            theta = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))(parameters)
+            return policy.blocks(theta)
+
+        weight = jnp.exp(over_actions(policy, "log_prob", y))
+        wanted = [jnp.einsum("a,aui,auj->uij", weight, s, s) for s in jax.vmap(blocks)(actions)]
+        across = jnp.einsum("a,ai,aj->ij", weight, *(jax.vmap(blocks)(actions)[0][:, i] for i in (0, -1)))
+        for action in actions:
+            for found, exact in zip(policy.fisher(y, action), wanted, strict=True):
+                assert np.abs(exact).max() > 1e-3
+                np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12)
+    if name == "mirrored":
+        np.testing.assert_allclose(across, 0, atol=1e-12)  # between units there is nothing
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_blocks_and_gradients_are_each_others_inverse(name):
+    policy = policy_of(name)
+    vector, build = ravel_pytree(trainable(policy))
+    gradient = build(jnp.arange(vector.size, dtype=vector.dtype) + 1)
+    assert eqx.tree_equal(policy.from_blocks(policy.blocks(gradient)), gradient)
+    assert sum(block.size for block in policy.blocks(gradient)) == vector.size
+
+
+def test_limits_and_masks_of_the_pool_hold():
+    wide = LocalGaussians([[0.0], [1.0]], [[5.0], [0.0]], 0.9, log_width_limits=(-4.0, 2.0))
+    policy = Mirrored(Masked(wide, [True, False]), (0,), (-1,), (0, 1), (2, 3))
+    np.testing.assert_array_equal(policy.limited().pool.pool.log_width, [[2.0], [0.0]])
+    y = jnp.array([0.3])
+    np.testing.assert_array_equal(policy.prob(y)[jnp.array([1, 3])], 0)
+    ones = jax.tree.map(jnp.ones_like, trainable(policy))
+    np.testing.assert_array_equal(policy.allowed(ones).pool.pool.centre, [[1.0], [0.0]])
+
+
+def test_it_can_be_a_part_of_others_but_its_units_cannot_be_masked():
+    policy = policy_of("mirrored")
+    side = Factored([policy, Hyperplanes(np.zeros((1, 3)), [0.0])])
+    gated = Gated(Hyperplanes(np.zeros((1, 3)), [0.0]), [policy])
+    assert (side.outputs, gated.outputs, gated.separate) == (5, 5, False)
+    with pytest.raises(ValueError, match="pool = 'Mirrored': must be a pool of independent units with parameters of"):
+        Masked(policy)
+
+
+def learnt(policy, metric, decisions=4000, batch=20):
+    """Learn to fire on the side that an input points to, by everything that a learner may have beside its trace."""
+    estimator = Estimator(Exponential(0.5), LinearCritic(), 1.0, batch, entropy=1e-3)
+    agent = Agent(policy, estimator, sgd(0.2), metric, average=WeightAverage(start=10))
+    rng = np.random.default_rng(1)
+    inputs, uniforms = rng.normal(size=(decisions + 1, 1)), rng.random((decisions, 2))
+
+    def decide(state, now):
+        y, after, u = now
+        state, action = agent.act(state, y, u)
+        reward = jnp.sign(y[0]) * (action[0] - action[1])
+        return agent.improve(agent.reinforce(state, reward, after)), reward
+
+    parts = tuple(map(jnp.asarray, (inputs[:-1], inputs[1:], uniforms)))
+    state, rewards = jax.jit(lambda s: jax.lax.scan(decide, s, parts))(agent.init(jax.random.key(0)))
+    return agent, state, np.asarray(rewards)
+
+
+def test_it_learns_under_metric_limit_critic_average_and_bonus():
+    policy = Mirrored(Hyperplanes(np.zeros((1, 1)), np.zeros(1)), (0,), (-1,), (0,), (1,))
+    metric = FisherMetric(0.01, 0.01, kl=0.01)
+    _, state, rewards = learnt(policy, metric)
+    assert abs(rewards[:200].mean()) < 0.6
+    assert rewards[-500:].mean() > 0.7  # 1 is the most; a blind policy has 0
+    assert state.policy.pool.weights[0, 0] > 1
+    average = state.average.mean.pool.weights[0, 0]
+    assert 0 < average < state.policy.pool.weights[0, 0]
+
+
+def test_the_bonus_is_the_slope_of_the_entropy_of_both_sides():
+    with jax.enable_x64(True):
+        policy = policy_of("mirrored", 7)
+        y = observation_of(policy, 8)
+        own, other = (entropy_gradient(policy.pool, view) for view in (y, policy.mirrored(y)))
+        found = entropy_gradient(policy, y).pool
+        for slope, one, two in zip(*map(jax.tree.leaves, (found, own, other)), strict=True):
+            np.testing.assert_allclose(slope, one + two, rtol=1e-12)
+
+
+def task_of(outputs=(2, 3, 0, 1), **changes):
+    mirror = SimpleNamespace(inputs=(1, 0, 2), signs=(1, 1, -1), outputs=outputs)
+    return SimpleNamespace(**{"name": "made-up", "observation_size": 3, "action_size": 4, "mirror": mirror, **changes})
+
+
+def test_the_initial_policy_pairs_the_actions_of_a_tasks_mirror():
+    policy = initial("mirrored", task_of(outputs=(3, 2, 1, 0)))
+    assert (policy.order, policy.signs, policy.left, policy.right) == ((1, 0, 2), (1, 1, -1), (0, 1), (3, 2))
+    assert isinstance(policy.pool, Hyperplanes)
+    np.testing.assert_array_equal(policy.pool.weights, np.zeros((2, 3)))
+    np.testing.assert_array_equal(policy.prob(jnp.ones(3)), np.full(4, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("task", "units", "message"),
+    [
+        (
+            task_of(mirror=None),
+            None,
+            "policy = 'mirrored': needs a task with a mirror of left and right, task 'made-up'",
+        ),
+        (3, 4, "policy = 'mirrored': needs a task with a mirror of left and right, there is none of 3 inputs"),
+        (task_of(), 6, "units = 6: must be 4"),
+        (task_of(outputs=(0, 3, 2, 1)), None, r"policy = 'mirrored': actions \[0, 2\] of task 'made-up' are their own"),
+    ],
+)
+def test_tasks_without_two_sides_are_refused(task, units, message):
+    with pytest.raises(ValueError, match=message):
+        initial("mirrored", task, units=units)
