@@ -6,12 +6,14 @@ from motorgrad.policies._factored import Factored
 from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
+from motorgrad.policies._graded_hyperplane import GradedHyperplanes
 from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._initial import INITIAL, Initial, initial
-from motorgrad.policies._initial_composed import gated, mixture
+from motorgrad.policies._initial_composed import gated, mixture, primitives
 from motorgrad.policies._initial_global import (
+    graded_hyperplanes,
     graded_motoneurons,
     hyperplanes,
     motoneurons,
@@ -22,6 +24,7 @@ from motorgrad.policies._initial_local import gaussians, graded_tiles, growing, 
 from motorgrad.policies._masked import Masked
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
+from motorgrad.policies._primitives import Primitives
 from motorgrad.policies._prune import activity, prune, reach
 from motorgrad.policies._querying import Querying
 from motorgrad.policies._softmax import Softmax
@@ -35,6 +38,7 @@ __all__ = [
     "FreeGaussians",
     "Gated",
     "GaussianUnits",
+    "GradedHyperplanes",
     "GradedMotoneurons",
     "GradedPool",
     "GradedUnits",
@@ -44,6 +48,7 @@ __all__ = [
     "Masked",
     "Motoneurons",
     "Policy",
+    "Primitives",
     "Querying",
     "SigmoidUnits",
     "SoftBoxes",
@@ -54,6 +59,7 @@ __all__ = [
     "fixed",
     "gated",
     "gaussians",
+    "graded_hyperplanes",
     "graded_motoneurons",
     "graded_tiles",
     "grow",
@@ -62,6 +68,7 @@ __all__ = [
     "initial",
     "mixture",
     "motoneurons",
+    "primitives",
     "prune",
     "querying_motoneurons",
     "reach",

@@ -10,8 +10,9 @@ from typing import Any
 import jax
 
 from motorgrad._errors import unknown
-from motorgrad.policies._initial_composed import gated, mixture
+from motorgrad.policies._initial_composed import gated, mixture, primitives
 from motorgrad.policies._initial_global import (
+    graded_hyperplanes,
     graded_motoneurons,
     hyperplanes,
     motoneurons,
@@ -27,12 +28,14 @@ Initial = Policy | Callable[[jax.Array], Policy]
 INITIAL: dict[str, Callable[..., Initial]] = {
     "gated": gated,
     "gaussians": gaussians,
+    "graded-hyperplanes": graded_hyperplanes,
     "graded-motoneurons": graded_motoneurons,
     "graded-tiles": graded_tiles,
     "growing": growing,
     "hyperplanes": hyperplanes,
     "mixture": mixture,
     "motoneurons": motoneurons,
+    "primitives": primitives,
     "querying-motoneurons": querying_motoneurons,
     "soft-boxes": soft_boxes,
     "soft-spheres": soft_spheres,
