@@ -13,6 +13,7 @@ from motorgrad.policies import (
     Hyperplanes,
     Primitives,
     describe,
+    graded_hyperplanes,
     primitives,
     rebuild,
     split,
@@ -148,13 +149,13 @@ def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():
         ),
         (
             lambda: Primitives(
-                policy_of(0).precondition, GradedHyperplanes(np.zeros((3, 3)), np.zeros(3), np.zeros(3))
+                policy_of(0).precondition, graded_hyperplanes(3, 3)
             ),
             "movement.outputs = 3: must be a multiple of the 2",
         ),
         (
             lambda: Primitives(
-                policy_of(0).precondition, GradedHyperplanes(np.zeros((4, 2)), np.zeros(4), np.zeros(4))
+                policy_of(0).precondition, graded_hyperplanes(2, 4)
             ),
             "movement.inputs = 2: must be 3",
         ),

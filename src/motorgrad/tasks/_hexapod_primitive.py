@@ -153,8 +153,8 @@ class HexapodPrimitive(TimedBodyTask):
         return after, self.reward_scale * reading.speed, reading.upright < 0.0
 
     def readings(self, memory: Steps, state: BodyState) -> dict[str, Reading]:
-        """`speed`: along the heading, m/s. `steps`: how often a tripod's step begins in a second. `falls`: how often the
-        trunk overturns in a second."""
+        """`speed`: along the heading, m/s. `steps`: how many a tripod begins in a second. `falls`: how often the trunk
+        overturns in a second."""
         reading = read_hexapod(state)
         return {
             "speed": (reading.speed, True),

@@ -71,14 +71,15 @@ class HexapodStride(TimedBodyTask):
     init_uniforms: ClassVar[int] = 1
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": "graded-hyperplanes",
-        "policy_settings": {"deviation": 0.5},
+        "policy_settings": {"deviation": 0.8},
         "decay": 0.98,
         "baseline": "linear",
-        "rates": {"slope": 5e-5, "level": 5e-5, "log_deviation": 0.0},
+        "baseline_rate": 1e-3,
+        "rates": {"slope": 3e-5, "level": 3e-5, "log_deviation": 0.0},
     }
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
-    clock: TripodClock = TripodClock()
+    clock: TripodClock = dataclasses.field(default_factory=TripodClock)
     slopes: tuple[float, ...] = (-10.0, -5.0, 0.0, 5.0, 10.0)
     stretch: float = 4.0
     start: float = 0.3
