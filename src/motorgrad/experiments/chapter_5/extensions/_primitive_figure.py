@@ -27,13 +27,16 @@ def draw_primitives(
     records = max(1, len(values["time"]) // 20)
     for kind, label in words.items():
         draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records)
-    panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s", ylim=(0, None))
-    panels[0, 0].legend(loc="lower right", fontsize=8.5)
+    panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
+    panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
+    panels[0, 0].legend(loc="upper left", fontsize=8.5)
     _movements(panels[0, 1], values, start)
     shown: Any = None
     for tripod, axes in enumerate(panels[1]):
         shown = _precondition(axes, values, tripod, angle_scale)
-    figure.colorbar(shown, ax=panels[1], label="probability that a step begins, per decision")
+    figure.colorbar(
+        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability that a step begins, per decision"
+    )
     return figure
 
 

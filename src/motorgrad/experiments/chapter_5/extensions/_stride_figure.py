@@ -43,8 +43,9 @@ def _speeds(axes: "Axes", values: Values) -> None:
     axes.plot(slopes, fixed[-1], ":", color="0.2", label=f"period it began with, {grid[-1]:g} s")
     for kind, (colour, label) in LOOKS.items():
         _quartiles(axes, slopes, values[f"{kind} speed"], colour, label)
-    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="speed, m/s", ylim=(0, None))
-    axes.legend(loc="lower left", fontsize=8.5)
+    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="speed, m/s", xticks=slopes)
+    axes.set_ylim(0, 1.35 * axes.get_ylim()[1])
+    axes.legend(loc="upper right", fontsize=8.5)
 
 
 def _grid(axes: "Axes", values: Values) -> None:
@@ -62,7 +63,7 @@ def _periods(axes: "Axes", values: Values) -> None:
     axes.plot(slopes, values["grid"][speed.argmax(0)], "s", color="0.5", label="best fixed period of each slope")
     for kind, (colour, label) in LOOKS.items():
         _quartiles(axes, slopes, values[f"{kind} period"], colour, label)
-    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="period of a stride, s", ylim=(0, None))
+    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="period of a stride, s", ylim=(0, None), xticks=slopes)
     axes.legend(loc="lower left", fontsize=8.5)
 
 
