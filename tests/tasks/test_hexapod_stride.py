@@ -44,9 +44,9 @@ def test_an_action_is_a_frequency_within_the_limits():
 
 def test_the_clock_goes_on_at_the_rate_that_was_chosen_whatever_was_before():
     task = HexapodStride(slopes=(0.0,))
-    told = walked(task, [0.5], 20, phase=0.1)
+    told = walked(task, [0.5], 20, phase=0.11)
     phases = np.array([float(memory.phase) for memory, *_ in told])
-    np.testing.assert_allclose(phases, (0.1 + 0.01 * np.arange(1, 21) / 0.2) % 1.0, atol=1e-5)
+    np.testing.assert_allclose(phases, (0.11 + 0.01 * np.arange(1, 21) / 0.2) % 1.0, atol=1e-5)
     assert {round(float(readings["period"][0]), 6) for *_, readings, _ in told} == {0.2}
     # choices are averaged as frequencies: two ways to the same phase
     ends = []
@@ -117,7 +117,7 @@ def test_it_learns_on_real_numbers_and_refuses_other_policies():
     run = train(task, steps=60, seeds=2, progress=False)
     assert not np.array_equal(run.policies.level, run.initial.level)
     with pytest.raises(ValueError, match="binary actions, but the task 'hexapod-stride' takes graded"):
-        train(task, settings_for(task, policy="hyperplanes"), steps=10, progress=False)
+        train(task, settings_for(task, policy="hyperplanes", rate=1e-3), steps=10, progress=False)
     assert (graded_hyperplanes(task).inputs, hyperplanes(task).outputs) == (1, 1)
 
 

@@ -22,6 +22,7 @@ from motorgrad.tasks._timed_body_task import TimedBodyTask
 STANDING = tuple(" ".join(f"depressor_{leg}" for leg in tripod) for tripod in TRIPODS)
 STEPS = len(TRIPODS)
 PARTS = 2  # of a step: swing and stance
+ROUNDING = 5e-4  # s, in sums of decisions
 
 
 class Steps(NamedTuple):
@@ -132,7 +133,7 @@ class HexapodPrimitive(TimedBodyTask):
 
     def control(self, action: Any, memory: Any = None) -> Any:
         steps = self._begin(memory, jnp.asarray(action))
-        swings = steps.elapsed < steps.lasting[..., 0]
+        swings = steps.elapsed + ROUNDING < steps.lasting[..., 0]
         stands = _over(steps)
         parts = jnp.stack([swings, ~swings & ~stands], axis=-1).reshape(*stands.shape[:-1], STEPS * PARTS)
         return super().control(jnp.concatenate([parts, stands], axis=-1) * 1.0, memory)
@@ -164,5 +165,5 @@ class HexapodPrimitive(TimedBodyTask):
 
 
 def _over(steps: Any) -> Any:
-    """Where no step is under way; half a millisecond is rounding."""
-    return steps.elapsed + 5e-4 >= jnp.sum(steps.lasting, axis=-1)
+    """Where no step is under way."""
+    return steps.elapsed + ROUNDING >= jnp.sum(steps.lasting, axis=-1)
