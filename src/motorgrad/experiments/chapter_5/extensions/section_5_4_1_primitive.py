@@ -52,7 +52,7 @@ class LearntPrimitives(Experiment):
     title: ClassVar[str] = "motor primitives: when they begin and how they move"
     source: ClassVar[str] = "section 5.4.1"
 
-    seconds: float = 240.0
+    seconds: float = 200.0
     seeds: int = 20
     watched: float = 10.0
 
@@ -92,10 +92,10 @@ class LearntPrimitives(Experiment):
                 found |= self._learnt(run.policies, int(np.argsort(seen["speed"])[self.seeds // 2]))
         return found
 
-    def _watch(self, work: Workspace, policies: Primitives) -> Values:
+    def _watch(self, work: Workspace, policies: Any) -> Values:
         return watched(work, policies, self.task, self.watched, "sample", ("speed",))
 
-    def _learnt(self, policies: Primitives, middle: int) -> Values:
+    def _learnt(self, policies: Any, middle: int) -> Values:
         """What all seeds have learnt; and of the one in the middle, when its steps begin."""
         weights = np.asarray(policies.precondition.weights)
         level = jnp.asarray(policies.movement.level)

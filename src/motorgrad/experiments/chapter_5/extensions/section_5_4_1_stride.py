@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import equinox as eqx
 import jax
@@ -97,7 +97,7 @@ class StridePeriod(Experiment):
         found |= {"grid": grid, "slopes": np.array(task.slopes)}
         return found
 
-    def _on_slopes(self, work: Workspace, name: str, policies: GradedHyperplanes) -> Values:
+    def _on_slopes(self, work: Workspace, name: str, policies: Any) -> Values:
         """Speed and mean period of each policy on each of the slopes, `(policies, slopes)`, without exploring."""
         grounds = [dataclasses.replace(self.task, slopes=(slope,)) for slope in self.task.slopes]
         seen = [watched(work, policies, ground, self.watched, "mode", ("speed", "period")) for ground in grounds]
