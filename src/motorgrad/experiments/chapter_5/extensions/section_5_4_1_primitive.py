@@ -52,7 +52,7 @@ class LearntPrimitives(Experiment):
     title: ClassVar[str] = "motor primitives: when they begin and how they move"
     source: ClassVar[str] = "section 5.4.1"
 
-    seconds: float = 200.0
+    seconds: float = 400.0
     seeds: int = 20
     watched: float = 10.0
 
