@@ -56,7 +56,7 @@ def test_a_step_is_a_swing_and_a_stance_of_the_lengths_that_were_chosen():
     np.testing.assert_array_equal([seen[0] for seen, *_ in told], [1.0] + [0.0] * 12 + [1.0] * 7)
     np.testing.assert_array_equal([seen[1] for seen, *_ in told], 1.0)
     # a twenty-fifth of a second is two decisions of half a tripod's step each
-    assert [float(readings["steps"][0]) for *_, readings in told] == [25.0] + [0.0] * 19
+    assert [float(readings["begins"][0]) for *_, readings in told] == [25.0] + [0.0] * 19
 
 
 def test_a_choice_counts_only_where_a_step_can_begin():

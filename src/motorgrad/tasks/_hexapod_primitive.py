@@ -61,7 +61,7 @@ class HexapodPrimitive(TimedBodyTask):
 
     name: ClassVar[str] = "hexapod-primitive"
     actions: ClassVar[Any] = "graded"
-    reports: ClassVar[tuple[str, ...]] = ("speed", "steps", "falls")
+    reports: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": "primitives",
@@ -154,12 +154,12 @@ class HexapodPrimitive(TimedBodyTask):
         return after, self.reward_scale * reading.speed, reading.upright < 0.0
 
     def readings(self, memory: Steps, state: BodyState) -> dict[str, Reading]:
-        """`speed`: along the heading, m/s. `steps`: how many a tripod begins in a second. `falls`: how often the trunk
-        overturns in a second."""
+        """`speed`: along the heading, m/s. `begins`: how many steps a tripod begins in a second. `falls`: how often the
+        trunk overturns in a second."""
         reading = read_hexapod(state)
         return {
             "speed": (reading.speed, True),
-            "steps": (jnp.mean(memory.begun) / self.period, True),
+            "begins": (jnp.mean(memory.begun) / self.period, True),
             "falls": ((reading.upright < 0.0) / self.period, True),
         }
 
