@@ -100,6 +100,7 @@ def primitives_values(gained, ahead, own):
         "both speed": 1.0 + ahead + noise,
         "precondition speed": 1.0 - noise,
         "movement speed": 1.0 + 2 * noise,
+        **{f"{kind} sure": 1.0 + noise for kind in ("both", "precondition", "movement")},
         "own": np.tile([own, own], (20, 1)) + noise[:, None],
         "other": np.tile([-own, -own], (20, 1)),
     }
