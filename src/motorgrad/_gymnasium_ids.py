@@ -13,6 +13,8 @@ TASK_OF = {
     "motorgrad/CallAdmission-v0": "call-admission",
     "motorgrad/Chain-v0": "chain",
     "motorgrad/Hexapod-v0": "hexapod",
+    "motorgrad/HexapodPrimitive-v0": "hexapod-primitive",
+    "motorgrad/HexapodStride-v0": "hexapod-stride",
     "motorgrad/HexapodSynergy-v0": "hexapod-synergy",
     "motorgrad/Hopper-v0": "hopper",
     "motorgrad/LinearRecruitment-v0": "linear-recruitment",

@@ -15,10 +15,12 @@ from scipy import stats
 from motorgrad.learning import FisherMetric
 from motorgrad.policies import (
     Factored,
+    GradedHyperplanes,
     GradedMotoneurons,
     GradedUnits,
     describe,
     fixed,
+    graded_hyperplanes,
     graded_motoneurons,
     rebuild,
     split,
@@ -57,7 +59,12 @@ def bumps_of(seed):
     return Bumps(rng.normal(size=(2, 2)), rng.normal(size=2), rng.normal(size=2), 0.1)
 
 
-KINDS = {"motoneurons": pool_of, "bumps": bumps_of}
+def hyperplanes_of(seed):
+    rng = np.random.default_rng(seed)
+    return GradedHyperplanes(rng.normal(size=(3, 2)), rng.normal(size=3), rng.normal(size=3) - 1, 0.05)
+
+
+KINDS = {"motoneurons": pool_of, "bumps": bumps_of, "hyperplanes": hyperplanes_of}
 
 
 def drawn(kind, seed):
@@ -245,6 +252,14 @@ def test_the_initial_pool_has_gain_zero_and_the_deviation_that_is_asked_for():
     assert 2 <= float(pool.threshold.min()) < 2.2 < 3.8 < float(pool.threshold.max()) <= 4
 
 
+def test_the_mean_of_graded_hyperplanes_is_linear_in_what_they_see():
+    policy = GradedHyperplanes([[1.0, -2.0], [0.0, 0.5]], [0.25, -1.0], [-1.0, -1.0])
+    np.testing.assert_allclose(policy.mean(jnp.array([0.5, 0.25])), [0.25, -0.875])
+    start = graded_hyperplanes(3, 2, level=0.4, deviation=0.25, floor=0.05)
+    np.testing.assert_array_equal(start.mean(jnp.array([3.0, -1.0, 2.0])), np.float32([0.4, 0.4]))
+    np.testing.assert_allclose(start.deviation, 0.25, rtol=1e-6)
+
+
 two = np.zeros(2)
 
 
@@ -258,6 +273,11 @@ two = np.zeros(2)
         (lambda: GradedMotoneurons(two, two, two, 0.0), "floor = 0.0: must be positive"),
         (lambda: graded_motoneurons(1, 2, deviation=0.1, floor=0.1), "floor, deviation = (0.1, 0.1)"),
         (lambda: graded_motoneurons(2, 2), "inputs = 2: must be 1"),
+        (lambda: GradedHyperplanes(two, two, two), "slope = (2,): must be of shape (units, inputs)"),
+        (lambda: GradedHyperplanes(np.zeros((2, 1)), np.zeros(3), two), "level = (3,): must be of shape (2,)"),
+        (lambda: GradedHyperplanes(np.zeros((2, 1)), two, two, -1.0), "floor = -1.0: must be positive"),
+        (lambda: graded_hyperplanes(2, 2, level=float("nan")), "level = nan: must be a finite number"),
+        (lambda: graded_hyperplanes(2, 2, deviation=0.01), "floor, deviation = (0.02, 0.01)"),
         (lambda: Factored([pool_of(0)]), "pools = ['GradedMotoneurons']: must be pools of binary units"),
         (lambda: pool_of(0).enumerate(), "GradedMotoneurons: has infinitely many actions"),
     ],

@@ -8,6 +8,7 @@ from motorgrad.bodies._arm import Arm
 from motorgrad.bodies._batch import BodyBatch, BodyState
 from motorgrad.bodies._body import Body, add_muscles, compile_model
 from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies._clock import TripodClock
 from motorgrad.bodies._export import to_mjcf
 from motorgrad.bodies._gait import Gait, debounced, measure_gait
 from motorgrad.bodies._hexapod import Hexapod
@@ -19,6 +20,7 @@ from motorgrad.bodies._lift import LiftTable, greatest_flexion, lift, lift_table
 from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
 from motorgrad.bodies._native import native_force_length
 from motorgrad.bodies._servo import Servo
+from motorgrad.bodies._slope import SlopeBatch
 from motorgrad.bodies._terrain import OnTerrain, Terrain
 from motorgrad.bodies._tripod import TRIPODS, LegState, TripodController, Turning
 from motorgrad.bodies._walk import Walk, walk
@@ -46,7 +48,9 @@ __all__ = [
     "Section",
     "Segment",
     "Servo",
+    "SlopeBatch",
     "Terrain",
+    "TripodClock",
     "TripodController",
     "Turning",
     "VerticalPair",

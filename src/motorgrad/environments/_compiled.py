@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.bodies import BodyBatch
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.worlds import World
 
@@ -43,7 +42,7 @@ def _compile(task: Task) -> Compiled:
     dynamics = task.dynamics
     world = dynamics if isinstance(dynamics, World) else None
     # a batch of its own: the functions outlive the environment, whose threads must go with it
-    unpack = BodyBatch(task.dynamics, 1, threads=1).unpack if isinstance(task, BodyTask) else None
+    unpack = task.batch([0], threads=1).unpack if isinstance(task, BodyTask) else None
     reset, step = (world.reset_uniforms, world.uniforms) if world else (0, 0)
 
     def start(memory: Callable[[Any], Any], packed: Any, numbers: Any) -> Any:

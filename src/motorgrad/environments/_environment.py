@@ -69,7 +69,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         observation = self._rows.reset(ALL, anew=seed is not None)[0]
         self._running = True
         if self._picture is not None:
-            self._picture.note(None)
+            self._picture.note()
         return observation, {"simulated_time": 0.0, "diverged": False}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -80,7 +80,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
         outcome = rows.step(fitting(self._space, action)[None])
         if self._picture is not None:
-            self._picture.note(action)
+            self._picture.note()
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
         self._running = not (terminated or truncated)
         info = {"simulated_time": float(rows.decisions[0] * rows.period), "diverged": bool(outcome.diverged[0])}

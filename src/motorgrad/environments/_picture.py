@@ -24,10 +24,9 @@ class Picture:
         self._action = np.zeros((rows.body.seeds, len(body.groups)))
         self._screen = Screen(f"motorgrad: {rows.task.name}", width, height) if mode == "human" else None
 
-    def note(self, action: np.ndarray | None, rows: np.ndarray | None = None) -> None:
-        """Note the action under way, in all rows or some, `None` for silence; on the screen, show it."""
-        activation = 0.0 if action is None else self._rows.control(np.asarray(action, np.float32))
-        self._action[... if rows is None else rows] = activation
+    def note(self) -> None:
+        """Note what the simulations were told last; on the screen, show it."""
+        self._action[...] = self._rows.activation[:, : self._action.shape[1]]
         if self._screen is not None:
             self._screen.show(lambda: self.paint(0), self._rows.decisions[0] * self._rows.period)
 

@@ -40,7 +40,9 @@ class Rows:
         self.generators = [np_random()[0] for _ in range(count)]
         self.decisions = np.zeros(count, np.int64)
         on_body = isinstance(task, BodyTask)
-        self._body = BodyBatch(task.dynamics, count, task.substeps, threads) if on_body else None
+        self._body = task.batch(range(count), threads) if on_body else None
+        self.activation = np.zeros((count, 0 if self._body is None else len(self._body.groups)))
+        """What the simulations were told in the decision just made, rows leading; zeros where an episode begins."""
         self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
         self._every, self._nothing = np.ones(count, bool), np.zeros((count, 0), np.float32)
         self._functions = compiled(task)
@@ -64,6 +66,7 @@ class Rows:
         """
         if self.body is not None:
             self.body.reset(mask)
+            self.activation = np.where(mask[:, None], 0.0, self.activation)
         functions, numbers = self._functions, self._draw(self._functions.begins, mask)
         if anew or self._carry is None:
             carry, observation = functions.begin(self._packed, numbers)
@@ -83,7 +86,9 @@ class Rows:
         if body is None:
             diverged = np.zeros(len(action), bool)
         else:
-            body.step(self.control(action))
+            assert isinstance(self.task, BodyTask)
+            self.activation = np.asarray(self.task.control(action, self._carry[0]))
+            body.step(self.activation)
             diverged = body.packed[:, -1] > 0
         numbers = self._draw(self._functions.decides, self._every if live is None else live)
         self._carry, outcome = self._functions.decide(self._carry, self._packed, action, numbers)
@@ -103,10 +108,6 @@ class Rows:
         }
         observation = np.array(outcome[:, :size], np.float32)
         return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, readings)
-
-    def control(self, action: np.ndarray) -> np.ndarray:
-        """What the simulations are told of actions."""
-        return np.asarray(self.task.control(action)) if isinstance(self.task, BodyTask) else action
 
     def close(self) -> None:
         """Let go of the simulations and their threads."""

@@ -9,7 +9,7 @@ from motorgrad._errors import check, choice
 from motorgrad.environments._screen import screen_problem
 from motorgrad.tasks import BodyTask, FiniteTask, Task, make
 
-ActionSpace = spaces.Discrete | spaces.MultiBinary
+ActionSpace = spaces.Discrete | spaces.MultiBinary | spaces.Box
 
 
 def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
@@ -24,9 +24,14 @@ def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
 def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     """The observation and the action space of a task.
 
-    **Raises** `ValueError` for a task that takes neither binary nor discrete actions.
+    **Raises** `ValueError` for a task that takes neither binary nor discrete nor graded actions.
     """
-    check(task.actions in task.takes, f"task {task.name!r}", task.takes, "one that takes binary or discrete actions")
+    check(
+        task.actions in task.takes,
+        f"task {task.name!r}",
+        task.takes,
+        "one that takes binary, discrete or graded actions",
+    )
     most = np.full(task.observation_size, np.finfo(np.float32).max)
     low, high = -most, most
     # bounds that hold only if the world's own observations are shown as they are
@@ -36,6 +41,8 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     observation = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)
+    if task.actions == "graded":
+        return observation, spaces.Box(-np.inf, np.inf, (task.action_size,), np.float32)
     return observation, spaces.MultiBinary(task.action_size)
 
 
@@ -61,6 +68,9 @@ def fitting(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.n
         check(((array >= 0) & (array < size)).all(), "action", array.tolist(), f"in 0 … {size - 1}")
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
+    if isinstance(space, spaces.Box):
+        check(np.isfinite(array).all(), "action", array.tolist(), "finite numbers")
+        return array.astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
 

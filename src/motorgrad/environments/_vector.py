@@ -98,7 +98,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self._begun |= mask
         self._over[mask] = False
         if self._picture is not None:
-            self._picture.note(None, mask)
+            self._picture.note()
         return self._seen.copy(), self._info(mask)
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -113,10 +113,10 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         observation, truncated = outcome.observation, outcome.truncated
         if self._limit is not None:
             truncated = truncated | ((rows.decisions >= self._limit) & ~over)
-        if self._picture is not None:
-            self._picture.note(np.where(over[:, None], 0.0, actions))
         if some:
             observation[over] = rows.reset(over)
+        if self._picture is not None:
+            self._picture.note()
         self._over, self._seen = outcome.terminated | truncated, observation
         return observation.copy(), outcome.reward, outcome.terminated, truncated, self._info(self._every, outcome)
 

@@ -26,6 +26,8 @@ from motorgrad.experiments.chapter_4.section_4_4_1_sizes import SizePrinciple
 from motorgrad.experiments.chapter_4.section_4_4_growth import Growth
 from motorgrad.experiments.chapter_4.section_4_4_inputs import NegativeInputs
 from motorgrad.experiments.chapter_4.section_4_4_loads import LargeLoads
+from motorgrad.experiments.chapter_5.extensions.section_5_4_1_primitive import LearntPrimitives
+from motorgrad.experiments.chapter_5.extensions.section_5_4_1_stride import StridePeriod
 from motorgrad.experiments.chapter_5.figure_5_1 import MusclePair
 from motorgrad.experiments.chapter_5.figure_5_2 import HopperBody
 from motorgrad.experiments.chapter_5.figure_5_3 import HopperBehaviour
@@ -103,8 +105,10 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         TwoGaits,
         LearntGaits,
         Muscles,
+        LearntPrimitives,
         FoundSynergies,
         BiomimeticHexapod,
+        StridePeriod,
         Approximators,
         Forgetting,
         Partition,

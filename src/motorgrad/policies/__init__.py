@@ -6,12 +6,14 @@ from motorgrad.policies._factored import Factored
 from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
 from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
+from motorgrad.policies._graded_hyperplane import GradedHyperplanes
 from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._initial import INITIAL, Initial, initial
-from motorgrad.policies._initial_composed import gated, mirrored, mixture
+from motorgrad.policies._initial_composed import gated, mirrored, mixture, primitives
 from motorgrad.policies._initial_global import (
+    graded_hyperplanes,
     graded_motoneurons,
     hyperplanes,
     motoneurons,
@@ -23,6 +25,7 @@ from motorgrad.policies._masked import Masked
 from motorgrad.policies._mirrored import Mirrored
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._policy import Policy, fixed, split, trainable
+from motorgrad.policies._primitives import Primitives
 from motorgrad.policies._prune import activity, prune, reach
 from motorgrad.policies._querying import Querying
 from motorgrad.policies._softmax import Softmax
@@ -36,6 +39,7 @@ __all__ = [
     "FreeGaussians",
     "Gated",
     "GaussianUnits",
+    "GradedHyperplanes",
     "GradedMotoneurons",
     "GradedPool",
     "GradedUnits",
@@ -46,6 +50,7 @@ __all__ = [
     "Mirrored",
     "Motoneurons",
     "Policy",
+    "Primitives",
     "Querying",
     "SigmoidUnits",
     "SoftBoxes",
@@ -56,6 +61,7 @@ __all__ = [
     "fixed",
     "gated",
     "gaussians",
+    "graded_hyperplanes",
     "graded_motoneurons",
     "graded_tiles",
     "grow",
@@ -65,6 +71,7 @@ __all__ = [
     "mirrored",
     "mixture",
     "motoneurons",
+    "primitives",
     "prune",
     "querying_motoneurons",
     "reach",

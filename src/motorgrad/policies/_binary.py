@@ -65,10 +65,7 @@ class BinaryUnits(Policy):
         return (outer(jnp.sqrt(p * (1 - p))[:, None] * (fire - silent)),)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        p = self.prob(observation)
-        unsure = (p > 0) & (p < 1)
-        p = jnp.where(unsure, p, 0.5)  # the slope of a unit that is sure is 0, and no number by the formula
-        return -jnp.sum(jnp.where(unsure, xlogy(p, p) + xlog1py(1 - p, -p), 0))
+        return entropy_of(self.prob(observation))
 
     def enumerate(self) -> Float[Array, "actions units"]:
         """All $2^N$ firing patterns; the last unit's bit changes fastest."""
@@ -106,6 +103,13 @@ class SigmoidUnits(BinaryUnits):
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         potential = self.potential(observation)
         return jnp.sum(jax.nn.softplus(potential) - potential * jax.nn.sigmoid(potential))
+
+
+def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:
+    """The entropy in nats of units that fire independently with these probabilities."""
+    unsure = (p > 0) & (p < 1)
+    p = jnp.where(unsure, p, 0.5)  # the slope of a unit that is sure is 0, and no number by the formula
+    return -jnp.sum(jnp.where(unsure, xlogy(p, p) + xlog1py(1 - p, -p), 0))
 
 
 def enumerate_binary(units: int) -> Float[Array, "actions units"]:

@@ -65,10 +65,14 @@ class GradedUnits(Policy):
     def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return self.mean(observation)
 
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        """Logarithm of each unit's density."""
+        s = self.deviation
+        return -0.5 * ((action - self.mean(observation)) / s) ** 2 - jnp.log(s) - 0.5 * math.log(2 * math.pi)
+
     def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
         """Logarithm of the density."""
-        s = self.deviation
-        return jnp.sum(-0.5 * ((action - self.mean(observation)) / s) ** 2 - jnp.log(s) - 0.5 * math.log(2 * math.pi))
+        return jnp.sum(self.log_probs(observation, action))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         s = self.deviation
@@ -101,9 +105,14 @@ class GradedUnits(Policy):
             return super().fisher(observation, action)
         return (outer(level) + outer(spread),)
 
+    @property
+    def entropies(self) -> Float[Array, " units"]:
+        """The differential entropy of each unit, in nats."""
+        return jnp.log(self.deviation) + 0.5 * math.log(2 * math.pi * math.e)
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """The differential entropy, in nats; below 0 where there is little noise. It is the same at all inputs."""
-        return jnp.sum(jnp.log(self.deviation)) + 0.5 * self.outputs * math.log(2 * math.pi * math.e)
+        return jnp.sum(self.entropies)
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
@@ -128,10 +137,7 @@ class GradedMotoneurons(GradedUnits):
         for name in ("gain", "log_deviation"):
             shape = getattr(self, name).shape
             check(shape == self.threshold.shape, name, shape, f"of shape {self.threshold.shape}")
-        check(self.floor.shape == (), "floor", self.floor.shape, "one number")
-        if not isinstance(self.floor, Tracer):  # while tracing there is no value to look at
-            floor = float(np.asarray(self.floor))
-            check(0 < floor < math.inf, "floor", floor, "positive and finite")
+        check_floor(self.floor)
 
     @property
     def inputs(self) -> int:
@@ -145,6 +151,14 @@ class GradedMotoneurons(GradedUnits):
         potential = self.gain * away
         rise = jax.nn.sigmoid(potential) * jax.nn.sigmoid(-potential)
         return {"threshold": -self.gain * rise, "gain": away * rise}
+
+
+def check_floor(floor: Array) -> None:
+    """Refuse a least deviation that is none."""
+    check(floor.shape == (), "floor", floor.shape, "one number")
+    if not isinstance(floor, Tracer):  # while tracing there is no value to look at
+        value = float(np.asarray(floor))
+        check(0 < value < math.inf, "floor", value, "positive and finite")
 
 
 def _times(units: Float[Array, " units"], values: Array) -> Array:

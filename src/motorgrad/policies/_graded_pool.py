@@ -6,13 +6,11 @@ from typing import Any, Self
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
-from motorgrad.policies._graded import LEAST
+from motorgrad.policies._graded import LEAST, check_floor
 from motorgrad.policies._policy import Policy, fixed, has_rows, in_structure, outer, trainable
 
 
@@ -41,10 +39,7 @@ class GradedPool(Policy):
         for name in ("strength", "log_deviation"):
             shape = getattr(self, name).shape
             check(shape == (self.pool.outputs,), name, shape, f"of shape {(self.pool.outputs,)}")
-        check(self.floor.shape == (), "floor", self.floor.shape, "one number")
-        if not isinstance(self.floor, Tracer):  # while tracing there is no value to look at
-            floor = float(np.asarray(self.floor))
-            check(0 < floor < math.inf, "floor", floor, "positive and finite")
+        check_floor(self.floor)
 
     @property
     def inputs(self) -> int:

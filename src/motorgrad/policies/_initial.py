@@ -10,8 +10,9 @@ from typing import Any
 import jax
 
 from motorgrad._errors import unknown
-from motorgrad.policies._initial_composed import gated, mirrored, mixture
+from motorgrad.policies._initial_composed import gated, mirrored, mixture, primitives
 from motorgrad.policies._initial_global import (
+    graded_hyperplanes,
     graded_motoneurons,
     hyperplanes,
     motoneurons,
@@ -27,6 +28,7 @@ Initial = Policy | Callable[[jax.Array], Policy]
 INITIAL: dict[str, Callable[..., Initial]] = {
     "gated": gated,
     "gaussians": gaussians,
+    "graded-hyperplanes": graded_hyperplanes,
     "graded-motoneurons": graded_motoneurons,
     "graded-tiles": graded_tiles,
     "growing": growing,
@@ -34,6 +36,7 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "mirrored": mirrored,
     "mixture": mixture,
     "motoneurons": motoneurons,
+    "primitives": primitives,
     "querying-motoneurons": querying_motoneurons,
     "soft-boxes": soft_boxes,
     "soft-spheres": soft_spheres,

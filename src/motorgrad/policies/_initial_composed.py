@@ -11,9 +11,10 @@ from motorgrad.policies._factored import Factored
 from motorgrad.policies._gated import Gated
 from motorgrad.policies._gaussian import LocalGaussians
 from motorgrad.policies._hyperplane import Hyperplanes
-from motorgrad.policies._initial_global import hyperplanes
+from motorgrad.policies._initial_global import graded_hyperplanes, hyperplanes
 from motorgrad.policies._initial_local import ends_of, lattice, tiles
 from motorgrad.policies._mirrored import Mirrored
+from motorgrad.policies._primitives import Primitives
 from motorgrad.policies._sizes import sizes
 
 
@@ -94,3 +95,20 @@ def mirrored(task: Any, units: int | None = None) -> Mirrored:
     left = [i for i, image in enumerate(mirror.outputs) if i < image]
     pool = hyperplanes(inputs, len(left))
     return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
+
+
+def primitives(
+    task: Any, units: int | None = None, count: int = 2, deviation: float = 0.3, floor: float = 0.02
+) -> Primitives:
+    """Motor primitives, `count` of them, each of which begins half of the times it can, whatever is observed.
+
+    Their movement parameters have mean 0 and the standard deviation `deviation`, which is learnt but stays above
+    `floor`. `units` is the length of an action: `count`, and as many parameters for each.
+    """
+    inputs, outputs = sizes(task, units)
+    whole = isinstance(count, int) and not isinstance(count, bool) and count >= 1
+    check(whole and outputs % count == 0 and outputs > count, "count", count, f"a divisor of {outputs}, below it")
+    check(inputs > count, "inputs", inputs, f"more than the {count} flags of what can begin")
+    return Primitives(
+        hyperplanes(inputs - count, count), graded_hyperplanes(inputs - count, outputs - count, 0.0, deviation, floor)
+    )

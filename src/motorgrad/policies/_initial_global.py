@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from motorgrad._errors import check
 from motorgrad.policies._graded import GradedMotoneurons
+from motorgrad.policies._graded_hyperplane import GradedHyperplanes
 from motorgrad.policies._hyperplane import Hyperplanes
 from motorgrad.policies._motoneuron import Motoneurons
 from motorgrad.policies._querying import Querying
@@ -56,14 +57,27 @@ def graded_motoneurons(
     Their noise has the standard deviation `deviation`, which is learnt but stays above `floor`.
     """
     outputs = _motor_units("graded-motoneurons", task, units, low, high)
-    check(0 < floor < deviation < math.inf, "floor, deviation", (floor, deviation), "positive, floor < deviation")
+    noise = _log_deviation(outputs, deviation, floor)
 
     def initial(key: jax.Array) -> GradedMotoneurons:
         threshold = jax.random.uniform(key, (outputs,), minval=low, maxval=high)
-        noise = jnp.full(outputs, math.log(deviation - floor), threshold.dtype)
         return GradedMotoneurons(threshold, jnp.zeros(outputs), noise, jnp.asarray(floor, noise.dtype))
 
     return initial
+
+
+def graded_hyperplanes(
+    task: Any, units: int | None = None, level: float = 0.0, deviation: float = 0.3, floor: float = 0.02
+) -> GradedHyperplanes:
+    """Graded units whose mean is `level` whatever they see: zero slopes.
+
+    Their noise has the standard deviation `deviation`, which is learnt but stays above `floor`.
+    """
+    inputs, outputs = sizes(task, units)
+    check(math.isfinite(level), "level", level, "a finite number")
+    noise = _log_deviation(outputs, deviation, floor)
+    least = jnp.asarray(floor, noise.dtype)
+    return GradedHyperplanes(jnp.zeros((outputs, inputs)), jnp.full(outputs, float(level)), noise, least)
 
 
 def querying_motoneurons(
@@ -84,6 +98,12 @@ def querying_motoneurons(
 
     initial(jax.random.key(0))  # refuses at once what is impossible
     return initial
+
+
+def _log_deviation(units: int, deviation: float, floor: float) -> jax.Array:
+    """The parameter of units whose noise has this standard deviation."""
+    check(0 < floor < deviation < math.inf, "floor, deviation", (floor, deviation), "positive, floor < deviation")
+    return jnp.full(units, math.log(deviation - floor))
 
 
 def _motor_units(name: str, task: Any, units: int | None, low: float, high: float) -> int:

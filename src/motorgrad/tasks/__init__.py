@@ -7,6 +7,8 @@ from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, March
+from motorgrad.tasks._hexapod_primitive import HexapodPrimitive, Steps
+from motorgrad.tasks._hexapod_stride import HexapodStride, Stride
 from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
@@ -39,6 +41,8 @@ __all__ = [
     "Flight",
     "Gymnasium",
     "Hexapod",
+    "HexapodPrimitive",
+    "HexapodStride",
     "HexapodSynergy",
     "Hopper",
     "HostBatch",
@@ -53,6 +57,8 @@ __all__ = [
     "Reading",
     "Recruitment",
     "Region",
+    "Steps",
+    "Stride",
     "Synergies",
     "Task",
     "ThreeState",

@@ -41,8 +41,9 @@ class BodyTask(HostTask):
         drives = self.drives
         return len(self.dynamics.groups if drives is None else drives)
 
-    def control(self, action: Any) -> Any:
+    def control(self, action: Any, memory: Any = None) -> Any:
         """The activation of each group of muscles, `(…, action_size)` to `(…, groups)`."""
+        del memory
         drives = self.drives
         return action if drives is None else jnp.minimum(action @ drives, 1.0)
 

@@ -136,7 +136,7 @@ class Hopper(TimedBodyTask):
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
         paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
-        cost = self.penalty * jnp.sum(self.control(action) * self._muscles_per_group)
+        cost = self.penalty * jnp.sum(self.control(action, memory) * self._muscles_per_group)
         return Flight(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
 
     def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:

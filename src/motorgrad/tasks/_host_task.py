@@ -50,8 +50,10 @@ class HostTask(Task):
     def batch(self, seeds: Sequence[int], threads: int = 0) -> HostBatch:
         """The dynamics, one row for each seed, at the start of an episode; `threads`, where they can use them."""
 
-    def control(self, action: Any) -> Any:
-        """What the dynamics are told of an action, `(…, action_size)`: by default the action itself."""
+    def control(self, action: Any, memory: Any = None) -> Any:
+        """What the dynamics are told of an action, `(…, action_size)`: by default the action itself. `memory` is what
+        the task remembered when it was chosen, with the same leading axes."""
+        del memory
         return action
 
     @property

@@ -8,6 +8,8 @@ from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._finite import CallAdmission, Chain, ThreeState
 from motorgrad.tasks._gymnasium import Gymnasium
 from motorgrad.tasks._hexapod import Hexapod, HexapodSynergy
+from motorgrad.tasks._hexapod_primitive import HexapodPrimitive
+from motorgrad.tasks._hexapod_stride import HexapodStride
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._linear_recruitment import LinearRecruitment
 from motorgrad.tasks._particle import FallingParticle
@@ -24,6 +26,8 @@ TASKS: dict[str, type[Task]] = {
         FallingParticle,
         Gymnasium,
         Hexapod,
+        HexapodPrimitive,
+        HexapodStride,
         HexapodSynergy,
         Hopper,
         LinearRecruitment,

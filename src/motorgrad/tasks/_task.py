@@ -30,8 +30,9 @@ class Task(abc.ABC):
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `init` consumes."""
-    actions: ClassVar[Literal["binary", "discrete"]] = "binary"
-    """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers."""
+    actions: ClassVar[Literal["binary", "discrete", "graded"]] = "binary"
+    """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
+    vector of `action_size` real numbers."""
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
@@ -50,7 +51,7 @@ class Task(abc.ABC):
     @property
     @abc.abstractmethod
     def action_size(self) -> int:
-        """Number of binary actions, or of alternatives."""
+        """Number of binary or graded actions, or of alternatives."""
 
     @property
     def takes(self) -> tuple[str, ...]:

@@ -148,13 +148,13 @@ class HostStepper(Stepper):
 
     def _act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(self.task.control(cycle.action), 0.0)
+        return cycle, _row(self.task.control(cycle.action, cycle.memory), 0.0)
 
     def _settle_and_act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         diverged = packed[-1] > 0
         cycle, ended = self.cycle.settle(cycle, self.batch.unpack(packed), numbers["observe"], diverged)
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(self.task.control(cycle.action), ended)
+        return cycle, _row(self.task.control(cycle.action, cycle.memory), ended)
 
     def _restart_and_act(
         self, cycle: CycleState, packed: Array, numbers: Numbers, ended: Bool[Array, ""], out: Array

@@ -1,0 +1,1 @@
+"""The extensions that section 5.4.1 proposes."""

@@ -1,0 +1,178 @@
+"""Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import LEGS, TRIPODS
+from motorgrad.experiments._claim import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_study import check_practice
+from motorgrad.experiments.chapter_5.extensions._primitive_figure import draw_primitives
+from motorgrad.experiments.chapter_5.extensions._watched import watched
+from motorgrad.policies import Primitives
+from motorgrad.tasks import HexapodPrimitive
+from motorgrad.training import AgentSettings, settings_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WORDS = {
+    "both": "precondition and movement learnt together",
+    "precondition": "the precondition alone",
+    "movement": "the movement alone",
+}
+STILL = 0.021
+"""The deviation of a movement that is not learnt: next to none."""
+SURE = 7.0
+"""Below 0, the logarithm of a deviation that adds next to nothing to the floor."""
+RECORDS = 60
+CELLS = 41  # of the picture of a precondition, along each side
+MEMBERS = np.array([[leg in tripod for leg in LEGS] for tripod in TRIPODS])
+
+
+@dataclasses.dataclass(frozen=True)
+class LearntPrimitives(Experiment):
+    """A hexapod walks by steps of its two tripods, motor primitives of a swing and a stance. When a step begins, its
+    precondition, and how long its parts last, its movement parameters, are learnt together from zero weights; or one of
+    them alone, the other staying as it began: steps begin at random, or last as long as at first.
+
+    **Arguments:**
+
+    - `seconds` (simulated s): length of every hexapod's practice.
+    - `seeds`: hexapods of each kind.
+    - `watched` (simulated s): for which the learnt policies are watched, without learning.
+    """
+
+    name: ClassVar[str] = "sec-5.4.1-primitive"
+    title: ClassVar[str] = "motor primitives: when they begin and how they move"
+    source: ClassVar[str] = "section 5.4.1"
+
+    seconds: float = 400.0
+    seeds: int = 20
+    watched: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
+        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
+        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seconds=2.4, seeds=2, watched=0.4)
+
+    @property
+    def task(self) -> HexapodPrimitive:
+        return HexapodPrimitive()
+
+    def learner(self, kind: str) -> AgentSettings:
+        """The learner that goes with the task, with step sizes of 0 for what is not learnt."""
+        rates: dict[str, float] = dict(self.task.learner["rates"])
+        changes: dict[str, Any] = {}
+        if kind == "precondition":
+            rates |= {"level": 0.0}
+            changes = {"policy_settings": {"deviation": STILL}}
+        elif kind == "movement":
+            rates |= {"weights": 0.0, "bias": 0.0}
+        return settings_for(self.task, rates=rates, **changes)
+
+    def run(self, work: Workspace) -> Values:
+        task, found = self.task, {}
+        for kind in WORDS:
+            run = work.train(task, self.learner(kind), round(self.seconds / task.period), self.seeds)
+            decision, speed = run.curve("speed")
+            found |= {"time": decision * task.period, f"{kind} curve": speed}
+            seen = work.part(kind, lambda run=run: self._watch(work, run.policies))
+            found[f"{kind} speed"] = seen["speed"]
+            sure = work.part(f"{kind} sure", lambda run=run: self._watch(work, _sure(run.policies)))
+            found[f"{kind} sure"] = sure["speed"]
+            if kind == "both":
+                found |= self._learnt(run.policies, int(np.argsort(seen["speed"])[self.seeds // 2]))
+        return found
+
+    def _watch(self, work: Workspace, policies: Any) -> Values:
+        return watched(work, policies, self.task, self.watched, "sample", ("speed",))
+
+    def _learnt(self, policies: Any, middle: int) -> Values:
+        """What all seeds have learnt; and of the one in the middle, when its steps begin."""
+        weights = np.asarray(policies.precondition.weights)
+        level = jnp.asarray(policies.movement.level)
+        lasting = self.task.lasting(jnp.concatenate([jnp.zeros((len(level), len(TRIPODS))), level], axis=1))
+        own = np.stack([weights[:, each][:, MEMBERS[each]].sum(1) for each in range(len(TRIPODS))], axis=1)
+        other = np.stack([weights[:, each][:, ~MEMBERS[each]].sum(1) for each in range(len(TRIPODS))], axis=1)
+        policy = jax.tree.map(lambda leaf: leaf[middle], policies)
+        begins = precondition(policy, self._angles())
+        return {"lasting": np.asarray(lasting), "own": own, "other": other, "begins": begins, "angles": self._angles()}
+
+    def _angles(self) -> np.ndarray:
+        return np.linspace(-1.0, 1.0, CELLS) * 30.0 / self.task.angle_scale
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_primitives(values, WORDS, (self.task.swing, self.task.stance), self.task.angle_scale)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made = []
+        for kind, words in WORDS.items():
+            curve = values[f"{kind} curve"]
+            part = max(1, curve.shape[1] // 20)
+            gained = mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1))
+            made.append(
+                Claim(
+                    f"Learning {words.removesuffix(' learnt together')} makes the hexapod faster.",
+                    "section 5.4.1",
+                    "the last fifth of the practice against the first twentieth: the difference is above 0",
+                    gained,
+                    gained.low > 0,
+                    "m/s",
+                )
+            )
+        for kind in ("precondition", "movement"):
+            more = mean_of(values["both speed"] - values[f"{kind} speed"])
+            sure = mean_of(values["both sure"] - values[f"{kind} sure"])
+            speeds = f"{values['both speed'].mean():.2f} m/s and {values[f'{kind} speed'].mean():.2f} m/s."
+            made.append(
+                Claim(
+                    f"Both learnt together walk faster than {WORDS[kind]}.",
+                    "section 5.4.1",
+                    "after learning, frozen, seed by seed: the difference is above 0",
+                    more,
+                    more.low > 0,
+                    "m/s",
+                    f"{speeds} With the means of the movement in place of draws the difference is {sure}.",
+                )
+            )
+        back = share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1))
+        made.append(
+            Claim(
+                "A tripod's step comes to begin when its own legs are back, rather than the other tripod's.",
+                "our own expectation",
+                "own legs' weights sum below 0 and below the others', for both tripods: in most seeds",
+                back,
+                back.low > 0.5,
+            )
+        )
+        return made
+
+
+def _sure(policies: Any) -> Any:
+    """The same policies with next to no noise in their movement."""
+    return eqx.tree_at(lambda each: each.movement.log_deviation, policies, replace_fn=lambda noise: 0 * noise - SURE)
+
+
+def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
+    """With which probability each tripod's step begins, where it can, over the lateral angle of its own legs and that
+    of the others, all legs of a tripod alike: `(tripods, others, own)`."""
+    own, other = np.meshgrid(angles, angles)
+    places = []
+    for each in range(len(TRIPODS)):
+        legs = np.where(MEMBERS[each], own[..., None], other[..., None]).reshape(-1, len(LEGS))
+        p = jax.vmap(policy.precondition.prob)(jnp.asarray(legs, jnp.float32))
+        places.append(np.asarray(p)[:, each].reshape(own.shape))
+    return np.stack(places)

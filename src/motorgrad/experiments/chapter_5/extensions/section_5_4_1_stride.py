@@ -1,0 +1,180 @@
+"""Section 5.4.1: a hexapod that walks by a clock learns its stride's period, up and down slopes."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claim import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values
+from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments.chapter_5._hopper_study import check_practice
+from motorgrad.experiments.chapter_5.extensions._stride_figure import draw_stride
+from motorgrad.experiments.chapter_5.extensions._watched import watched
+from motorgrad.policies import GradedHyperplanes, graded_hyperplanes
+from motorgrad.tasks import HexapodStride
+from motorgrad.training import AgentSettings, settings_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KINDS = ("slope", "constant")
+"""Learnt with the pitch, and without it."""
+RECORDS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class StridePeriod(Experiment):
+    """A hexapod whose tripods take turns by an open-loop clock learns the clock's period by policy gradient while the
+    ground rises and sinks: as a linear function of the pitch that it feels, and as one number. Beside them, clocks of
+    fixed periods on the same slopes: the one it began with, the best one, and the best one for each slope.
+
+    **Arguments:**
+
+    - `seconds` (simulated s): length of every hexapod's practice.
+    - `seeds`: hexapods of each kind.
+    - `periods` (s): of the fixed clocks.
+    - `starts`: phases, at random, from which each fixed clock begins on each slope.
+    - `watched` (simulated s): for which each is watched on each slope, without learning.
+    """
+
+    name: ClassVar[str] = "sec-5.4.1-stride"
+    title: ClassVar[str] = "a stride period that adapts to slopes"
+    source: ClassVar[str] = "section 5.4.1"
+
+    seconds: float = 300.0
+    seeds: int = 20
+    periods: tuple[float, ...] = (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4)
+    starts: int = 8
+    watched: float = 6.0
+
+    def __post_init__(self) -> None:
+        check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
+        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
+        check(2 <= self.starts <= 1_000, "starts", self.starts, "in 2 … 1,000")
+        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
+        within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
+        rising = len(self.periods) > 1 and list(self.periods) == sorted(set(self.periods))
+        limits = f"from {self.task.shortest} to {self.task.longest} s"
+        check(within and rising, "periods", self.periods, f"at least two rising ones {limits}")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seconds=1.2, seeds=2, periods=(0.16, 0.3), starts=2, watched=0.2)
+
+    @property
+    def task(self) -> HexapodStride:
+        return HexapodStride()
+
+    def learner(self, kind: str) -> AgentSettings:
+        """The learner that goes with the task, whose parameters are averaged over the second half of the practice; for
+        `"constant"` the pitch has no effect."""
+        rates = dict(self.task.learner["rates"])
+        rates = rates if kind == "slope" else rates | {"slope": 0.0}
+        return settings_for(self.task, rates=rates, average=True, average_start=self.decisions // 2)
+
+    @property
+    def decisions(self) -> int:
+        return round(self.seconds / self.task.period)
+
+    def run(self, work: Workspace) -> Values:
+        task, found = self.task, {}
+        for kind in KINDS:
+            run = work.train(task, self.learner(kind), self.decisions, self.seeds)
+            decision, speed = run.curve("speed")
+            found |= {"time": decision * task.period, f"{kind} curve": speed}
+            found[f"{kind} periods"] = run.curve("period")[1]
+            found |= work.part(f"{kind} watched", lambda kind=kind, run=run: self._on_slopes(work, kind, run.policies))
+        grid = np.array([*self.periods, task.start])
+        fixed = work.part("fixed", lambda: self._on_slopes(work, "fixed", _clocks(task, grid, self.starts)))
+        shape = (len(grid), self.starts, len(task.slopes))
+        found["fixed speed"] = fixed["fixed speed"].reshape(shape)
+        found |= {"grid": grid, "slopes": np.array(task.slopes)}
+        return found
+
+    def _on_slopes(self, work: Workspace, name: str, policies: Any) -> Values:
+        """Speed and mean period of each policy on each of the slopes, `(policies, slopes)`, without exploring."""
+        grounds = [dataclasses.replace(self.task, slopes=(slope,)) for slope in self.task.slopes]
+        seen = [watched(work, policies, ground, self.watched, "mode", ("speed", "period")) for ground in grounds]
+        return {f"{name} {what}": np.stack([each[what] for each in seen], axis=1) for what in ("speed", "period")}
+
+    def figure(self, values: Values) -> "Figure":
+        return draw_stride(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        fixed = values["fixed speed"]
+        over_slopes = fixed.mean(-1)
+        began, best = over_slopes[-1].mean(), over_slopes[:-1].mean(1).max()
+        constant, adaptive = values["constant speed"].mean(1), values["slope speed"].mean(1)
+        gained, share = mean_of(constant - began), mean_of(constant / best)
+        longer = mean_of(values["slope period"][:, -1] - values["slope period"][:, 0])
+        paid, room = mean_of(adaptive - constant), mean_of(room_for_slopes(fixed[:-1]))
+        source = "section 5.4.1"
+        return [
+            Claim(
+                "Policy gradient learns a stride period that is faster than the one it began with.",
+                source,
+                "one learnt period, mean over the slopes: the difference is above 0",
+                gained,
+                gained.low > 0,
+                "m/s",
+                f"{constant.mean():.2f} m/s; with {values['grid'][-1]:g} s, {began:.2f} m/s.",
+            ),
+            Claim(
+                "It comes to the best of the fixed periods.",
+                "our own expectation",
+                "at least 0.9 of that one's speed, mean over the slopes: the whole interval",
+                share,
+                share.low >= 0.9,
+                note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s with {best:.2f} m/s.",
+            ),
+            Claim(
+                "Learnt with the pitch, strides are longer in time uphill than downhill.",
+                source,
+                "between the steepest two slopes: the difference is above 0",
+                longer,
+                longer.low > 0,
+                "s",
+            ),
+            Claim(
+                "A period that follows the pitch is faster than one learnt period.",
+                source,
+                "mean over the slopes, seed by seed: the difference is above 0",
+                paid,
+                paid.low > 0,
+                "m/s",
+                f"{adaptive.mean():.2f} m/s and {constant.mean():.2f} m/s.",
+            ),
+            Claim(
+                "There is something to be gained: the best period for each slope is faster than the best one for all.",
+                source,
+                "both chosen by the other starts, mean over the slopes: the difference is above 0",
+                room,
+                room.low > 0,
+                "m/s",
+            ),
+        ]
+
+
+def room_for_slopes(speed: np.ndarray) -> np.ndarray:
+    """By how much (m/s) the best period of each slope beats the best one for all slopes, `(periods, starts, slopes)` to
+    `(starts,)`. For each start both are chosen by the other starts, so that chance favours neither."""
+    gains = []
+    for start in range(speed.shape[1]):
+        others = np.delete(speed, start, axis=1).mean(1)
+        each = speed[others.argmax(0), start, np.arange(speed.shape[2])].mean()
+        gains.append(each - speed[others.mean(1).argmax(), start].mean())
+    return np.array(gains)
+
+
+def _clocks(task: HexapodStride, periods: np.ndarray, starts: int) -> GradedHyperplanes:
+    """Policies with these fixed periods, each so many times, along a leading axis."""
+    one = graded_hyperplanes(task)
+    levels = jnp.repeat(jnp.asarray(task.start / periods - 1.0, jnp.float32), starts)[:, None]
+    many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(levels), *leaf.shape)), one)
+    return eqx.tree_at(lambda policy: policy.level, many, levels)

@@ -1,0 +1,177 @@
+"""The hexapod walks by a clock, up and down slopes: the stride's period is learnt (section 5.4.1 of the thesis)."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._errors import check
+from motorgrad.bodies import Body, BodyState, SlopeBatch, TripodClock, read_hexapod
+from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
+from motorgrad.tasks._synergies import synergy_matrix
+from motorgrad.tasks._task import Reading
+from motorgrad.tasks._timed_body_task import TimedBodyTask
+
+STEEPEST = 45.0  # degrees
+
+
+class Stride(NamedTuple):
+    """What the task remembers: the clock's `phase`, the last `period` (s) that was chosen; the ground's `slope` (rad),
+    and for how many decisions it is `left`; the `heading` (rad) and the smoothed `pitch` (rad) that were felt last."""
+
+    phase: Float[Array, ""]
+    period: Float[Array, ""]
+    slope: Float[Array, ""]
+    left: Int[Array, ""]
+    heading: Float[Array, ""]
+    pitch: Float[Array, ""]
+
+
+@dataclasses.dataclass(frozen=True)
+class HexapodStride(TimedBodyTask):
+    """Walk as fast as possible by an open-loop clock, whose period is the action, over ground that rises and sinks.
+
+    Observed: the smoothed pitch of the trunk against gravity, over `pitch_scale`. Action: a real number a, which makes
+    the clock's frequency (1 + a) / `start`, within the limits of the period. The clock goes on at this rate until the
+    next decision, so that no choice is ignored, and a stride's frequency is the mean of those that were chosen in it.
+    Reward: `reward_scale` × the velocity (m/s) of the middle section along its heading. An episode ends when the trunk
+    overturns.
+
+    The ground is a plane that rises, or sinks, in the direction in which the body is headed, with another slope for
+    every stretch.
+
+    **Arguments:**
+
+    - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
+    - `clock`: what turns the phase of a stride into swing and stance (`motorgrad.bodies.TripodClock`).
+    - `slopes` (degrees): of which each stretch has one at random, positive uphill.
+    - `stretch` (s): how long a slope lasts.
+    - `start` (s): the period for the action 0.
+    - `shortest` (s): the least period.
+    - `longest` (s): the greatest period.
+    - `pitch_scale` (degrees): the pitch that is observed as 1.
+    - `smoothing`: the share of the newest pitch in the smoothed one, in (0, 1].
+    - `reward_scale`: reward per m/s.
+    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
+    - `time_limit`: simulated seconds after which an episode is cut; `None` for a task that only an overturned trunk
+      interrupts.
+    """
+
+    name: ClassVar[str] = "hexapod-stride"
+    actions: ClassVar[Any] = "graded"
+    reports: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
+    episodic: ClassVar[bool] = True
+    uniforms: ClassVar[int] = 1
+    init_uniforms: ClassVar[int] = 1
+    learner: ClassVar[Mapping[str, Any]] = {
+        "policy": "graded-hyperplanes",
+        "policy_settings": {"deviation": 0.8},
+        "decay": 0.98,
+        "baseline": "linear",
+        "baseline_rate": 1e-3,
+        "rates": {"slope": 3e-5, "level": 3e-5, "log_deviation": 0.0},
+    }
+
+    body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
+    clock: TripodClock = dataclasses.field(default_factory=TripodClock)
+    slopes: tuple[float, ...] = (-10.0, -5.0, 0.0, 5.0, 10.0)
+    stretch: float = 4.0
+    start: float = 0.3
+    shortest: float = 0.08
+    longest: float = 0.8
+    pitch_scale: float = 10.0
+    smoothing: float = 0.05
+    reward_scale: float = 4.0
+    action_period: float = 0.01
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
+        within = len(self.slopes) > 0 and all(abs(slope) <= STEEPEST for slope in self.slopes)
+        check(within, "slopes", self.slopes, f"at least one, each from -{STEEPEST:g} to {STEEPEST:g} degrees")
+        self.check_times()
+        least = 2 * self.action_period
+        check(least <= self.shortest < math.inf, "shortest", self.shortest, f"at least two decisions, {least:g} s")
+        check(self.shortest <= self.longest < math.inf, "longest", self.longest, f"at least {self.shortest!r} s")
+        inside = self.shortest <= self.start <= self.longest
+        check(inside, "start", self.start, f"from {self.shortest!r} to {self.longest!r} s")
+        decisions = self.stretch / self.action_period
+        check(1 <= decisions < 2**31, "stretch", self.stretch, "at least one decision, and finite")
+        check(0.01 <= self.pitch_scale <= 90, "pitch_scale", self.pitch_scale, "an angle from 0.01 to 90 degrees")
+        check(0 < self.smoothing <= 1, "smoothing", self.smoothing, "in (0, 1]")
+        check(math.isfinite(self.reward_scale), "reward_scale", self.reward_scale, "a finite number")
+
+    @property
+    def dynamics(self) -> Body:
+        return self.body
+
+    def batch(self, seeds: Sequence[int], threads: int = 0) -> SlopeBatch:
+        return SlopeBatch(self.body, len(seeds), self.substeps, threads)
+
+    @property
+    def drives(self) -> np.ndarray:
+        return self._drives
+
+    @functools.cached_property
+    def _drives(self) -> np.ndarray:
+        return synergy_matrix(TRIPOD_SYNERGIES, self.body.groups)
+
+    @property
+    def observation_size(self) -> int:
+        return 1
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...]:
+        return ((min(self.slopes) / self.pitch_scale - 0.5, max(self.slopes) / self.pitch_scale + 0.5),)
+
+    @property
+    def action_size(self) -> int:
+        return 1
+
+    def period_of(self, action: Any) -> Any:
+        """The period in s that an action (..., 1) stands for, (...)."""
+        return self.start / jnp.clip(1.0 + action[..., 0], self.start / self.longest, self.start / self.shortest)
+
+    def control(self, action: Any, memory: Any = None) -> Any:
+        """The activation of each muscle, then the slope and the direction in which the ground rises."""
+        muscles = super().control(self.clock.activation(jnp.asarray(memory.phase)), memory)
+        return jnp.concatenate([muscles, jnp.stack([memory.slope, memory.heading], axis=-1)], axis=-1)
+
+    def init(self, uniforms: Float[Array, " 1"]) -> Stride:
+        """The clock begins at a phase of its own, on level ground."""
+        zero = jnp.zeros(())
+        return Stride(uniforms[0], jnp.full((), self.start), zero, jnp.zeros((), jnp.int32), zero, zero)
+
+    def observe(self, memory: Stride, state: BodyState, uniforms: Float[Array, " 1"]) -> tuple[Stride, Array]:
+        slopes = jnp.radians(jnp.asarray(self.slopes))
+        drawn = slopes[jnp.minimum((uniforms[0] * len(self.slopes)).astype(jnp.int32), len(self.slopes) - 1)]
+        over = memory.left <= 0
+        slope = jnp.where(over, drawn, memory.slope)
+        left = jnp.where(over, round(self.stretch / self.period), memory.left) - 1
+        felt = jnp.arcsin(jnp.clip(state.sensors["forward"][2], -1.0, 1.0)) + slope
+        pitch = memory.pitch + self.smoothing * (felt - memory.pitch)
+        after = memory._replace(slope=slope, left=left, pitch=pitch, heading=read_hexapod(state).heading)
+        return after, pitch[None] / math.radians(self.pitch_scale)
+
+    def reward(
+        self, memory: Stride, state: BodyState, action: Float[Array, " 1"]
+    ) -> tuple[Stride, Float[Array, ""], Bool[Array, ""]]:
+        reading, period = read_hexapod(state), self.period_of(action)
+        after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
+        return after, self.reward_scale * reading.speed, reading.upright < 0.0
+
+    def readings(self, memory: Stride, state: BodyState) -> dict[str, Reading]:
+        """`speed`: along the heading on the ground, m/s. `period`: as chosen at each decision, s. `falls`: how often
+        the trunk overturns in a second."""
+        reading = read_hexapod(state)
+        return {
+            "speed": (reading.speed, True),
+            "period": (memory.period, True),
+            "falls": ((reading.upright < 0.0) / self.period, True),
+        }
