@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
-from motorgrad.tasks._task import Task
+from motorgrad.tasks._task import Actions, Task
 from motorgrad.worlds import CHAIN_VARIANTS, FiniteMDP, call_admission, chain, three_state
 
 MOST = 2000  # a finite MDP is a dense table of all transitions
@@ -70,7 +70,7 @@ class ThreeState(FiniteTask):
     """The three-state MDP of Baxter & Bartlett (2001), on which estimators are compared."""
 
     name: ClassVar[str] = "three-state"
-    actions: ClassVar[Literal["binary", "discrete"]] = "discrete"
+    actions: ClassVar[Actions] = "discrete"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.8, "rate": 0.01}
 
     @property
@@ -89,7 +89,7 @@ class Chain(FiniteTask):
     """
 
     name: ClassVar[str] = "chain"
-    actions: ClassVar[Literal["binary", "discrete"]] = "discrete"
+    actions: ClassVar[Actions] = "discrete"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "rate": 0.05}
 
     length: int = 6
@@ -115,7 +115,7 @@ class CallAdmission(FiniteTask):
     """
 
     name: ClassVar[str] = "call-admission"
-    actions: ClassVar[Literal["binary", "discrete"]] = "binary"
+    actions: ClassVar[Actions] = "binary"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.9, "rate": 0.003}
 
     capacity: int = 10

@@ -16,7 +16,7 @@ from motorgrad.bodies import LEGS, TRIPODS, Body, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
 from motorgrad.tasks._synergies import synergy_matrix
-from motorgrad.tasks._task import Reading
+from motorgrad.tasks._task import Actions, Reading
 from motorgrad.tasks._timed_body_task import TimedBodyTask
 
 STANDING = tuple(" ".join(f"depressor_{leg}" for leg in tripod) for tripod in TRIPODS)
@@ -60,7 +60,7 @@ class HexapodPrimitive(TimedBodyTask):
     """
 
     name: ClassVar[str] = "hexapod-primitive"
-    actions: ClassVar[Any] = "graded"
+    actions: ClassVar[Actions] = "graded"
     reports: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {

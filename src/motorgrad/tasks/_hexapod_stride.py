@@ -15,7 +15,7 @@ from motorgrad.bodies import Body, BodyState, SlopeBatch, TripodClock, read_hexa
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
 from motorgrad.tasks._synergies import synergy_matrix
-from motorgrad.tasks._task import Reading
+from motorgrad.tasks._task import Actions, Reading
 from motorgrad.tasks._timed_body_task import TimedBodyTask
 
 STEEPEST = 45.0  # degrees
@@ -64,7 +64,7 @@ class HexapodStride(TimedBodyTask):
     """
 
     name: ClassVar[str] = "hexapod-stride"
-    actions: ClassVar[Any] = "graded"
+    actions: ClassVar[Actions] = "graded"
     reports: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
     episodic: ClassVar[bool] = True
     uniforms: ClassVar[int] = 1

@@ -11,6 +11,7 @@ from motorgrad.bodies import Body
 from motorgrad.tasks._mirror import Mirror
 from motorgrad.worlds import World
 
+Actions = Literal["binary", "discrete", "graded"]
 Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
 """A quantity that a task reports, and whether it occurred at this decision."""
 
@@ -30,7 +31,7 @@ class Task(abc.ABC):
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `init` consumes."""
-    actions: ClassVar[Literal["binary", "discrete", "graded"]] = "binary"
+    actions: ClassVar[Actions] = "binary"
     """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
     vector of `action_size` real numbers."""
     reports: ClassVar[tuple[str, ...]] = ()
