@@ -9,10 +9,10 @@ UPDATES = 1200  # steps of the parameters, at the end of which what is annealed 
 MUSCLE_LEARNER: Mapping[str, Any] = {
     "policy": "hyperplanes",
     "improve": BATCH,
-    # generalised advantages: the trace's decay is the critic's discount times 0.9
+    # generalised advantages: the trace's decay is the critic's discount times 0.95
     "critic": "least-squares",
     "critic_discount": 0.97,
-    "decay": 0.873,
+    "decay": 0.9215,
     "critic_squares": True,
     "critic_actions": True,
     "critic_rate": 1 / (20 * BATCH),
@@ -28,7 +28,7 @@ MUSCLE_LEARNER: Mapping[str, Any] = {
     "metric_kl": 0.03,
     "metric_kl_end": 0.003,
     "metric_kl_steps": UPDATES,
-    "entropy": 0.02,
+    "entropy": 0.05,
     "entropy_end": 0.0,
     "entropy_steps": UPDATES,
     "average": True,
