@@ -12,7 +12,8 @@ from motorgrad.training._plot_labels import folders_of
 from motorgrad.training._provenance import provenance, what_changed
 from motorgrad.training._resume import resume, settings_in
 from motorgrad.training._run import Run, given_initial, load
-from motorgrad.training._settings import ESTIMATORS, AgentSettings, settings_for, settled
+from motorgrad.training._settings import AgentSettings, settings_for, settled
+from motorgrad.training._settings_parts import ESTIMATORS
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import check_tensorboard, write_tensorboard
 from motorgrad.training._train import stepper_of, train

@@ -2,55 +2,24 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, TypeVar, get_type_hints
+from typing import Any, Literal, get_type_hints
 
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._settings import as_hinted, build
-from motorgrad.learning import (
-    Agent,
-    Annealed,
-    Baseline,
-    BinnedBaseline,
-    Clock,
-    Constant,
-    Episodic,
-    Estimator,
-    Exponential,
-    Features,
-    FisherMetric,
-    FixedStep,
-    Growth,
-    IndexedAgent,
-    InputBaseline,
-    LaggedGaussian,
-    LeastSquares,
-    LinearBaseline,
-    LinearCritic,
-    MeanReward,
-    NoBaseline,
-    Plateau,
-    RootMeanSquare,
-    SpatialIndex,
-    TemporalDifference,
-    Trace,
-    Visited,
-    WeightAverage,
-    Window,
-    adam,
-    decayed,
-    sgd,
-)
+from motorgrad.learning import Agent, Estimator, FisherMetric, Growth, IndexedAgent, SpatialIndex, WeightAverage
 from motorgrad.tasks import Task, make
+from motorgrad.training._settings_parts import (
+    ESTIMATORS,
+    average_of,
+    estimator_of,
+    growth_of,
+    index_of,
+    metric_of,
+    rule_of,
+)
 
-P = TypeVar("P")
 LARGEST = 100_000_000  # weights of a policy
-ESTIMATORS: dict[str, dict[str, Any]] = {
-    "olgarb": {"baseline": "mean", "improve": 1},
-    "olpomdp": {"baseline": "none", "improve": 1},
-    "gpomdp": {"baseline": "none", "improve": "never"},
-}
-"""The named estimators, and what their names stand for."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,74 +195,27 @@ class AgentSettings:
 
     def estimate(self) -> Estimator:
         """The estimator that the settings stand for."""
-        named = ESTIMATORS[self.estimator]
-        traces: dict[str, Any] = {
-            "exponential": lambda: Exponential(self.decay),
-            "episodic": Episodic,
-            "window": lambda: Window(self.length),
-            "lagged-gaussian": lambda: LaggedGaussian(self.lag, self.width),
-        }
-        baselines: dict[str, Any] = {
-            "mean": MeanReward,
-            "fixed-step": lambda: FixedStep(self.baseline_rate),
-            "constant": lambda: Constant(self.baseline_level),
-            "none": NoBaseline,
-            "linear": lambda: LinearBaseline(self.baseline_rate),
-            "binned": lambda: BinnedBaseline(
-                self.baseline_low, self.baseline_high, self.baseline_bins, self.baseline_input, self.baseline_rate
-            ),
-        }
-        trace: Trace = traces[self.trace]()
-        kind = named["baseline"] if self.baseline == "default" else self.baseline
-        critic = self._critic()
-        baseline: Baseline | InputBaseline | LinearCritic = critic or _named("baseline", baselines[kind])
-        improve = named["improve"] if self.improve is None else self.improve
-        normal = self.advantages == "normalised"
-        scale = _named("advantage", lambda: RootMeanSquare(self.advantage_rate)) if normal else None
-        entropy = _schedule("entropy", self.entropy, self.entropy_end, self.entropy_steps)
-        return Estimator(trace, baseline, self.discount, improve, self.batch, scale, entropy or 0.0)
+        return estimator_of(self)
 
     def rule(self) -> Any:
         """The ascent rule that the settings stand for."""
-        rule = {"sgd": sgd, "adam": adam}[self.ascent](self.rate if self.rates is None else self.rates)
-        decay = self.weight_decay if self.weight_decays is None else self.weight_decays
-        return decayed(rule, decay) if decay else rule
+        return rule_of(self)
 
     def measure(self) -> FisherMetric | None:
         """The metric that the settings stand for."""
-        limit = _schedule("metric_kl", self.metric_kl, self.metric_kl_end, self.metric_kl_steps)
-        if self.metric == "euclidean":
-            return None
-        damping = self.damping if self.dampings is None else self.dampings
-        return _named("metric", lambda: FisherMetric(self.metric_rate, damping, self.metric_initial, limit))
+        return metric_of(self)
 
     def mean(self) -> WeightAverage | None:
         """The average of the parameters that the settings stand for."""
-        return _named("average", lambda: WeightAverage(self.average_start, self.average_rate)) if self.average else None
+        return average_of(self)
 
     def grow(self) -> Growth | None:
         """The schedule of growth that the settings stand for."""
-        if self.growth == "none":
-            return None
-        criteria = {
-            "clock": lambda: Clock(self.growth_interval),
-            "plateau": lambda: Plateau(self.growth_window, self.growth_confidence, self.growth_patience),
-        }
-        return Growth(
-            criteria[self.growth](),
-            self.growth_units,
-            self.growth_centre,
-            Visited() if self.growth_placement == "visited" else None,
-            self.growth_width,
-            self.growth_cutoff,
-            self.growth_shrink,
-            self.growth_boost,
-            self.growth_damp,
-        )
+        return growth_of(self)
 
     def look_up(self) -> SpatialIndex | None:
         """The spatial index that the settings stand for."""
-        return _named("index", lambda: SpatialIndex(self.index_neglect, self.index_margin)) if self.index else None
+        return index_of(self)
 
     def agent(self, task: Task) -> Agent:
         """The agent for `task`."""
@@ -307,22 +229,6 @@ class AgentSettings:
         parts = (self._policy(task, units), self.estimate(), self.rule(), self.measure(), self.grow(), self.mean())
         index = self.look_up()
         return Agent(*parts) if index is None else IndexedAgent(*parts, index=index)
-
-    def _critic(self) -> LinearCritic | None:
-        """The critic that the settings stand for."""
-        if self.critic == "none":
-            return None
-        rate = {} if self.critic_rate is None else {"rate": self.critic_rate}
-
-        def make() -> LinearCritic:
-            fit: TemporalDifference | LeastSquares = TemporalDifference(**rate, level_rate=self.critic_level_rate)
-            if self.critic == "least-squares":
-                means = LeastSquares(**rate, interval=self.critic_interval)
-                fit = dataclasses.replace(means, initial=self.critic_initial, damping=self.critic_damping)
-            features = Features(self.critic_squares, self.critic_actions, self.critic_bias)
-            return LinearCritic(features, self.critic_discount, self.critic_decay, fit)
-
-        return _named("critic", make)
 
     def _check_growth(self) -> None:
         """Refuse, by the settings' own names, what is impossible, and growth without the policy for it."""
@@ -385,25 +291,3 @@ def settled(settings: AgentSettings, own: AgentSettings) -> AgentSettings:
         if getattr(settings, one) != getattr(own, one) and getattr(settings, f"{one}s") == getattr(own, f"{one}s")
     }
     return dataclasses.replace(settings, **dropped)
-
-
-def _schedule(name: str, start: float | None, end: float | None, steps: int) -> float | Annealed | None:
-    """The number that a setting, and those of its end, stand for."""
-    if end is None or start is None:
-        check(end is None, f"{name}_end", end, f"none where there is no {name}")
-        return start
-    try:
-        return Annealed(start, end, steps)
-    except ValueError as error:
-        told = str(error)
-        raise ValueError(name + told.removeprefix("start") if told.startswith("start") else f"{name}_{told}") from None
-
-
-def _named(prefix: str, make: Callable[[], P]) -> P:
-    """Make a part of the learner; what it refuses is named as the setting that it comes from."""
-    try:
-        return make()
-    except ValueError as error:
-        told = str(error)
-        setting = f"{prefix}_{told.split()[0].strip(',')}"
-        raise ValueError(f"{prefix}_{told}" if hasattr(AgentSettings, setting) else told) from None
