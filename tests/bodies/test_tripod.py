@@ -36,7 +36,7 @@ def feeling(lateral=0.0, vertical=0.0, contact=0.0, legs=6):
     full = {name: np.broadcast_to(np.asarray(value, float), (legs,)) for name, value in
             (("lateral", np.radians(lateral)), ("vertical", np.radians(vertical)), ("contact", contact))}  # fmt: skip
     rest = np.zeros(())
-    return HexapodReading(full["lateral"], rest, full["vertical"], rest, full["contact"], *[rest] * 5)
+    return HexapodReading(full["lateral"], rest, full["vertical"], rest, full["contact"], *[rest] * 6)
 
 
 def states(first, second):
@@ -112,7 +112,7 @@ def test_jax_and_numpy_decide_alike():
     now = rng.integers(0, 4, (50, 6))
     felt = HexapodReading(
         *(rng.uniform(-1, 1, (50, 6)).astype(np.float32) for _ in range(4)), rng.random((50, 6)).astype(np.float32),
-        *[np.zeros(50)] * 5,
+        *[np.zeros(50)] * 6,
     )  # fmt: skip
 
     @jax.jit
@@ -204,7 +204,7 @@ def synthetic(shift, frequency=2.0, speed=1.0, duty=0.4, period=0.01, seconds=6.
     position = np.stack([speed * time, 0 * time, 0 * time], -1)[:, None]
     zero = np.zeros((len(time), 1))
     six = np.zeros_like(lateral)
-    return HexapodReading(lateral, six, six, six, contact, zero, position, zero, zero, zero + speed), period
+    return HexapodReading(lateral, six, six, six, contact, zero, position, zero, zero, zero + speed, zero + 1), period
 
 
 @pytest.mark.parametrize(

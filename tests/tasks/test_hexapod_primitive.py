@@ -141,3 +141,11 @@ def test_impossible_settings_are_refused_by_name(setting, named):
     with pytest.raises(ValueError) as error:  # noqa: PT011
         make("hexapod-primitive", **setting)
     assert named in str(error.value)
+
+
+def test_as_an_environment_its_actions_reach_the_limits_of_what_steps_last():
+    task = HexapodPrimitive()
+    low, high = np.array(task.action_range).T
+    np.testing.assert_allclose(task.lasting(low.astype(np.float32)), task.shortest, rtol=1e-5)
+    np.testing.assert_allclose(task.lasting(high.astype(np.float32)), task.longest, rtol=1e-5)
+    assert (low[:2].tolist(), high[:2].tolist()) == ([0, 0], [1, 1])

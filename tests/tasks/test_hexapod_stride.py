@@ -137,10 +137,10 @@ def test_as_an_environment_it_takes_real_numbers():
     environment = TaskEnv("hexapod-stride")
     assert environment.action_space.shape == (1,)
     environment.reset(seed=0)
-    for action in (np.array([0.5]), np.array([-3.0], np.float32)):
+    for action in (np.array([0.5]), np.array([-1.0], np.float32)):
         observation, reward, *_ = environment.step(action)
         assert np.isfinite([*observation, reward]).all()
-    with pytest.raises(ValueError, match=r"action = .*finite numbers"):
+    with pytest.raises(ValueError, match=r"action = .*numbers from -1 to 1"):
         environment.step(np.array([np.nan]))
 
 
@@ -164,3 +164,13 @@ def test_impossible_settings_are_refused_by_name(setting, named):
     with pytest.raises(ValueError) as error:  # noqa: PT011
         make("hexapod-stride", **setting)
     assert named in str(error.value)
+
+
+def test_as_an_environment_it_takes_actions_from_the_greatest_period_to_the_least():
+    for action, period in ((-1.0, 0.8), (1.0, 0.08)):
+        environment = TaskEnv("hexapod-stride")
+        environment.reset(seed=0)
+        *_, info = environment.step(np.array([action], np.float32))
+        assert info["period"] == pytest.approx(period, rel=1e-5)
+    with pytest.raises(ValueError, match="numbers from -1 to 1"):
+        environment.step(np.array([1.5], np.float32))

@@ -13,7 +13,9 @@ class TripodClock:
     One turn of its phase, from 0 to 1, is one stride. The first tripod stands while the phase is in [0, `duty`), the
     second half a turn later, and each swings for the rest of it.
 
-    **Arguments:** `duty`, the part of a stride in which each tripod stands, in (0, 1).
+    **Arguments:**
+
+    - `duty`: the part of a stride in which each tripod stands, in (0, 1).
 
     **Raises:** `ValueError` for a duty out of range.
     """

@@ -8,7 +8,7 @@ import numpy as np
 from motorgrad._errors import choice
 from motorgrad.environments._picture import Picture
 from motorgrad.environments._rows import Rows
-from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, task_of
+from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, stretched, task_of
 from motorgrad.tasks import Task
 
 ALL = np.ones(1, bool)
@@ -18,9 +18,10 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     """A task as a `gymnasium.Env`.
 
     **Observation:** `Box` of float32, `(observation_size,)`. **Action:** `MultiBinary(action_size)`, a zero or a one
-    for each group of muscles or unit; `Discrete(action_size)` for a task with a choice of actions. **Reward** and
-    `terminated` are the task's. `truncated` when the task's own `time_limit` is over, or the simulation diverged: the
-    body is then back at its start, and the reward is 0.
+    for each group of muscles or unit; `Discrete(action_size)` for a task with a choice of actions; for one of graded
+    actions `Box`, from −1 to 1, which stand for the ends of the task's `action_range`. **Reward** and `terminated` are
+    the task's. `truncated` when the task's own `time_limit` is over, or the simulation diverged: the body is then
+    back at its start, and the reward is 0.
 
     **Info:** `simulated_time` (s, since the episode began), `diverged` (bool), and each of the task's readings at the
     decisions at which it occurs (the hopper's `apex`, in m).
@@ -78,7 +79,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         if not self._running:
             rows.body  # noqa: B018 (a closed environment says so)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        outcome = rows.step(fitting(self._space, action)[None])
+        outcome = rows.step(stretched(self.task, fitting(self._space, action))[None])
         if self._picture is not None:
             self._picture.note()
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])

@@ -42,7 +42,7 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)
     if task.actions == "graded":
-        return observation, spaces.Box(-np.inf, np.inf, (task.action_size,), np.float32)
+        return observation, spaces.Box(-1.0, 1.0, (task.action_size,), np.float32)
     return observation, spaces.MultiBinary(task.action_size)
 
 
@@ -69,10 +69,18 @@ def fitting(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.n
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):
-        check(np.isfinite(array).all(), "action", array.tolist(), "finite numbers")
+        check((np.abs(array) <= 1).all(), "action", array.tolist(), "numbers from -1 to 1")
         return array.astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
+
+
+def stretched(task: Task, action: np.ndarray) -> np.ndarray:
+    """An action as the task takes it: graded ones lie between −1 and 1 in a space, and in their own range in a task."""
+    if task.actions != "graded":
+        return action
+    low, high = np.asarray(task.action_range, np.float32).T
+    return low + (action + 1) / 2 * (high - low)
 
 
 def known_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from motorgrad._errors import check, choice
 from motorgrad.environments._picture import Picture
 from motorgrad.environments._rows import Outcome, Rows
-from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, task_of
+from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, stretched, task_of
 from motorgrad.tasks import Task
 
 
@@ -107,7 +107,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         if not self._begun.all():
             rows.body  # noqa: B018 (a closed environment says so)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        actions = fitting(self._space, actions, (self.num_envs,))
+        actions = stretched(self.task, fitting(self._space, actions, (self.num_envs,)))
         some = bool(over.any())
         outcome = rows.step(actions, ~over if some else None)
         observation, truncated = outcome.observation, outcome.truncated

@@ -118,9 +118,19 @@ class HexapodPrimitive(TimedBodyTask):
     def action_size(self) -> int:
         return STEPS * (1 + PARTS)
 
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        """Of what begins 0 and 1; of how long swing and stance last from the least to the greatest."""
+        lasts = [tuple(math.log(end / usual) for end in (self.shortest, self.longest)) for usual in self._usual]
+        return (*((0.0, 1.0),) * STEPS, *((low, high) for _ in range(STEPS) for low, high in lasts))
+
+    @property
+    def _usual(self) -> tuple[float, float]:
+        return self.swing, self.stance
+
     def lasting(self, action: Any) -> Any:
         """How long swing and stance of each tripod's step last by an action (..., 6), in s, (..., 2, 2)."""
-        usual = jnp.asarray([self.swing, self.stance])
+        usual = jnp.asarray(self._usual)
         low, high = (jnp.log(end / usual) for end in (self.shortest, self.longest))
         chosen = action[..., STEPS:].reshape(*action.shape[:-1], STEPS, PARTS)
         return usual * jnp.exp(jnp.clip(chosen, low, high))

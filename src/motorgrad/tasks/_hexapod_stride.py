@@ -134,6 +134,11 @@ class HexapodStride(TimedBodyTask):
     def action_size(self) -> int:
         return 1
 
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        """From the greatest period to the least."""
+        return ((self.start / self.longest - 1, self.start / self.shortest - 1),)
+
     def period_of(self, action: Any) -> Any:
         """The period in s that an action (..., 1) stands for, (...)."""
         return self.start / jnp.clip(1.0 + action[..., 0], self.start / self.longest, self.start / self.shortest)

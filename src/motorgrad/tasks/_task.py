@@ -81,6 +81,11 @@ class Task(abc.ABC):
         return None
 
     @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        """Of graded actions: what the ends of an environment's space, −1 and 1, stand for. A policy may go beyond."""
+        return ((-1.0, 1.0),) * self.action_size
+
+    @property
     def mirror(self) -> Mirror | None:
         """Which inputs and actions are each other's mirror image, on the two sides of a symmetric body; `None` where
         there are no sides."""
