@@ -170,7 +170,7 @@ def test_a_run_with_everything_resumes_and_loads(tmp_path):
 def test_the_command_line_trains_it_and_refuses_a_task_without_sides(capsys):
     arguments = ["--steps", "10", "--seeds", "1", "--agent.policy", "mirrored"]
     assert main(["train", "hexapod", *arguments, "--out", "run"]) == 0
-    assert mg.load("run").policies.pool.weights.shape == (1, 12, 6)
+    assert mg.load("run").policies.pool.weights.shape == (1, 12, 20)
     capsys.readouterr()
     assert main(["train", "hopper", *arguments]) != 0
     said = " ".join("".join(capsys.readouterr()).split())

@@ -164,7 +164,7 @@ def test_bodies_refuse_graded_actions():
 
 
 def test_a_task_with_queries_is_no_gymnasium_environment():
-    with pytest.raises(ValueError, match="must be one that takes binary or discrete actions"):
+    with pytest.raises(ValueError, match="must be one that takes binary, discrete or graded actions"):
         TaskEnv(QUERIED)
 
 

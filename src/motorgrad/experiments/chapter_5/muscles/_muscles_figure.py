@@ -40,14 +40,14 @@ def _practice(axes: "Axes", values: Values, names: list[str]) -> None:
             draw_band(axes, values[f"{name} time"], curves, colour, f"{name}, {len(curves)} seeds")
         else:
             axes.plot(values[f"{name} time"], np.median(curves, 0), color=colour, linewidth=1.2, label=name)
-    seeds = int(values["compared"])
+    changed = f"; changed learners, {int(values['compared'])} seeds each" if len(names) > 1 else ""
     axes.set(
         xlabel="simulated time of practice (s)",
         ylabel="speed along the heading (m/s)",
         ylim=(0, None),
         xlim=(0, values[f"{FULL} time"][-1]),
     )
-    axes.legend(loc="upper left", ncols=2, title=f"medians; changed learners, {seeds} seeds each", title_fontsize=8.5)
+    axes.legend(loc="upper left", ncols=2, title=f"medians{changed}", title_fontsize=8.5)
 
 
 def _frozen(axes: "Axes", values: Values, names: list[str], mode: str) -> None:
