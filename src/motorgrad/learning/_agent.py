@@ -189,6 +189,13 @@ class Agent:
             return state.policy
         return self.average.kept(state.average, state.policy)
 
+    def use(self, state: AgentState, policy: Policy) -> AgentState:
+        """The state with another policy in place, from which the average begins anew. It takes many seeds too."""
+        average = state.average
+        if self.average is not None and average is not None:
+            average = self.average.begin_from(average, policy)
+        return state._replace(policy=policy, average=average)
+
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time.
 

@@ -50,6 +50,11 @@ class WeightAverage:
         followed = running_mean(moved)._replace(mean=moved)
         return jax.tree.map(lambda new, old: jnp.where(late, new, old), counted, followed)
 
+    def begin_from(self, state: RunningMean, policy: Policy) -> RunningMean:
+        """The average of nothing but this policy, of one seed or of many."""
+        fresh = jax.tree.map(jnp.zeros_like, state)
+        return fresh._replace(mean=trainable(policy))
+
     def kept(self, state: RunningMean, policy: P) -> P:
         """The policy with the averaged parameters."""
         return eqx.combine(state.mean, split(policy)[1])

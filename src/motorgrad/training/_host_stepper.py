@@ -87,7 +87,7 @@ class HostStepper(Stepper):
 
     def use(self, policies: Policy, memory: Any = None) -> None:
         cycles = self._unpack(self._cycles)
-        cycles = cycles._replace(agent=cycles.agent._replace(policy=jax.tree.map(jnp.array, policies)))
+        cycles = cycles._replace(agent=self.cycle.agent.use(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
             cycles = jax.jit(jax.vmap(self._adopt))(self.seeds, cycles, jnp.array(self.batch.packed), memory)
         if self.cycle.mode == "learn":  # the action under way has its score in the trace; the next is the new policy's

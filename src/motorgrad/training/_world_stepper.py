@@ -64,7 +64,7 @@ class WorldStepper(Stepper):
 
     def use(self, policies: Policy, memory: Any = None) -> None:
         cycle, world = self._carry
-        cycle = cycle._replace(agent=cycle.agent._replace(policy=seeds_last(policies)))
+        cycle = cycle._replace(agent=self.cycle.agent.use(cycle.agent, seeds_last(policies)))
         if memory is not None:
             adopt = jax.vmap(self._adopt, in_axes=(0, *self.axes, 0), out_axes=self.axes[0])
             cycle = jax.jit(adopt)(self.seeds, cycle, world, memory)
