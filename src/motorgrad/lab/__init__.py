@@ -68,7 +68,9 @@ from motorgrad.lab._parameter import Parameter, Setting, parameters_of, settings
 from motorgrad.lab._plan import problems
 from motorgrad.lab._port import Port
 from motorgrad.lab._problems import DiagramError, Problem
+from motorgrad.lab._record import Record, join
 from motorgrad.lab._registry import BLOCKS
+from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._constant import Constant
@@ -97,11 +99,14 @@ __all__ = [
     "Port",
     "Ports",
     "Problem",
+    "Record",
+    "Run",
     "Setting",
     "Signals",
     "Sink",
     "Sum",
     "UnitDelay",
+    "join",
     "parameters_of",
     "problems",
     "settings_of",

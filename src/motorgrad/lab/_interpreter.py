@@ -10,14 +10,13 @@ import numpy as np
 from motorgrad.lab._block import Block, Moment
 from motorgrad.lab._diagram import Diagram
 from motorgrad.lab._host import Host, HostBlock, HostMoment
+from motorgrad.lab._integrate import rk4
 from motorgrad.lab._plan import Plan, plan
 from motorgrad.lab._port import Port
 from motorgrad.lab._sink import Sink
 from motorgrad.lab._streams import SPAN, draw_span, draw_start
 
 Values = dict[tuple[int, str], Any]
-RK4 = ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))
-"""Where in the step each slope is taken, and its weight."""
 
 
 class Interpreter:
@@ -84,14 +83,7 @@ class Interpreter:
         movers = {i: self.states[i] for i, block in enumerate(self.blocks) if block.is_continuous}
         step = self.plan.tick / self.plan.substeps
         for substep in range(self.plan.substeps if movers else 0):
-            start, total = movers, jax.tree.map(jnp.zeros_like, movers)
-            slope = total
-            for place, weight in RK4:
-                time = self.tick * self.plan.tick + (substep + place) * step
-                there = jax.tree.map(lambda x, k, far=place * step: x + far * k, start, slope)
-                slope = self._slopes(there, time)
-                total = jax.tree.map(lambda sum, k, part=weight: sum + part * k, total, slope)
-            movers = jax.tree.map(lambda x, k: x + step * k, start, total)
+            movers = rk4(self._slopes, movers, self.tick * self.plan.tick + substep * step, step)
         return movers
 
     def _slopes(self, movers: dict[int, Any], time: float) -> dict[int, Any]:

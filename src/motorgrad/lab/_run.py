@@ -1,0 +1,219 @@
+"""A diagram in motion: compiled, of many seeds, to be advanced, saved and restored."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Self
+
+import jax
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.lab._diagram import Diagram
+from motorgrad.lab._host import Host, HostBlock
+from motorgrad.lab._host_loop import HostLoop
+from motorgrad.lab._loop import Loop
+from motorgrad.lab._parameters import Parameters
+from motorgrad.lab._plan import plan
+from motorgrad.lab._record import Record, join, sampled
+from motorgrad.lab._stack import stack
+from motorgrad.lab._state import by_block, by_kind, misfits
+from motorgrad.lab._step import Step
+from motorgrad.lab._watch import WATCHED, with_watched
+
+MOST_TICKS = 2**32 - 2**16
+State = dict[str, Any]
+
+
+class Run:
+    """Many seeds of a diagram in motion, in step.
+
+    **Arguments:**
+
+    - `diagram`: it is compiled as it stands; later changes of it are not seen.
+    - `seeds`: how many, or distinct integers from 0 to 2³¹ − 1. Seeds lead in every array of a run.
+    - `sweep`: parameters that differ from seed to seed, by address, `{"gain.gain": [1.0, 2.0]}`, seeds leading.
+    - `watch`: addresses of outputs to be recorded beside what the sinks see.
+    - `threads`: for simulators on the host, 0 for one per processor.
+
+    **Raises** `DiagramError` with all that is wrong with the diagram.
+    """
+
+    def __init__(
+        self,
+        diagram: Diagram,
+        seeds: int | Sequence[int] = 1,
+        sweep: Mapping[str, Any] | None = None,
+        watch: Sequence[str] = (),
+        threads: int = 0,
+    ):
+        self.seeds = _checked_seeds(seeds)
+        self.plan = with_watched(plan(diagram), watch)
+        self.tick = 0
+        """How many ticks were made."""
+        self._threads = threads
+        self._stacks = stack(self.plan)
+        self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
+        step = Step(self._stacks)
+        on_host = any(isinstance(kind.block, HostBlock) for kind in self._stacks.kinds)
+        self._loop = (HostLoop if on_host else Loop)(step, self.seeds, self._parameters.axes)
+        self._begin()
+        if isinstance(self._loop, Loop):
+            self._loop.start(self._parameters.values, self._carry)
+
+    def _begin(self) -> None:
+        self._carry = self._loop.init(self._parameters.values, self.seeds)
+        self._hosts: dict[int, Host] = self._loop.hosts(self._threads) if isinstance(self._loop, HostLoop) else {}
+        self._last: dict[int, dict[str, np.ndarray]] = {}
+
+    @property
+    def compilations(self) -> int:
+        """How often what moves it was compiled: once, whatever is retuned while it runs."""
+        return self._loop.compilations
+
+    def advance(self, ticks: int) -> Record:
+        """Make so many ticks.
+
+        **Returns** what the sinks saw. For more than memory holds, see `stream`.
+        """
+        records = list(self.stream(ticks))
+        return join(records) if records else self._record(self.tick, 0, self._nothing())
+
+    def stream(self, ticks: int) -> Iterator[Record]:
+        """Make so many ticks, and hand on what the sinks saw piece by piece. Between pieces parameters may be set."""
+        whole = isinstance(ticks, int | np.integer) and not isinstance(ticks, bool)
+        check(whole and ticks >= 0, "ticks", ticks, "a whole number from 0")
+        check(self.tick + ticks <= MOST_TICKS, "ticks", ticks, f"at most {MOST_TICKS - self.tick:,} more")
+        return self._pieces(int(ticks))
+
+    def _pieces(self, ticks: int) -> Iterator[Record]:
+        while ticks > 0:
+            now, first = min(ticks, self._loop.longest), self.tick
+            values = self._parameters.values
+            if isinstance(self._loop, HostLoop):
+                self._carry, seen = self._loop.advance(values, self._carry, first, now, self._hosts, self._last)
+            else:
+                self._carry, seen = self._loop.advance(values, self._carry, first, now)
+            self.tick += now
+            ticks -= now
+            yield self._record(first, now, seen)
+
+    def __getitem__(self, address: str) -> Any:
+        """A parameter as it stands, by its address, `"block.parameter"`."""
+        return self._parameters[address]
+
+    def __setitem__(self, address: str, value: Any) -> None:
+        """Set a parameter, for all seeds, from the next tick on. Nothing is compiled."""
+        self._parameters[address] = value
+
+    @property
+    def no_restore(self) -> dict[str, str]:
+        """The blocks whose state cannot be saved, by path, with the reason; known before anything runs."""
+        found = {}
+        for placed in self.plan.blocks:
+            if isinstance(placed.block, HostBlock) and placed.block.no_restore is not None:
+                found[placed.path] = placed.block.no_restore
+        return found
+
+    @property
+    def state(self) -> State:
+        """A copy of all that the future depends on: `tick`; `blocks`, each block's state by its identity; `parameters`
+        as they stand; `hosts`, their snapshots; seeds lead. **Raises** `ValueError` where a block cannot be saved."""
+        for path, reason in self.no_restore.items():
+            raise ValueError(f"{path}: cannot be saved: {reason}")
+        hosts = {self._identity(k): host.snapshot() for k, host in self._hosts.items()}
+        last = {self._identity(k): {n: v.copy() for n, v in outputs.items()} for k, outputs in self._last.items()}
+        blocks = by_block(self._stacks, self._carry)
+        parameters = self._parameters.by_block()
+        return {"tick": self.tick, "blocks": blocks, "parameters": parameters, "hosts": hosts, "last": last}
+
+    def restore(self, state: State) -> None:
+        """Put back a `state`: what follows is then bit for bit what followed it. **Raises** `ValueError` for another
+        diagram's."""
+        own = self.state
+        for part in ("blocks", "parameters", "hosts"):
+            for identity in [*misfits(state[part], own[part]), *(state[part].keys() - own[part].keys())]:
+                raise ValueError(f"state: {part} of {identity!r}: must be those of this diagram and these seeds")
+        self._put(state)
+
+    def adopt(self, state: State) -> list[str]:
+        """Go on from the state of an earlier version of the diagram, as far as blocks are the same: after an edit.
+
+        **Returns** the identities of the blocks that begin anew.
+        """
+        own = self.state
+        fresh: list[str] = []
+        mixed: State = {"tick": state["tick"], "last": {}}
+        for part in ("blocks", "hosts"):
+            misfit = misfits(state[part], own[part])
+            fresh += misfit
+            mixed[part] = {name: (own if name in misfit else state)[part][name] for name in own[part]}
+        mixed["parameters"] = own["parameters"]
+        mixed["last"] = {name: outputs for name, outputs in state["last"].items() if name not in fresh}
+        self._put(mixed)
+        return sorted(set(fresh))
+
+    def reset(self) -> None:
+        """Begin again at tick 0, with the parameters as they stand."""
+        self.close()
+        self.tick = 0
+        self._begin()
+
+    def fork(self) -> Self:
+        """Another run in the same state, which goes its own way. Nothing is compiled again."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        other._parameters = self._parameters.copy()
+        other._begin()
+        other._put(self.state)
+        return other
+
+    def close(self) -> None:
+        """Let the hosts go."""
+        for host in self._hosts.values():
+            host.close()
+
+    def _put(self, state: State) -> None:
+        self._carry = by_kind(self._stacks, state["blocks"], self._carry)
+        self._parameters.put(state["parameters"])
+        kinds = {self._identity(k): k for k in self._hosts}
+        for identity, snapshot in state["hosts"].items():
+            self._hosts[kinds[identity]].restore(snapshot)
+        self._last = {
+            kinds[identity]: {name: value.copy() for name, value in outputs.items()}
+            for identity, outputs in state["last"].items()
+            if identity in kinds
+        }
+        self.tick = int(state["tick"])
+
+    def _identity(self, k: int) -> str:
+        return self.plan.blocks[self._stacks.kinds[k].members[0]].identity
+
+    def _nothing(self) -> Any:
+        """A record of no ticks."""
+        loop = self._loop
+        if isinstance(loop, Loop):
+            return jax.tree.map(lambda like: np.zeros((0, *like.shape), like.dtype), loop.shapes)
+        return {}
+
+    def _record(self, first: int, ticks: int, seen: Any) -> Record:
+        """What the sinks saw, by address; seeds lead, then samples."""
+        signals, spacing = {}, {}
+        for k, ports in seen.items():
+            for row, i in enumerate(self._stacks.kinds[k].members):
+                placed = self.plan.blocks[i]
+                samples = sampled(first, ticks, placed.ticks) - first
+                for port, array in ports.items():
+                    address = placed.path.removeprefix(WATCHED) if placed.path.startswith(WATCHED) else None
+                    address = address or f"{placed.path}.{port}"
+                    signals[address] = np.ascontiguousarray(np.moveaxis(array[samples, row], -1, 0))
+                    spacing[address] = placed.ticks
+        return Record(first, ticks, self.plan.tick, signals, spacing)
+
+
+def _checked_seeds(seeds: int | Sequence[int]) -> np.ndarray:
+    whole = isinstance(seeds, int | np.integer) and not isinstance(seeds, bool)
+    check(not whole or 1 <= seeds <= 1_000_000, "seeds", seeds, "from 1 to 1,000,000 seeds")  # type: ignore[operator]
+    given = list(range(seeds)) if whole else list(seeds)  # type: ignore[arg-type]
+    numbers = all(isinstance(seed, int | np.integer) and 0 <= seed < 2**31 for seed in given)
+    valid = 0 < len(given) <= 1_000_000 and numbers and len(set(given)) == len(given)
+    check(valid, "seeds", seeds, "how many, or distinct integers from 0 to 2147483647")
+    return np.asarray(given, np.int32)
