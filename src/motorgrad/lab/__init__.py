@@ -62,12 +62,14 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
 
 from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
 from motorgrad.lab._diagram import Diagram, Node
+from motorgrad.lab._files import dumps, load, loads, save
 from motorgrad.lab._host import Host, HostBlock, HostMoment
 from motorgrad.lab._interpreter import Interpreter
 from motorgrad.lab._parameter import Parameter, Setting, parameters_of, settings_of
 from motorgrad.lab._plan import problems
 from motorgrad.lab._port import Port
 from motorgrad.lab._problems import DiagramError, Problem
+from motorgrad.lab._python import to_python
 from motorgrad.lab._record import Record, join
 from motorgrad.lab._registry import BLOCKS
 from motorgrad.lab._run import Run
@@ -106,9 +108,14 @@ __all__ = [
     "Sink",
     "Sum",
     "UnitDelay",
+    "dumps",
     "join",
+    "load",
+    "loads",
     "parameters_of",
     "problems",
+    "save",
     "settings_of",
+    "to_python",
     "whole_ticks",
 ]

@@ -7,14 +7,14 @@ texts and to look up types of blocks by name; no code comes from it.
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, unknown
 from motorgrad._files import write_atomically
 from motorgrad.lab._block import Block
-from motorgrad.lab._diagram import Diagram
+from motorgrad.lab._diagram import Diagram, Node
 from motorgrad.lab._registry import BLOCKS
 
 FORMAT = "motorgrad diagram"
@@ -29,13 +29,20 @@ HEAD = {"title": "", "comment": "", "tick": 0.01, "substeps": 1}
 PARTS = ("blocks", "wires", "layout")
 
 
+class _Lines(dict[str, Any]):
+    """A table with a line for each entry; others stand on one line."""
+
+
 def dumps(diagram: Diagram) -> str:
     """A diagram as the text of a file: equal diagrams give the same text.
 
     **Raises** `ValueError` for a layout that is not plain, finite data.
     """
-    head = {"format": FORMAT, "version": VERSION, **{name: getattr(diagram, name) for name in HEAD}}
-    return _written({**head, **_content(diagram)}, 0) + "\n"
+    data = _Lines(
+        format=FORMAT, version=VERSION, **{name: getattr(diagram, name) for name in HEAD}, **_content(diagram)
+    )
+    _check_plain(data, (), 0)
+    return _written(data, 1) + "\n"
 
 
 def loads(text: str) -> Diagram:
@@ -52,19 +59,21 @@ def loads(text: str) -> Diagram:
         data = json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
         raise ValueError(f"line {error.lineno}, column {error.colno}: must be JSON: {error.msg}") from None
+    except _PlacedError:
+        raise
+    except ValueError as error:  # numbers of thousands of digits
+        raise ValueError(f"file: must be JSON: {error}") from None
     except RecursionError:
         raise ValueError(f"file: must have at most {DEEPEST} lists and tables within each other") from None
+    _check_plain(data, (), 0)
     check(isinstance(data, dict), "file", data, "a table")
     check(data.get("format") == FORMAT, "format", data.get("format"), f"{FORMAT!r}")
     version = data.get("version")
     check(
         version == VERSION and not isinstance(version, bool), "version", version, f"{VERSION}, which this release reads"
     )
-    _check_finite(data)
     _check_names("file", data, ("format", "version", *HEAD, *PARTS))
-    diagram = Diagram(**{name: data[name] for name in HEAD if name in data})
-    _fill(diagram, data, "")
-    return diagram
+    return _diagram(data, "")
 
 
 def save(diagram: Diagram, path: Path | str) -> None:
@@ -81,44 +90,56 @@ def load(path: Path | str) -> Diagram:
 
 
 def _content(diagram: Diagram) -> dict[str, Any]:
-    wires = {".".join(target): ".".join(source) for target, source in sorted(diagram.wires.items())}
-    content = {"blocks": {name: _node(node) for name, node in diagram.nodes.items()}, "wires": wires}
-    return content | ({"layout": diagram.layout} if diagram.layout else {})
+    blocks = _Lines({name: _node(node) for name, node in diagram.nodes.items()})
+    wires = _Lines({".".join(target): ".".join(source) for target, source in sorted(diagram.wires.items())})
+    return {"blocks": blocks, "wires": wires} | ({"layout": _Lines(diagram.layout)} if diagram.layout else {})
 
 
-def _node(node: Any) -> dict[str, Any]:
-    if isinstance(node.block, Diagram):
-        own = {name: getattr(node.block, name) for name, usual in HEAD.items() if getattr(node.block, name) != usual}
-        return {"type": SUBSYSTEM, "id": node.id, **own, **_content(node.block)}
-    fields = {field.name: getattr(node.block, field.name) for field in dataclasses.fields(node.block) if field.init}
+def _node(node: Node) -> dict[str, Any]:
+    block = node.block
+    if isinstance(block, Diagram):
+        own = {name: getattr(block, name) for name, usual in HEAD.items() if getattr(block, name) != usual}
+        return _Lines(type=SUBSYSTEM, id=node.id, **own, **_content(block))
+    fields = {field.name: getattr(block, field.name) for field in dataclasses.fields(block) if field.init}
     kept = {name: value for name, value in fields.items() if name not in SCHEDULE or value != SCHEDULE[name]}
-    return {"type": node.block.name, "id": node.id, **kept}
+    return {"type": block.name, "id": node.id, **kept}
 
 
-def _fill(diagram: Diagram, data: Mapping[str, Any], path: str) -> None:
-    """Put the blocks, wires and layout of a table into a diagram, which is the subsystem `path`."""
+def _written(value: Any, depth: int) -> str:
+    if not isinstance(value, _Lines) or not value:
+        return json.dumps(value, ensure_ascii=False)
+    lines = [
+        f"{'  ' * depth}{json.dumps(name, ensure_ascii=False)}: {_written(x, depth + 1)}" for name, x in value.items()
+    ]
+    return "{\n" + ",\n".join(lines) + f"\n{'  ' * (depth - 1)}}}"
+
+
+def _diagram(data: Mapping[str, Any], path: str) -> Diagram:
+    """The diagram of a table, which is the subsystem `path`."""
+    for name in ("title", "comment"):
+        check(isinstance(data.get(name, ""), str), f"{path}{name}", data.get(name), "a text")
     for part in PARTS:
         check(isinstance(data.get(part, {}), dict), f"{path}{part}", data.get(part), "a table")
+    with _placed(path.rstrip("/") or "diagram"):
+        diagram = Diagram(**{name: data[name] for name in HEAD if name in data})
     for name, node in data.get("blocks", {}).items():
-        place = f"{path}{name}"
-        check(isinstance(node, dict), place, node, "a table with the type of the block and its settings")
-        id = node.get("id", name)
-        with _placed(place):
+        with _placed(f"{path}{name}"):
+            check(isinstance(node, dict), "block", node, "a table with its type and settings")
+            id = node.get("id", name)
             check(isinstance(id, str), "id", id, "a text")
-            diagram.add(name, _block(node, place), id)
+            diagram.add(name, _block(node, f"{path}{name}"), id)
     for target, source in data.get("wires", {}).items():
         with _placed(f"wire to {path}{target}"):
             diagram.connect(source, target)
     diagram.layout = data.get("layout", {})
+    return diagram
 
 
 def _block(node: Mapping[str, Any], place: str) -> Block | Diagram:
     kind = node.get("type")
     if kind == SUBSYSTEM:
         _check_names(SUBSYSTEM, node, ("type", "id", *HEAD, *PARTS))
-        inner = Diagram(**{name: node[name] for name in HEAD if name in node})
-        _fill(inner, node, f"{place}/")
-        return inner
+        return _diagram(node, f"{place}/")
     if not isinstance(kind, str) or kind not in BLOCKS:
         raise unknown("type of block", kind, (*BLOCKS, SUBSYSTEM))
     cls = BLOCKS[kind]
@@ -157,7 +178,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
         twice = next(name for name in table if sum(name == other for other, _ in pairs) > 1)
-        raise ValueError(f"{twice!r}: must be there once in its table")
+        raise _PlacedError(f"{twice!r}: must be there once in its table")
     return table
 
 
@@ -167,34 +188,19 @@ def _check_names(what: str, table: Mapping[str, Any], known: Any) -> None:
             raise unknown(f"setting of {what}", name, known)
 
 
-def _check_finite(data: Any) -> None:
-    for place, value in _numbers(data, (), 0):
-        check(math.isfinite(value), ".".join(place), value, "finite")
-
-
-def _numbers(data: Any, place: tuple[str, ...], depth: int) -> Iterator[tuple[tuple[str, ...], float]]:
-    check(depth <= DEEPEST, ".".join(place), "…", f"in at most {DEEPEST} lists and tables within each other")
-    if isinstance(data, dict):
-        for name, value in data.items():
-            yield from _numbers(value, (*place, name), depth + 1)
+def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
+    """Refuse what a file cannot hold, or should not: by its place."""
+    name = ".".join(place) or "file"
+    check(depth <= DEEPEST, name, "…", f"in at most {DEEPEST} lists and tables within each other")
+    check(data is None or isinstance(data, bool | int | float | str | list | tuple | dict), name, data, "plain data")
+    check(not isinstance(data, float) or math.isfinite(data), name, data, "finite")
+    if isinstance(data, str):
+        check(data.isascii() or not any("\ud800" <= sign <= "\udfff" for sign in data), name, data, "whole characters")
+    elif isinstance(data, dict):
+        for key, value in data.items():
+            check(isinstance(key, str), name, key, "a table whose names are texts")
+            _check_plain(key, place, depth)
+            _check_plain(value, (*place, key), depth + 1)
     elif isinstance(data, list | tuple):
         for number, value in enumerate(data):
-            yield from _numbers(value, (*place, str(number)), depth + 1)
-    elif isinstance(data, float):
-        yield place, data
-
-
-LINES = 3
-"""Down to this depth every entry has a line of its own: parts, their blocks and wires; and so on in a subsystem."""
-
-
-def _written(table: Any, depth: int) -> str:
-    """A table with a line for each entry; blocks, and what else lies deeper, on one line each."""
-    lines = []
-    for name, value in table.items():
-        inner = isinstance(value, dict) and value and (depth < 1 or name in PARTS or value.get("type") == SUBSYSTEM)
-        text = _written(value, depth + 1) if inner and name != "layout" else _plain(value)
-        if name == "layout":
-            text = _table_of_lines(value, depth + 1)
-        lines.append(f"{'  ' * (depth + 1)}{_plain(name)}: {text}")
-    return "{\n" + ",\n".join(lines) + f"\n{'  ' * depth}}}"
+            _check_plain(value, (*place, str(number)), depth + 1)
