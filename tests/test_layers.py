@@ -27,7 +27,7 @@ BELOW = {
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
-    "lab": {"sim", "tasks"} | DYNAMICS | LEARNING,
+    "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "lab", "training", "tasks"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},

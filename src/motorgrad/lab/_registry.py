@@ -1,6 +1,7 @@
 """The types of blocks by name. A new block is one new file and one line here."""
 
 from motorgrad.lab._block import Block
+from motorgrad.lab.blocks import learning, worlds
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._compare import Compare, Logic, Not
 from motorgrad.lab.blocks._constant import Constant
@@ -78,6 +79,8 @@ BLOCKS: dict[str, type[Block]] = {
         TransferFunction,
         UniformNoise,
         UnitDelay,
+        *learning.BLOCKS,
+        *worlds.BLOCKS,
     )
 }
 """The class of every type of block, by name; a block of your own may be added."""

@@ -3,12 +3,10 @@
 import dataclasses
 from typing import Annotated, Any, ClassVar
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import learning
-from motorgrad._errors import check
 from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab._port import Port

@@ -5,7 +5,6 @@ import functools
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -16,8 +15,8 @@ from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.learning._gaussians import Gaussians
 from motorgrad.lab.blocks.learning._policy import key_from
 from motorgrad.lab.blocks.learning._traced import VALID, paid, where
-from motorgrad.lab.blocks.learning._units import flat, unflat
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.lab.blocks.learning._units import unflat
+from motorgrad.policies import Policy, split
 
 
 class Growing(NamedTuple):
@@ -57,11 +56,13 @@ class GrowingGaussians(Gaussians):
 
     @functools.cached_property
     def _growth(self) -> learning.Growth:
-        by = learning.Clock(self.interval) if self.grows == "clock" else learning.Plateau(self.window, 0.95, self.patience)
-        place = learning.Visited() if self.placed == "visited" else None
-        return learning.Growth(
-            by, None, self.begin, place, self.wide, self.narrow, self.shrink, self.boost, self.damp
+        by = (
+            learning.Clock(self.interval)
+            if self.grows == "clock"
+            else learning.Plateau(self.window, 0.95, self.patience)
         )
+        place = learning.Visited() if self.placed == "visited" else None
+        return learning.Growth(by, None, self.begin, place, self.wide, self.narrow, self.shrink, self.boost, self.damp)
 
     @property
     def inputs(self) -> Ports:

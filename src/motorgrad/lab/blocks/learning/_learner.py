@@ -16,7 +16,7 @@ from motorgrad.lab._port import Port
 from motorgrad.lab.blocks._toml import as_text, read_table
 from motorgrad.lab.blocks.learning._motoneurons import check_count
 from motorgrad.lab.blocks.learning._policy import key_from
-from motorgrad.lab.blocks.learning._traced import VALID, paid, where
+from motorgrad.lab.blocks.learning._traced import VALID, where
 from motorgrad.lab.blocks.learning._units import flat, kind_of, size_of
 from motorgrad.policies import trainable
 

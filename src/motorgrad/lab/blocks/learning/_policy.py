@@ -44,7 +44,9 @@ class NamedPolicy(Units):
         try:
             return policies.initial(self.policy, self.observed, units=self.units, **given)
         except TypeError as error:
-            raise ValueError(f"settings = {self.settings!r}: must be settings of policy {self.policy!r}: {error}") from None
+            raise ValueError(
+                f"settings = {self.settings!r}: must be settings of policy {self.policy!r}: {error}"
+            ) from None
 
     @property
     def init_uniforms(self) -> int:

@@ -94,7 +94,8 @@ class Environment(HostTaskBlock):
 
     env_id: Annotated[str, Setting("the environment's id")] = "CartPole-v1"
     settings: Annotated[
-        str | Mapping[str, Any], Setting("settings of the task, as TOML; the environment's own as `kwargs.name = value`")
+        str | Mapping[str, Any],
+        Setting("settings of the task, as TOML; the environment's own as `kwargs.name = value`"),
     ] = ""
 
     def validate(self) -> None:

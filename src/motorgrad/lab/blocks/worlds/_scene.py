@@ -72,7 +72,7 @@ def begin(task: Task, state: Any, init: Float[Array, " _"], observe: Float[Array
     memory, observation = task.observe(task.init(init), state, observe)
     no, zero = jnp.zeros((), bool), jnp.zeros(())
     elapsed = jnp.zeros((), jnp.int32) if task.episode_limit else None
-    readings = {name: zero for name in task.reports}
+    readings = dict.fromkeys(task.reports, zero)
     return Scene(memory, observation, observation, zero, no, no, no, elapsed, readings)
 
 
