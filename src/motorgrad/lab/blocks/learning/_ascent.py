@@ -12,6 +12,7 @@ from motorgrad._errors import check
 from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.learning._counts import check_size
 from motorgrad.lab.blocks.learning._traced import paid, traced, where
 
 DUE = Port((), "bool", default=1.0, help="whether to step at this tick")
@@ -32,6 +33,7 @@ class AscentBlock(Block):
     frozen: Frozen = False
 
     def validate(self) -> None:
+        check_size(self.size)
         whole = isinstance(self.groups, tuple) and all(isinstance(n, int) and n >= 1 for n in self.groups)
         fits = whole and (not self.groups or sum(self.groups) == self.size)
         check(fits, "groups", self.groups, f"none, or whole numbers from 1 that add up to size = {self.size}")
@@ -53,7 +55,7 @@ class AscentBlock(Block):
         each = jnp.broadcast_to(self.rate, (len(self.groups),))
         return learning.SgdState(jnp.repeat(each, jnp.array(self.groups), total_repeat_length=self.size))
 
-    def scaled(self, descent: Float[Array, " size"]) -> Float[Array, " size"]:
+    def scaled(self, descent: Any) -> Float[Array, " size"]:
         """Minus a gradient as a step, by the step sizes."""
         return learning.sgd(1.0).update(descent, self.rates())[0]
 
@@ -116,6 +118,7 @@ class WeightDecay(Block):
     decay: Annotated[Any, Parameter(r"$\lambda$, for all or for each", low=0.0, high=1.0)] = 1e-4
 
     def validate(self) -> None:
+        check_size(self.size)
         self.check_broadcasts("decay", (self.size,))
 
     @property

@@ -16,7 +16,7 @@ from motorgrad.lab.blocks.learning._traced import VALID, paid, traced, where
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BaselineBlock(Block, abc.ABC):
-    r"""A baseline of `motorgrad.learning`: gives the `error` $\delta = r - b$ of a reward, and then takes the reward in.
+    r"""A baseline of `motorgrad.learning`: gives the `error` $\delta = r - b$ of a reward, then takes the reward in.
 
     A reward that is not `valid` has the error 0 and is not taken in; nor is one at the first tick, before any action.
     """

@@ -10,6 +10,7 @@ from motorgrad import learning
 from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.learning._counts import check_size
 from motorgrad.lab.blocks.learning._traced import VALID, paid, traced, where
 
 
@@ -21,6 +22,9 @@ class GradientSample(Block):
     category: ClassVar[str] = "learning"
 
     size: Annotated[int, Setting("how many parameters the trace has")] = 1
+
+    def validate(self) -> None:
+        check_size(self.size)
 
     @property
     def inputs(self) -> Ports:
@@ -72,8 +76,8 @@ class AdvantageScale(Block):
 
 @dataclasses.dataclass(frozen=True)
 class GradientMean(Block):
-    """Gathers gradient samples, and gives their mean or sum once there are `samples` of them; then it is `due`, and they
-    are gathered anew. Meanwhile it gives 0. For learners that step once a batch."""
+    """Gathers gradient samples, for learners that step once a batch. Once there are `samples` of them it gives their
+    mean or sum, and is `due`; then they are gathered anew. Meanwhile it gives 0."""
 
     name: ClassVar[str] = "gradient mean"
     category: ClassVar[str] = "learning"
@@ -83,6 +87,7 @@ class GradientMean(Block):
     gives: Annotated[str, Setting("what of them", choices=("mean", "sum"))] = "mean"
 
     def validate(self) -> None:
+        check_size(self.size)
         self.check_broadcasts("samples", ())
 
     @property

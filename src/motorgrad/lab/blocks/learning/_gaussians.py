@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from motorgrad import policies
 from motorgrad._errors import check
 from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab.blocks.learning._motoneurons import check_count
+from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._units import Units, spread
 
 
@@ -60,4 +60,4 @@ class Gaussians(Units):
         width = jnp.broadcast_to(jnp.log(jnp.asarray(self.width, centre.dtype)), shape)
         height = jnp.broadcast_to(jnp.asarray(self.height, centre.dtype), (self.units,))
         limits = None if self.limits is None else (float(np.log(self.limits[0])), float(np.log(self.limits[1])))
-        return policies.LocalGaussians(centre, width, height, limits)
+        return policies.LocalGaussians(centre, width, p_max=height, log_width_limits=limits)

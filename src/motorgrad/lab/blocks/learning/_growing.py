@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -9,9 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import learning, policies
+from motorgrad._errors import check
 from motorgrad.lab._block import Moment, Ports, Signals
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.learning._counts import check_numbers
 from motorgrad.lab.blocks.learning._gaussians import Gaussians
 from motorgrad.lab.blocks.learning._policy import key_from
 from motorgrad.lab.blocks.learning._traced import VALID, paid, where
@@ -52,6 +55,12 @@ class GrowingGaussians(Gaussians):
 
     def validate(self) -> None:
         super().validate()
+        check_numbers(self, "interval", "window", "patience", whole=True)
+        check_numbers(self, "wide", "narrow", "shrink", "boost", "damp")
+        places = self.begin if isinstance(self.begin, tuple) else (self.begin,)
+        numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in places)
+        fits = numbers and (not isinstance(self.begin, tuple) or len(places) == self.observed)
+        check(fits, "begin", self.begin, f"one number or {self.observed} of them")
         _ = self._growth
 
     @functools.cached_property

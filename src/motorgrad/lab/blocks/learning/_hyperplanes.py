@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from motorgrad import policies
 from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab.blocks.learning._motoneurons import check_count
+from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._units import Units, spread
 
 

@@ -14,24 +14,15 @@ from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab._port import Port
 from motorgrad.lab.blocks._toml import as_text, read_table
-from motorgrad.lab.blocks.learning._motoneurons import check_count
+from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._policy import key_from
+from motorgrad.lab.blocks.learning._settings import agent_of
 from motorgrad.lab.blocks.learning._traced import VALID, where
 from motorgrad.lab.blocks.learning._units import flat, kind_of, size_of
 from motorgrad.policies import trainable
 
 if TYPE_CHECKING:
     from motorgrad.learning import Agent
-
-
-class _Sized:
-    """What a learner's settings ask of a task: its sizes."""
-
-    name = "diagram"
-    observation_range = None
-
-    def __init__(self, observed: int, actions: int):
-        self.observation_size, self.action_size = observed, actions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,12 +47,9 @@ class Learner(Block):
 
     @functools.cached_property
     def _agent(self) -> "Agent":
-        from motorgrad._settings import build
-        from motorgrad.training import AgentSettings
-
-        settings = build(AgentSettings, read_table("settings", self.settings), "settings")
-        check(not settings.index, "settings.index", settings.index, "false in a diagram")
-        return settings.agent(_Sized(self.observed, self.actions))  # type: ignore[arg-type]
+        given = read_table("settings", self.settings)
+        check(not given.get("index"), "settings.index", given.get("index"), "false in a diagram")
+        return agent_of(given, self.observed, self.actions)
 
     @functools.cached_property
     def _state(self) -> Any:

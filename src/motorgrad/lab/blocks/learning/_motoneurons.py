@@ -7,11 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import policies
-from motorgrad._errors import check
 from motorgrad.lab._parameter import Parameter, Setting
+from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._units import Units, spread
-
-MOST = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,9 +38,3 @@ class Motoneurons(Units):
     def start(self, uniforms: Float[Array, " units"]) -> policies.Motoneurons:
         threshold = spread(self.threshold, self.spread, uniforms, (self.units,))
         return policies.Motoneurons(threshold, jnp.broadcast_to(jnp.asarray(self.gain, uniforms.dtype), (self.units,)))
-
-
-def check_count(name: str, value: Any) -> None:
-    """Refuse what is no sensible number of units or inputs."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    check(whole and 1 <= value <= MOST, name, value, f"a whole number in 1 … {MOST}")

@@ -10,11 +10,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import policies
-from motorgrad._errors import choice
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab.blocks._toml import as_text, read_table
-from motorgrad.lab.blocks.learning._motoneurons import check_count
+from motorgrad.lab.blocks.learning._counts import check_count
+from motorgrad.lab.blocks.learning._settings import agent_of
 from motorgrad.lab.blocks.learning._units import Units
+
+NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))  # these ask for more
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +28,7 @@ class NamedPolicy(Units):
 
     name: ClassVar[str] = "policy"
 
-    policy: Annotated[str, Setting("its name", choices=tuple(policies.INITIAL))] = "hyperplanes"
+    policy: Annotated[str, Setting("its name", choices=NAMES)] = "hyperplanes"
     observed: Annotated[int, Setting("how many numbers it sees")] = 1
     units: Annotated[int, Setting("how many units or alternatives it has")] = 1
     settings: Annotated[str | Mapping[str, Any], Setting("its other settings, as TOML: `width = 0.2`")] = ""
@@ -34,19 +36,13 @@ class NamedPolicy(Units):
     def validate(self) -> None:
         check_count("units", self.units)
         check_count("observed", self.observed)
-        choice("policy", self.policy, policies.INITIAL)
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         _ = self._made
 
     @functools.cached_property
     def _made(self) -> policies.Initial:
-        given = read_table("settings", self.settings)
-        try:
-            return policies.initial(self.policy, self.observed, units=self.units, **given)
-        except TypeError as error:
-            raise ValueError(
-                f"settings = {self.settings!r}: must be settings of policy {self.policy!r}: {error}"
-            ) from None
+        given = {"policy": self.policy, "policy_settings": read_table("settings", self.settings)}
+        return agent_of(given, self.observed, self.units).policy
 
     @property
     def init_uniforms(self) -> int:

@@ -11,6 +11,7 @@ from motorgrad import learning
 from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.learning._counts import check_numbers, check_size
 from motorgrad.lab.blocks.learning._traced import traced, where
 
 
@@ -22,6 +23,9 @@ class TraceBlock(Block, abc.ABC):
     category: ClassVar[str] = "learning"
 
     size: Annotated[int, Setting("how many parameters the score has")] = 1
+
+    def validate(self) -> None:
+        check_size(self.size)
 
     @property
     @abc.abstractmethod
@@ -62,6 +66,7 @@ class EligibilityTrace(TraceBlock):
     decay: Annotated[Any, Parameter(r"$\beta$, what is kept at every tick", low=0.0, high=1.0)] = 0.9
 
     def validate(self) -> None:
+        super().validate()
         self.check_broadcasts("decay", (self.size,))
 
     @property
@@ -89,7 +94,9 @@ class WindowTrace(TraceBlock):
     length: Annotated[int, Setting("how many scores, in ticks")] = 10
 
     def validate(self) -> None:
-        _ = self.filter  # which refuses a length that cannot be
+        super().validate()
+        check_numbers(self, "length", whole=True)
+        _ = self.filter  # which refuses what is out of its range
 
     @property
     def filter(self) -> learning.Trace:
@@ -98,8 +105,8 @@ class WindowTrace(TraceBlock):
 
 @dataclasses.dataclass(frozen=True)
 class LaggedTrace(TraceBlock):
-    r"""Weighs the score of $k$ ticks ago by $\exp(-\frac12((k - \text{lag})/\text{width})^2)$: for actions that tell after
-    a known delay (section 3.2.1 of the thesis)."""
+    r"""Weighs the score of $k$ ticks ago by $\exp(-\frac12((k - \text{lag})/\text{width})^2)$: for actions that tell
+    after a known delay (section 3.2.1 of the thesis)."""
 
     name: ClassVar[str] = "lagged trace"
 
@@ -107,6 +114,8 @@ class LaggedTrace(TraceBlock):
     width: Annotated[float, Setting("how sure the delay is, in ticks")] = 2.0
 
     def validate(self) -> None:
+        super().validate()
+        check_numbers(self, "lag", "width")
         _ = self.filter
 
     @property

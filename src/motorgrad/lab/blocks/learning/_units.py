@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
@@ -106,7 +107,7 @@ class Units(Block, abc.ABC):
 
 def kind_of(dtype: Any) -> Kind:
     """The kind of signal that arrays of a type are."""
-    return "bool" if dtype == bool else "float" if jnp.issubdtype(dtype, jnp.floating) else "int"
+    return "bool" if np.dtype(dtype) == np.dtype(bool) else "float" if jnp.issubdtype(dtype, jnp.floating) else "int"
 
 
 def flat(tree: Any) -> Float[Array, " parameters"]:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, cast
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._errors import check
 from motorgrad.lab._block import Ports
 from motorgrad.lab._host import HostBlock
 from motorgrad.lab._parameter import Setting
@@ -87,7 +88,8 @@ class Environment(HostTaskBlock):
     """Any Gymnasium environment that is installed, one for each seed; observations are scaled and actions coded as
     `motorgrad.tasks.Gymnasium` does.
 
-    Some environments cannot be saved: then a run of the diagram cannot go back, and says so before it runs.
+    It is made by Gymnasium, from what is registered there: an id may not name a module to import. Some environments
+    cannot be saved: then a run of the diagram cannot go back, and says so before it runs.
     """
 
     name: ClassVar[str] = "environment"
@@ -95,11 +97,13 @@ class Environment(HostTaskBlock):
     env_id: Annotated[str, Setting("the environment's id")] = "CartPole-v1"
     settings: Annotated[
         str | Mapping[str, Any],
-        Setting("settings of the task, as TOML; the environment's own as `kwargs.name = value`"),
+        Setting("settings of the task, as TOML; the environment's own are `kwargs.name = 1`"),
     ] = ""
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
+        text = isinstance(self.env_id, str) and len(self.env_id) <= 200 and ":" not in self.env_id
+        check(text, "env_id", self.env_id, "the id of a registered environment; import its module yourself")
         _ = self.made
 
     @functools.cached_property

@@ -46,7 +46,7 @@ class TaskHost(Host):
         self._scene = _here(compiled.begin(batch.packed.copy(), numbers))
 
     def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
-        return dict(shown(self._scene, now.tick > 0))
+        return {name: np.asarray(value) for name, value in shown(self._scene, now.tick > 0).items()}
 
     def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         action, numbers = inputs["action"], now.uniforms

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motorgrad import worlds
 from motorgrad.lab._block import Block, Moment, Ports, Signals
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab.blocks._toml import as_text, read_table
@@ -47,6 +48,12 @@ class World(Block):
         """The task."""
         return make(self.task, **read_table("settings", self.settings))
 
+    @functools.cached_property
+    def _dynamics(self) -> worlds.World:
+        dynamics = self.made.dynamics
+        assert isinstance(dynamics, worlds.World)
+        return dynamics
+
     @property
     def _restarts(self) -> bool:
         return self.made.has_episodes
@@ -70,23 +77,23 @@ class World(Block):
     @functools.cached_property
     def _again(self) -> tuple[int, int, int]:
         """How many numbers the start of an episode takes: of the world, of the task's memory, of its look at it."""
-        return self.made.dynamics.reset_uniforms, self.made.init_uniforms, self.made.uniforms
+        return self._dynamics.reset_uniforms, self.made.init_uniforms, self.made.uniforms
 
     @functools.cached_property
     def _sizes(self) -> tuple[int, ...]:
-        own = self.made.dynamics.uniforms, self.made.uniforms
+        own = self._dynamics.uniforms, self.made.uniforms
         return own + self._again if self._restarts else own
 
     def init(self, uniforms: Float[Array, " numbers"]) -> _State:
         reset, memory, look = _parts(uniforms, self._again)
-        state = self.made.dynamics.reset(reset)
+        state = self._dynamics.reset(reset)
         return _State(begin(self.made, state, memory, look), state)
 
     def output(self, state: _State, inputs: Signals, now: Moment) -> Signals:
         return shown(state.scene, now.tick > 0)
 
     def update(self, state: _State, inputs: Signals, now: Moment) -> _State:
-        task, world = self.made, self.made.dynamics
+        task, world = self.made, self._dynamics
         chance, observe, *again = _parts(now.uniforms, self._sizes)
         # as in training: the barrier keeps the compiler from stepping the world again for everything that needs it
         moved = jax.lax.optimization_barrier(world.step(state.dynamics, inputs["action"], chance))
