@@ -19,7 +19,11 @@ from motorgrad.lab.blocks._linear import DiscreteStateSpace, DiscreteTransferFun
 from motorgrad.lab.blocks._lookup import LookUp, LookUp2D
 from motorgrad.lab.blocks._noise import NormalNoise, UniformNoise
 from motorgrad.lab.blocks._pid import PID, DiscretePID
+from motorgrad.lab.blocks._policy_map import PolicyMap
 from motorgrad.lab.blocks._product import MatrixGain, Product
+from motorgrad.lab.blocks._raster import Histogram, Raster
+from motorgrad.lab.blocks._recorder import Recorder
+from motorgrad.lab.blocks._scope import Portrait, Scope
 from motorgrad.lab.blocks._state_machine import StateMachine
 from motorgrad.lab.blocks._step import Ramp, Step
 from motorgrad.lab.blocks._sum import Sum
@@ -47,6 +51,7 @@ BLOCKS: dict[str, type[Block]] = {
         Expression,
         Function,
         Gain,
+        Histogram,
         Inlet,
         Integrator,
         Join,
@@ -60,15 +65,20 @@ BLOCKS: dict[str, type[Block]] = {
         Not,
         Outlet,
         PID,
+        PolicyMap,
+        Portrait,
         Product,
         Pulse,
         Quantiser,
         Ramp,
+        Raster,
         RateLimit,
+        Recorder,
         Reduce,
         Relay,
         SampleAndHold,
         Saturation,
+        Scope,
         Select,
         Sine,
         StateMachine,
