@@ -10,7 +10,7 @@ from motorgrad.lab.blocks.learning._ascent import AscentBlock
 from motorgrad.lab.blocks.learning._baselines import BaselineBlock
 
 
-def learning(
+def learner(
     diagram: Diagram,
     units: Block,
     world: Block,
