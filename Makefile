@@ -11,7 +11,7 @@ WORKERS ?= 2
 
 # One test process per worker: libraries that would start a thread per core in each are told not to.
 QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
-PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS)
+PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test test-all lint format bench torture docs figures notebooks clean

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 100  # characters of a value in a message
+MOST = 40  # names in a message; of more, the nearest
 
 
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:
@@ -29,9 +30,14 @@ def shown(value: Any) -> str:
 def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = ()) -> ValueError:
     """The error for a name that is not among `known`: it lists them, first what may be `meant` or is nearest."""
     names = sorted(known)
+    if len(names) > MOST:
+        nearest = difflib.get_close_matches(str(name), names, n=MOST, cutoff=0)
+        listed = f"{', '.join(sorted(nearest))} and {len(names) - MOST} more"
+    else:
+        listed = ", ".join(names) or "none"
     near = list(meant) or (difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else [])
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-    return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {', '.join(names) or 'none'}")
+    return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {listed}")
 
 
 def choice(name: str, value: Any, allowed: Iterable[str]) -> None:

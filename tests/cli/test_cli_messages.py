@@ -3,10 +3,12 @@
 import dataclasses
 import tomllib
 
+import numpy as np
 import pytest
 
 import motorgrad as mg
 from motorgrad._commands._help import descriptions
+from motorgrad._commands._shared import in_words, summary
 from motorgrad._settings import as_hinted, default_of, fields_of
 from motorgrad.cli import main
 from motorgrad.experiments import EXPERIMENTS
@@ -203,3 +205,10 @@ def test_motoneurons_name_the_task_that_they_do_not_go_with(capsys):
 def test_a_space_is_refused_with_its_size():
     with pytest.raises(ValueError, match=r"observations in a Discrete\(500\) space"):
         from_gymnasium("Taxi-v3")
+
+
+def test_a_summary_says_of_how_many_seeds_it_is():
+    every, some = summary([1.0, 2.0, 3.0]), summary([1.0, np.nan, 3.0])
+    assert in_words("apex", every) == "apex: median 2 [quartiles 1.5 … 2.5] over 3 seeds"
+    assert in_words("apex", some) == "apex: median 2 [quartiles 1.5 … 2.5] over 2 of 3 seeds"
+    assert in_words("apex", summary([np.nan])) == "apex: never occurred"

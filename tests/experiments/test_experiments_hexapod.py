@@ -1,8 +1,5 @@
 """The experiments on the hexapod: each from end to end at its smoke size, and how claims are judged."""
 
-import dataclasses
-import json
-
 import numpy as np
 import pytest
 
@@ -16,7 +13,7 @@ from motorgrad.bodies import (
     compile_model,
     walk,
 )
-from motorgrad.experiments import EXPERIMENTS, reproduce
+from motorgrad.experiments import EXPERIMENTS
 from motorgrad.experiments.chapter_5.hexapod._body_drawing import Places
 from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
 from motorgrad.experiments.chapter_5.hexapod._synergy_study import GAITS
@@ -31,28 +28,16 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-@pytest.fixture(scope="module")
-def out(tmp_path_factory):
-    """One folder, so that the experiments share trained runs."""
-    return tmp_path_factory.mktemp("reproduced")
-
-
 @pytest.mark.parametrize("name", CLAIMED)
-def test_each_leaves_a_figure_and_its_claims(name, out):
-    found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
-    assert found.figure.read_text().startswith("<?xml")
-    assert (found.folder / "figure.png").read_bytes().startswith(b"\x89PNG")
+def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
+    found = done(name)
+    check_complete(name, found)
     assert len(found.claims) == CLAIMED[name]
-    assert json.loads((found.folder / "record.json").read_text())["settings"] == json.loads(
-        json.dumps(dataclasses.asdict(EXPERIMENTS[name].quick()))
-    )
-    for claim in found.claims:
-        assert claim.measured.low <= claim.measured.value <= claim.measured.high
 
 
-def test_the_learnt_ones_share_their_runs(out):
+def test_the_learnt_ones_share_their_runs(out, done):
     for name in ("fig-5.8", "sec-5.3.4-gaits"):
-        reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
+        done(name)
     assert len(list((out / "trained").iterdir())) == len(EXPERIMENTS["fig-5.8"].quick().lags)
 
 

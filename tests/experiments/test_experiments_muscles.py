@@ -1,12 +1,11 @@
 """The experiments on 24 muscles: each from end to end at its smoke size, and how claims are judged."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from motorgrad.experiments import EXPERIMENTS, reproduce
+from motorgrad.experiments import EXPERIMENTS
 from motorgrad.experiments.chapter_5.muscles._muscle_study import FULL, VARIANTS
 from motorgrad.experiments.chapter_5.muscles._muscles_claims import ablation_claims, muscle_claims
 from motorgrad.tasks import Hexapod, synergy_matrix
@@ -20,32 +19,20 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-@pytest.fixture(scope="module")
-def out(tmp_path_factory):
-    """One folder, so that the experiments share trained runs."""
-    return tmp_path_factory.mktemp("reproduced")
-
-
 @pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.parametrize("name", CLAIMED)
-def test_each_leaves_a_figure_and_its_claims(name, out):
-    found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
-    assert found.figure.read_text().startswith("<?xml")
-    assert (found.folder / "figure.png").read_bytes().startswith(b"\x89PNG")
+def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
+    found = done(name)
+    check_complete(name, found)
     assert len(found.claims) == CLAIMED[name]
-    assert json.loads((found.folder / "record.json").read_text())["settings"] == json.loads(
-        json.dumps(dataclasses.asdict(EXPERIMENTS[name].quick()))
-    )
-    for claim in found.claims:
-        assert claim.measured.low <= claim.measured.value <= claim.measured.high
 
 
 @pytest.mark.slow
 @pytest.mark.ci
-def test_synergies_are_found_in_the_run_of_the_unchanged_learner(out):
+def test_synergies_are_found_in_the_run_of_the_unchanged_learner(out, done):
     for name in CLAIMED:
-        reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
+        done(name)
     names = [run.name for run in (out / "trained").iterdir()]
     shared = [name for name in names if name.startswith("hexapod-") and "synergy" not in name]
     assert len(shared) == 3  # the unchanged learner, and two that are changed

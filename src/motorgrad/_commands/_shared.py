@@ -26,9 +26,9 @@ def in_words(name: str, found: dict[str, Any]) -> str:
     if found["median"] is None:
         return f"{name}: never occurred"
     low, high = found["quartiles"]
-    return (
-        f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {len(found['per_seed'])} seeds"
-    )
+    seeds, seen = len(found["per_seed"]), sum(value is not None for value in found["per_seed"])
+    over = f"{seeds}" if seen == seeds else f"{seen} of {seeds}"
+    return f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {over} seeds"
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:

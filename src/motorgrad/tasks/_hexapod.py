@@ -28,7 +28,7 @@ from motorgrad.tasks._hexapod_mirror import hexapod_mirror
 from motorgrad.tasks._mirror import Mirror
 from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Reading
-from motorgrad.tasks._timed_body_task import TimedBodyTask
+from motorgrad.tasks._walking_task import WalkingTask, overturned
 
 Sense = Literal["lateral", "current", "contact", "yaw", "course"]
 SENSES = get_args(Sense)
@@ -69,7 +69,7 @@ class March(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Hexapod(TimedBodyTask):
+class Hexapod(WalkingTask):
     """Walk as fast as possible, on 24 muscles that fire independently.
 
     Observed: the six lateral angles over `angle_scale`, and what else `observes` names. Actions: each muscle fires or
@@ -117,7 +117,7 @@ class Hexapod(TimedBodyTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
+        self.check_walking()
         check(len(self.observes) > 0, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
         for sense in self.observes:
             choice("observes", sense, SENSES)
@@ -129,8 +129,6 @@ class Hexapod(TimedBodyTask):
             check(whole, name, value, f"a whole number of decisions from {least} to {most:,}")
         check(0.01 <= self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle from 0.01 to 90 degrees")
         check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
-        check(math.isfinite(self.reward_scale), "reward_scale", self.reward_scale, "a finite number")
-        self.check_times()
         if self.synergies is not None:
             synergy_matrix(self.synergies, self.body.groups)
 
@@ -153,8 +151,7 @@ class Hexapod(TimedBodyTask):
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         """Of the lateral angles the joints' range, of the yaw rate and the course what a walk that curves has."""
-        joints = [self.body.sections[leg.partition("_")[2]].leg.lateral.range for leg in LEGS]
-        lateral = [(low / self.angle_scale, high / self.angle_scale) for low, high in joints]
+        lateral = self.lateral_range(self.angle_scale)
         ranges = {"lateral": lateral, "current": lateral, "contact": [(-1.0, 1.0)] * 6}
         return tuple(each for sense in self._seen for each in ranges.get(sense, [(-1.0, 1.0)]))
 
@@ -211,7 +208,7 @@ class Hexapod(TimedBodyTask):
             stalled=jnp.where(over, (run / second < STALL) * 1.0, memory.stalled),
             net=jnp.linalg.norm(reading.position[:2] - memory.origin) / (self._span * self.period),
         )
-        return after, self.reward_scale * along[self.paid], _overturned(reading)
+        return after, self.reward_scale * along[self.paid], overturned(reading)
 
     def readings(self, memory: March, state: BodyState) -> dict[str, Reading]:
         """`speed`: along the heading, m/s. `net`: the net displacement over each 20 s of an episode, or over an episode
@@ -219,12 +216,10 @@ class Hexapod(TimedBodyTask):
         displacement until then, divided by the whole. `stalls`: the part of an episode's whole seconds in which the
         mean speed is below 0.3 m/s. `falls`: how often the trunk overturns in a second."""
         reading = read_hexapod(state)
-        fallen = _overturned(reading)
         return {
-            "speed": (reading.speed, True),
-            "net": (memory.net, fallen | (memory.decisions % self._span == 0)),
+            **self.walked(reading),
+            "net": (memory.net, overturned(reading) | (memory.decisions % self._span == 0)),
             "stalls": (memory.stalled, memory.decisions % self._decisions(SECOND) == 0),
-            "falls": (fallen / self.period, True),
         }
 
     def measures(self, recorded: BodyState) -> dict[str, np.ndarray]:
@@ -267,7 +262,3 @@ class HexapodSynergy(Hexapod):
     observes: tuple[Sense, ...] = ("lateral",)
     lag: int = 0
     paid: Literal["heading", "course", "x"] = "heading"
-
-
-def _overturned(reading: HexapodReading) -> Any:
-    return reading.upright < 0.0

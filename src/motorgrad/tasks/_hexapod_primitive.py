@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
-from motorgrad.bodies import LEGS, TRIPODS, Body, BodyState, read_hexapod
+from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
 from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Actions, Reading
-from motorgrad.tasks._timed_body_task import TimedBodyTask
+from motorgrad.tasks._walking_task import WalkingTask, overturned
 
 STANDING = tuple(" ".join(f"depressor_{leg}" for leg in tripod) for tripod in TRIPODS)
 STEPS = len(TRIPODS)
@@ -35,7 +35,7 @@ class Steps(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class HexapodPrimitive(TimedBodyTask):
+class HexapodPrimitive(WalkingTask):
     """Walk as fast as possible by steps of the two tripods: a step is a swing and then a stance, each of a length that
     is chosen when it begins. A tripod whose step is over stands, until the next one begins.
 
@@ -81,20 +81,9 @@ class HexapodPrimitive(TimedBodyTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
-        self.check_times()
-        check(0 < self.shortest < math.inf, "shortest", self.shortest, "positive and finite")
-        check(self.shortest <= self.longest < math.inf, "longest", self.longest, f"at least {self.shortest!r} s")
-        for name in ("swing", "stance"):
-            value = getattr(self, name)
-            inside = self.shortest <= value <= self.longest
-            check(inside, name, value, f"from {self.shortest!r} to {self.longest!r} s")
+        self.check_walking()
+        self.check_limits(self.shortest, self.longest, swing=self.swing, stance=self.stance)
         check(0.01 <= self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle from 0.01 to 90 degrees")
-        check(math.isfinite(self.reward_scale), "reward_scale", self.reward_scale, "a finite number")
-
-    @property
-    def dynamics(self) -> Body:
-        return self.body
 
     @property
     def drives(self) -> np.ndarray:
@@ -111,8 +100,7 @@ class HexapodPrimitive(TimedBodyTask):
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        joints = [self.body.sections[leg.partition("_")[2]].leg.lateral.range for leg in LEGS]
-        return ((0.0, 1.0),) * STEPS + tuple((low / self.angle_scale, high / self.angle_scale) for low, high in joints)
+        return ((0.0, 1.0),) * STEPS + tuple(self.lateral_range(self.angle_scale))
 
     @property
     def action_size(self) -> int:
@@ -161,17 +149,12 @@ class HexapodPrimitive(TimedBodyTask):
     ) -> tuple[Steps, Float[Array, ""], Bool[Array, ""]]:
         reading, steps = read_hexapod(state), self._begin(memory, action)
         after = steps._replace(elapsed=steps.elapsed + self.period)
-        return after, self.reward_scale * reading.speed, reading.upright < 0.0
+        return after, self.reward_scale * reading.speed, overturned(reading)
 
     def readings(self, memory: Steps, state: BodyState) -> dict[str, Reading]:
         """`speed`: along the heading, m/s. `begins`: how many steps a tripod begins in a second. `falls`: how often the
         trunk overturns in a second."""
-        reading = read_hexapod(state)
-        return {
-            "speed": (reading.speed, True),
-            "begins": (jnp.mean(memory.begun) / self.period, True),
-            "falls": ((reading.upright < 0.0) / self.period, True),
-        }
+        return {**self.walked(read_hexapod(state)), "begins": (jnp.mean(memory.begun) / self.period, True)}
 
 
 def _over(steps: Any) -> Any:

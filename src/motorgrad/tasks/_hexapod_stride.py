@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
-from motorgrad.bodies import Body, BodyState, SlopeBatch, TripodClock, read_hexapod
+from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
 from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Actions, Reading
-from motorgrad.tasks._timed_body_task import TimedBodyTask
+from motorgrad.tasks._walking_task import WalkingTask, overturned
 
 STEEPEST = 45.0  # degrees
 
@@ -34,7 +34,7 @@ class Stride(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class HexapodStride(TimedBodyTask):
+class HexapodStride(WalkingTask):
     """Walk as fast as possible by an open-loop clock, whose period is the action, over ground that rises and sinks.
 
     Observed: the smoothed pitch of the trunk against gravity, over `pitch_scale`. Action: a real number a, which makes
@@ -92,24 +92,16 @@ class HexapodStride(TimedBodyTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
+        self.check_walking()
         within = len(self.slopes) > 0 and all(abs(slope) <= STEEPEST for slope in self.slopes)
         check(within, "slopes", self.slopes, f"at least one, each from -{STEEPEST:g} to {STEEPEST:g} degrees")
-        self.check_times()
         least = 2 * self.action_period
-        check(least <= self.shortest < math.inf, "shortest", self.shortest, f"at least two decisions, {least:g} s")
-        check(self.shortest <= self.longest < math.inf, "longest", self.longest, f"at least {self.shortest!r} s")
-        inside = self.shortest <= self.start <= self.longest
-        check(inside, "start", self.start, f"from {self.shortest!r} to {self.longest!r} s")
+        check(least <= self.shortest, "shortest", self.shortest, f"at least two decisions, {least:g} s")
+        self.check_limits(self.shortest, self.longest, start=self.start)
         decisions = self.stretch / self.action_period
         check(1 <= decisions < 2**31, "stretch", self.stretch, "at least one decision, and finite")
         check(0.01 <= self.pitch_scale <= 90, "pitch_scale", self.pitch_scale, "an angle from 0.01 to 90 degrees")
         check(0 < self.smoothing <= 1, "smoothing", self.smoothing, "in (0, 1]")
-        check(math.isfinite(self.reward_scale), "reward_scale", self.reward_scale, "a finite number")
-
-    @property
-    def dynamics(self) -> Body:
-        return self.body
 
     def batch(self, seeds: Sequence[int], threads: int = 0) -> SlopeBatch:
         return SlopeBatch(self.body, len(seeds), self.substeps, threads)
@@ -169,14 +161,9 @@ class HexapodStride(TimedBodyTask):
     ) -> tuple[Stride, Float[Array, ""], Bool[Array, ""]]:
         reading, period = read_hexapod(state), self.period_of(action)
         after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
-        return after, self.reward_scale * reading.speed, reading.upright < 0.0
+        return after, self.reward_scale * reading.speed, overturned(reading)
 
     def readings(self, memory: Stride, state: BodyState) -> dict[str, Reading]:
         """`speed`: along the heading on the ground, m/s. `period`: as chosen at each decision, s. `falls`: how often
         the trunk overturns in a second."""
-        reading = read_hexapod(state)
-        return {
-            "speed": (reading.speed, True),
-            "period": (memory.period, True),
-            "falls": ((reading.upright < 0.0) / self.period, True),
-        }
+        return {**self.walked(read_hexapod(state)), "period": (memory.period, True)}

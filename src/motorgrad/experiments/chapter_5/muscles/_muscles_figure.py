@@ -27,7 +27,7 @@ def draw_muscles(values: Values) -> "Figure":
     for mode in WORDS:
         _frozen(panels[mode], values, names, mode)
     panels["mode"].set_ylabel("m/s")
-    top = max(panels[mode].get_ylim()[1] for mode in WORDS)
+    top = 1.15 * max(panels[mode].get_ylim()[1] for mode in WORDS)  # room for the legends
     for mode in WORDS:
         panels[mode].set_ylim(-0.05, top)
     return figure
