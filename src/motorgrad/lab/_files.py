@@ -150,8 +150,9 @@ def _block(node: Mapping[str, Any], place: str) -> Block | Diagram:
         for field in dataclasses.fields(cls)
         if field.init and field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
     ]
-    missing = [name for name in needed if name not in node]
-    check(not missing, kind, sorted(node), f"a table with {', '.join(needed)}")
+    for name in needed:
+        if name not in node:
+            raise ValueError(f"{kind}: {name} must be given")
     return cls(**{name: node[name] for name in names if name in node})
 
 
