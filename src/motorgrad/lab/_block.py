@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, UInt32
 
 from motorgrad._errors import check, choice
 from motorgrad.lab._parameter import Setting, nested, parameters_of, settings_of
-from motorgrad.lab._port import Port
+from motorgrad.lab._port import Port, checked_shape
 
 Timing = Literal["continuous", "discrete", "inherited"]
 Ports = Mapping[str, Port]
@@ -139,7 +139,8 @@ class Block:
         raise NotImplementedError(f"{type(self).__name__} has no continuous state")
 
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
-        """Refuse a parameter that does not broadcast to `shape`."""
+        """Refuse a parameter that does not broadcast to `shape`, and what is no shape."""
+        shape = checked_shape("shape", shape)
         given = np.shape(getattr(self, name))
         fits = len(given) <= len(shape) and all(a in (1, b) for a, b in zip(given[::-1], shape[::-1], strict=False))
         check(fits, f"{name}: shape", given, f"one that broadcasts to {shape}")

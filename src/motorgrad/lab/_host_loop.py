@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -55,7 +56,7 @@ class HostLoop:
         `last` has the hosts' outputs of their last tick, and is kept up to date.
         """
         seen = []
-        drawn, span = {}, None
+        drawn, chance, span = {}, {}, None
         blocks = {k: self.step.kinds[k].block.bound({n: v[0] for n, v in values[k].items()}) for k in self.kinds}
         for tick in range(first, first + ticks):
             if self.step.chance and tick // SPAN != span:
@@ -63,8 +64,9 @@ class HostLoop:
                 drawn = self._draw(np.uint32(span))
                 chance = {k: np.moveaxis(np.asarray(drawn[k]), -1, 1)[:, :, 0] for k in self.kinds if k in drawn}
             due = [k for k in self.kinds if tick % self._ticks(k) == 0]
-            now = {k: self._now(k, tick, chance[k][tick % SPAN] if k in drawn else None) for k in due}
-            environment, asked, out, known = self.step.empty(), {}, None, {}
+            now = {k: self._now(k, tick, chance[k][tick % SPAN] if k in chance else None) for k in due}
+            environment, asked, known = self.step.empty(), {}, {}
+            out: Any = None
             for (ready, _), call in zip(self._stages, self._calls, strict=True):
                 for k in ready:
                     if k in due:
@@ -103,7 +105,7 @@ class HostLoop:
             numbers = {k: all[tick % SPAN] for k, all in drawn.items()}
             environment = list(environment)
             for k, outputs in last.items():
-                environment[places[k]] = {name: value[None] for name, value in outputs.items()}
+                environment[places[k]] = {name: jnp.asarray(value)[None] for name, value in outputs.items()}
             environment = step.outputs(batches, values, carry, tick, numbers, environment)
             if not final:
                 asked = {k: step.host_inputs(k, environment, feedthrough=True) for k in self._asked_after(batches)}
@@ -113,7 +115,9 @@ class HostLoop:
             return step.empty(), {}, (after, inputs, step.seen(environment))
 
         outs = (-1, 0, (-1, 0, -1) if final else ())
-        return jax.jit(jax.vmap(one, in_axes=(self.axes, -1, None, -1, 0, -1), out_axes=outs))
+        return jax.jit(
+            jax.vmap(one, in_axes=(self.axes, -1, None, -1, 0, -1), out_axes=outs, axis_size=len(self.seeds))
+        )
 
     def _asked_after(self, batches: list[int]) -> list[int]:
         """The hosts of the stage after these batches."""

@@ -39,7 +39,7 @@ class Loop:
     @property
     def compilations(self) -> int:
         """How often the loop was compiled."""
-        return self._call._cache_size()
+        return self._call._cache_size()  # type: ignore[attr-defined]
 
     def advance(self, values: Values, carry: Carry, first: int, ticks: int) -> tuple[Carry, Seen]:
         """Make at most `longest` ticks: the state afterwards, and what the sinks saw, `(ticks, rows, …, seeds)`."""
@@ -61,7 +61,9 @@ class Loop:
             environment = step.outputs(batches, values, carry, tick, numbers, step.empty())
             return step.finish(values, carry, tick, numbers, environment), step.seen(environment)
 
-        return jax.vmap(one, in_axes=(self.axes, -1, -1), out_axes=-1)(values, carry, numbers)
+        return jax.vmap(one, in_axes=(self.axes, -1, -1), out_axes=-1, axis_size=len(self.seeds))(
+            values, carry, numbers
+        )
 
     def _ticks(self, values: Values, carry: Carry, first: Array, stop: Array) -> tuple[Carry, Seen]:
         """Ticks `first` … `stop` − 1, a span of random numbers at a time."""

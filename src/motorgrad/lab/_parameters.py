@@ -56,6 +56,11 @@ class Parameters:
         every[row] = array[..., None] if (k, name) in self._swept else array
         self.values[k] = self.values[k] | {name: every}
 
+    def arrays(self, i: int) -> dict[str, np.ndarray]:
+        """A block's parameters as arrays; seeds last in those that differ from seed to seed."""
+        k, row = self._stacks.rows[i]
+        return {name: every[row] for name, every in self.values[k].items()}
+
     def copy(self) -> Self:
         """The same parameters, to be changed by themselves."""
         other = copy.copy(self)
@@ -113,15 +118,9 @@ class Parameters:
 
     def _sweep(self, address: str, rows: Any) -> None:
         i, name = self._find(address)
-        check(
-            not isinstance(self._blocks[i], HostBlock), address, rows, "one for all seeds, as the block is on the host"
-        )
-        check(
-            np.shape(rows)[:1] == (self._seeds,),
-            f"{address}: shape",
-            np.shape(rows),
-            f"({self._seeds}, …), seeds first",
-        )
+        shape = np.shape(rows)
+        check(not isinstance(self._blocks[i], HostBlock), address, rows, "one for all seeds: the block is on the host")
+        check(shape[:1] == (self._seeds,), f"{address}: shape", shape, f"({self._seeds}, …), seeds first")
         k, row = self._stacks.rows[i]
         arrays = [self._changed(i, name, value, address).values()[name] for value in np.asarray(rows)]
         if (k, name) not in self._swept:

@@ -15,12 +15,11 @@ from motorgrad.lab._parameters import Parameters
 from motorgrad.lab._plan import plan
 from motorgrad.lab._record import Record, join, sampled
 from motorgrad.lab._stack import stack
-from motorgrad.lab._state import by_block, by_kind, misfits
+from motorgrad.lab._state import State, by_block, by_kind, check_state, misfits
 from motorgrad.lab._step import Step
-from motorgrad.lab._watch import WATCHED, with_watched
+from motorgrad.lab._watch import address_of, with_watched
 
 MOST_TICKS = 2**32 - 2**16
-State = dict[str, Any]
 
 
 class Run:
@@ -128,10 +127,7 @@ class Run:
     def restore(self, state: State) -> None:
         """Put back a `state`: what follows is then bit for bit what followed it. **Raises** `ValueError` for another
         diagram's."""
-        own = self.state
-        for part in ("blocks", "parameters", "hosts"):
-            for identity in [*misfits(state[part], own[part]), *(state[part].keys() - own[part].keys())]:
-                raise ValueError(f"state: {part} of {identity!r}: must be those of this diagram and these seeds")
+        check_state(state, self.state)
         self._put(state)
 
     def adopt(self, state: State) -> list[str]:
@@ -202,8 +198,7 @@ class Run:
                 placed = self.plan.blocks[i]
                 samples = sampled(first, ticks, placed.ticks) - first
                 for port, array in ports.items():
-                    address = placed.path.removeprefix(WATCHED) if placed.path.startswith(WATCHED) else None
-                    address = address or f"{placed.path}.{port}"
+                    address = address_of(placed, port)
                     signals[address] = np.ascontiguousarray(np.moveaxis(array[samples, row], -1, 0))
                     spacing[address] = placed.ticks
         return Record(first, ticks, self.plan.tick, signals, spacing)

@@ -11,9 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._errors import check
 from motorgrad.lab._stack import Stacks
 from motorgrad.lab._step import Carry
 
+State = dict[str, Any]
+"""Of a whole diagram: `tick`; by identity `blocks`, `parameters`, `hosts` and the hosts' `last` outputs."""
 BlockState = dict[str, Any]
 """`"state"`, a pytree; `"held"`, the outputs of a block that is not evaluated at every tick."""
 
@@ -55,6 +58,14 @@ def misfits(given: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
         return jax.tree.structure(tree), [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in jax.tree.leaves(tree)]
 
     return [name for name, tree in own.items() if name not in given or shapes(given[name]) != shapes(tree)]
+
+
+def check_state(given: State, own: State) -> None:
+    """Refuse a state of another diagram or other seeds than `own`. **Raises** `ValueError` that names the blocks."""
+    check(set(own) <= set(given), "state", sorted(given), f"with {', '.join(own)}")
+    for part in ("blocks", "parameters", "hosts"):
+        wrong = [*misfits(given[part], own[part]), *(given[part].keys() - own[part].keys())]
+        check(not wrong, f"state: {part}", wrong, "those of this diagram and these seeds")
 
 
 def _seeds_last(rows: np.ndarray) -> jax.Array:

@@ -31,3 +31,8 @@ def with_watched(plan: Plan, addresses: Sequence[str]) -> Plan:
         outlet = Outlet(port.shape, port.kind)
         blocks.append(Placed(WATCHED + address, WATCHED + address, outlet, {"u": source}, 1))
     return dataclasses.replace(plan, blocks=tuple(blocks), order=tuple(order))
+
+
+def address_of(placed: Placed, port: str) -> str:
+    """Under which address a record has what is at a sink's port."""
+    return placed.path.removeprefix(WATCHED) if placed.path.startswith(WATCHED) else f"{placed.path}.{port}"
