@@ -1,5 +1,6 @@
 """Spoilt files give a diagram or a refusal on one line: never a hang, a crash, or code that runs."""
 
+import copy
 import json
 import random
 import sys
@@ -68,7 +69,7 @@ def spoilt(text: str, chance: random.Random) -> str:
     for _ in range(chance.randint(1, 3)):
         table, key = chance.choice(places(data, []))
         if way == 2 or not isinstance(table, dict):
-            table[key] = chance.choice(ODD)
+            table[key] = copy.deepcopy(chance.choice(ODD))
         else:
             table[chance.choice([*table, "new", "type", "id"])] = table.pop(key)
     return json.dumps(data, allow_nan=True)
