@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import LONGEST, check, shown, unknown
 from motorgrad._files import write_atomically
 from motorgrad.lab._block import Block
 from motorgrad.lab._diagram import Diagram, Node
@@ -168,18 +168,23 @@ class _placed:
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
         if isinstance(error, _PlacedError) or not isinstance(error, ValueError | TypeError | OSError):
             return
-        raise _PlacedError(f"{self.place}: {' '.join(str(error).split())}") from None
+        raise _PlacedError(f"{_named(self.place)}: {' '.join(str(error).split())}") from None
 
 
 class _PlacedError(ValueError):
     pass
 
 
+def _named(place: str) -> str:
+    """A place in a message, which a file may name as it likes."""
+    return place if place.isprintable() and len(place) <= 2 * LONGEST else shown(place)
+
+
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
         twice = next(name for name in table if sum(name == other for other, _ in pairs) > 1)
-        raise _PlacedError(f"{twice!r}: must be there once in its table")
+        raise _PlacedError(f"{shown(twice)}: must be there once in its table")
     return table
 
 
@@ -191,7 +196,7 @@ def _check_names(what: str, table: Mapping[str, Any], known: Any) -> None:
 
 def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
     """Refuse what a file cannot hold, or should not: by its place."""
-    name = ".".join(place) or "file"
+    name = _named(".".join(place)) or "file"
     check(depth <= DEEPEST, name, "…", f"in at most {DEEPEST} lists and tables within each other")
     check(data is None or isinstance(data, bool | int | float | str | list | tuple | dict), name, data, "plain data")
     check(not isinstance(data, float) or math.isfinite(data), name, data, "finite")

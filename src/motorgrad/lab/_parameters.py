@@ -83,12 +83,14 @@ class Parameters:
         values = {k: {name: every.copy() for name, every in arrays.items()} for k, arrays in self.values.items()}
         for i, placed in enumerate(self._stacks.plan.blocks):
             k, row = self._stacks.rows[i]
-            plain = {}
+            plain: dict[str, Any] = {}
             for name, given in by_block.get(placed.identity, {}).items():
                 swept = (k, name) in self._swept
                 values[k][name][row] = np.moveaxis(given, 0, -1) if swept else given
-                plain |= {} if swept else {name: given.tolist()}
-            self._blocks[i] = dataclasses.replace(self._blocks[i], **plain)
+                if not swept and name in parameters_of(type(self._blocks[i])):  # a data file has its table beside them
+                    plain[name] = given.tolist()
+            if plain:
+                self._blocks[i] = dataclasses.replace(self._blocks[i], **plain)
         self.values = values
 
     def _stacked(self, members: tuple[int, ...]) -> dict[str, np.ndarray]:

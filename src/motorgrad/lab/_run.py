@@ -1,9 +1,8 @@
 """A diagram in motion: compiled, of many seeds, to be advanced, saved and restored."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
-import jax
 import numpy as np
 
 from motorgrad._errors import check
@@ -14,11 +13,13 @@ from motorgrad.lab._loop import Loop
 from motorgrad.lab._parameters import Parameters
 from motorgrad.lab._plan import plan
 from motorgrad.lab._record import Record, join, sampled
+from motorgrad.lab._sink import Sink
 from motorgrad.lab._stack import stack
 from motorgrad.lab._state import State, by_block, by_kind, check_state, misfits
 from motorgrad.lab._step import Step
 from motorgrad.lab._watch import address_of, with_watched
 
+MOST_SEEDS = 1_000_000
 MOST_TICKS = 2**32 - 2**16
 
 
@@ -184,11 +185,13 @@ class Run:
         return self.plan.blocks[self._stacks.kinds[k].members[0]].identity
 
     def _nothing(self) -> Any:
-        """A record of no ticks."""
-        loop = self._loop
-        if isinstance(loop, Loop):
-            return jax.tree.map(lambda like: np.zeros((0, *like.shape), like.dtype), loop.shapes)
-        return {}
+        """What sinks see in no ticks."""
+        kinds, seeds = self._stacks.kinds, len(self.seeds)
+        return {
+            k: {n: np.zeros((0, len(kind.members), *p.shape, seeds), p.dtype) for n, p in kind.block.inputs.items()}
+            for k, kind in enumerate(kinds)
+            if isinstance(kind.block, Sink)
+        }
 
     def _record(self, first: int, ticks: int, seen: Any) -> Record:
         """What the sinks saw, by address; seeds lead, then samples."""
@@ -205,10 +208,11 @@ class Run:
 
 
 def _checked_seeds(seeds: int | Sequence[int]) -> np.ndarray:
-    whole = isinstance(seeds, int | np.integer) and not isinstance(seeds, bool)
-    check(not whole or 1 <= seeds <= 1_000_000, "seeds", seeds, "from 1 to 1,000,000 seeds")  # type: ignore[operator]
-    given = list(range(seeds)) if whole else list(seeds)  # type: ignore[arg-type]
+    allowed = "how many, up to 1,000,000, or distinct integers from 0 to 2147483647"
+    whole = isinstance(seeds, int | np.integer)
+    check(not isinstance(seeds, bool) and (whole or isinstance(seeds, Iterable)), "seeds", seeds, allowed)
+    check(not whole or 1 <= seeds <= MOST_SEEDS, "seeds", seeds, allowed)  # type: ignore[operator]
+    given = list(range(seeds) if whole else seeds)  # type: ignore[arg-type]
     numbers = all(isinstance(seed, int | np.integer) and 0 <= seed < 2**31 for seed in given)
-    valid = 0 < len(given) <= 1_000_000 and numbers and len(set(given)) == len(given)
-    check(valid, "seeds", seeds, "how many, or distinct integers from 0 to 2147483647")
+    check(0 < len(given) <= MOST_SEEDS and numbers and len(set(given)) == len(given), "seeds", seeds, allowed)
     return np.asarray(given, np.int32)

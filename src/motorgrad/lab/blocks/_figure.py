@@ -68,4 +68,4 @@ def finish(axes: Axes, x: str, y: str, seeds: int, names: Sequence[str]) -> None
     if seeds > 1:
         axes.set_title(f"median and quartiles of {seeds} seeds", loc="left", fontsize=8, color="0.35")
     if 1 < len(names) <= MOST_NAMES:
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)

@@ -12,8 +12,8 @@ def hopper() -> Diagram:
     diagram = Diagram(
         tick=tasks.Hopper().period,
         title="Hopper",
-        comment="Two hyperplane units drive the flexors and the extensors of a hopper, and learn to hop (section 5.2 of "
-        "the thesis). They see foot contact, knee angle and knee velocity, and are paid the height of a hop when it "
+        comment="Two hyperplane units drive the flexors and the extensors of a hopper, and learn to hop (section 5.2 "
+        "of the thesis). They see foot contact, knee angle and knee velocity, and are paid the height of a hop when it "
         "lands. Hops begin after some hundred seconds of the hopper's time. Try the thesis's decay of 0.98 in 'trace': "
         "it forgets the push before the landing pays. Then change the body, 'body.load_mass = 3.0', and see it adapt.",
     )

@@ -16,8 +16,8 @@ def motoneuron_pool() -> Diagram:
     diagram = Diagram(
         tick=1.0,
         title="Motoneuron pool",
-        comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What is "
-        "paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
+        comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What "
+        "is paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
         "pool's. Watch the gains grow from 0 and the thresholds move apart. Change the numbers of 'paid', the wanted "
         "slope and intercept, while it runs: the pool learns anew. Freeze 'ascent' and it does not.",
     )

@@ -14,8 +14,8 @@ def particle() -> Diagram:
         tick=tasks.FallingParticle().period,
         title="Falling particle",
         comment="A particle falls through a region of reward, and local units push it to the left or to the right "
-        "(section 6.3 of the thesis). The map shows where units are and how wide they have become. Try the layouts R2 and "
-        "R3 in the settings of 'world', or a trace that forgets more quickly.",
+        "(section 6.3 of the thesis). The map shows where units are and how wide they have become. Try the layouts R2 "
+        "and R3 in the settings of 'world', or a trace that forgets more quickly.",
     )
     units, copies = 8, 2
     policy = NamedPolicy("tiles", 2, units, f"copies = {copies}")

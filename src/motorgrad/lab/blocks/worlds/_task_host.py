@@ -50,7 +50,8 @@ class TaskHost(Host):
 
     def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         action, numbers = inputs["action"], now.uniforms
-        self.batch.step(np.asarray(self.task.control(action, self._scene.memory)))
+        control = np.asarray(self.task.control(action, self._scene.memory), np.float32)
+        self.batch.step(control.reshape(len(control), -1))
         scene, ended = _here(self._compiled.settle(self._scene, action, self.batch.packed.copy(), numbers))
         if ended.any():
             self.batch.reset(np.flatnonzero(ended))
