@@ -75,11 +75,35 @@ from motorgrad.lab._registry import BLOCKS
 from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
+from motorgrad.lab.blocks._compare import Compare, Logic, Not
 from motorgrad.lab.blocks._constant import Constant
+from motorgrad.lab.blocks._data_file import DataFile
+from motorgrad.lab.blocks._delay import Delay
+from motorgrad.lab.blocks._discrete_integrator import DiscreteIntegrator
+from motorgrad.lab.blocks._events import Counter, SampleAndHold
+from motorgrad.lab.blocks._formula import Expression, Function
 from motorgrad.lab.blocks._gain import Gain
+from motorgrad.lab.blocks._hysteresis import Backlash, RateLimit, Relay
 from motorgrad.lab.blocks._integrator import Integrator
+from motorgrad.lab.blocks._lag import DiscreteLag, Lag
+from motorgrad.lab.blocks._limits import DeadZone, Quantiser, Saturation
+from motorgrad.lab.blocks._linear import DiscreteStateSpace, DiscreteTransferFunction, StateSpace, TransferFunction
+from motorgrad.lab.blocks._lookup import LookUp, LookUp2D
+from motorgrad.lab.blocks._noise import NormalNoise, UniformNoise
+from motorgrad.lab.blocks._pid import PID, DiscretePID
+from motorgrad.lab.blocks._policy_map import PolicyMap
+from motorgrad.lab.blocks._product import MatrixGain, Product
+from motorgrad.lab.blocks._raster import Histogram, Raster
+from motorgrad.lab.blocks._recorder import Recorder
+from motorgrad.lab.blocks._scope import Portrait, Scope
+from motorgrad.lab.blocks._state_machine import StateMachine
+from motorgrad.lab.blocks._step import Ramp, Step
 from motorgrad.lab.blocks._sum import Sum
+from motorgrad.lab.blocks._switch import MultiSwitch, Switch
 from motorgrad.lab.blocks._unit_delay import UnitDelay
+from motorgrad.lab.blocks._vectors import Join, Reduce, Select
+from motorgrad.lab.blocks._viewer import Viewer
+from motorgrad.lab.blocks._waves import Chirp, Pulse, Sine
 from motorgrad.lab.blocks.learning import (
     Adam,
     AdvantageScale,
@@ -106,24 +130,40 @@ from motorgrad.lab.blocks.worlds import Body, Environment, MujocoModel, MuscleLa
 
 __all__ = [
     "BLOCKS",
+    "PID",
     "Adam",
     "AdvantageScale",
     "Ascent",
+    "Backlash",
     "Block",
     "Body",
+    "Chirp",
+    "Compare",
     "Constant",
     "ConstantBaseline",
+    "Counter",
+    "DataFile",
+    "DeadZone",
+    "Delay",
     "Diagram",
     "DiagramError",
+    "DiscreteIntegrator",
+    "DiscreteLag",
+    "DiscretePID",
+    "DiscreteStateSpace",
+    "DiscreteTransferFunction",
     "EligibilityTrace",
     "Environment",
     "EpisodicTrace",
+    "Expression",
     "FixedStepBaseline",
+    "Function",
     "Gain",
     "Gaussians",
     "GradientMean",
     "GradientSample",
     "GrowingGaussians",
+    "Histogram",
     "Host",
     "HostBlock",
     "HostMoment",
@@ -131,28 +171,60 @@ __all__ = [
     "Inlet",
     "Integrator",
     "Interpreter",
+    "Join",
+    "Lag",
     "LaggedTrace",
     "Learner",
+    "Logic",
+    "LookUp",
+    "LookUp2D",
+    "MatrixGain",
     "MeanBaseline",
     "Moment",
     "Motoneurons",
     "MujocoModel",
+    "MultiSwitch",
     "MuscleLaw",
     "NamedPolicy",
     "Node",
+    "NormalNoise",
+    "Not",
     "Outlet",
     "Parameter",
+    "PolicyMap",
     "Port",
+    "Portrait",
     "Ports",
     "Problem",
+    "Product",
+    "Pulse",
+    "Quantiser",
+    "Ramp",
+    "Raster",
+    "RateLimit",
     "Record",
+    "Recorder",
+    "Reduce",
+    "Relay",
     "Run",
+    "SampleAndHold",
+    "Saturation",
+    "Scope",
+    "Select",
     "Setting",
     "Signals",
+    "Sine",
     "Sink",
     "Softmax",
+    "StateMachine",
+    "StateSpace",
+    "Step",
     "Sum",
+    "Switch",
+    "TransferFunction",
+    "UniformNoise",
     "UnitDelay",
+    "Viewer",
     "WeightDecay",
     "WindowTrace",
     "World",
