@@ -29,7 +29,7 @@ class HostLoop:
         self.kinds = [k for k, kind in enumerate(step.kinds) if isinstance(kind.block, HostBlock)]
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
         self._stages = self._split()
-        self._draw = jax.jit(lambda span: jax.vmap(step.numbers, in_axes=(0, None), out_axes=-1)(self.seeds, span))
+        self._draw = jax.jit(jax.vmap(step.numbers, in_axes=(0, None), out_axes=-1))
         self._calls = [self._compiled(pure, s + 1 == len(self._stages)) for s, (_, pure) in enumerate(self._stages)]
 
     @property
@@ -61,7 +61,7 @@ class HostLoop:
         for tick in range(first, first + ticks):
             if self.step.chance and tick // SPAN != span:
                 span = tick // SPAN
-                drawn = self._draw(np.uint32(span))
+                drawn = self._draw(self.seeds, np.uint32(span))
                 chance = {k: np.moveaxis(np.asarray(drawn[k]), -1, 1)[:, :, 0] for k in self.kinds if k in drawn}
             due = [k for k in self.kinds if tick % self._ticks(k) == 0]
             now = {k: self._now(k, tick, chance[k][tick % SPAN] if k in chance else None) for k in due}

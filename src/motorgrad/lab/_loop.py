@@ -24,14 +24,15 @@ class Loop:
     """
 
     def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
-        self.step, self.seeds = step, jnp.asarray(seeds)
-        self.axes = axes
+        self.step, self.seeds, self.axes = step, seeds, axes
+        """The seeds may be replaced by as many others before the first tick."""
         self._call = jax.jit(self._ticks, donate_argnums=1, compiler_options=loop_options())
+        self._look = jax.jit(self._seen)
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
 
     def start(self, values: Values, carry: Carry) -> None:
         """Learn the shapes of what the sinks see, which says how many ticks one call makes."""
-        shapes = jax.eval_shape(self._look, values, carry)
+        shapes = jax.eval_shape(self._seen, values, carry, self.seeds, np.uint32(0))
         width = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(shapes))
         self.shapes = shapes
         self.longest = LONGEST if width == 0 else min(16384, max(SPAN, BUFFER // width))
@@ -43,15 +44,19 @@ class Loop:
 
     def advance(self, values: Values, carry: Carry, first: int, ticks: int) -> tuple[Carry, Seen]:
         """Make at most `longest` ticks: the state afterwards, and what the sinks saw, `(ticks, rows, …, seeds)`."""
-        carry, seen = self._call(values, carry, np.uint32(first), np.uint32(first + ticks))
+        carry, seen = self._call(values, carry, self.seeds, np.uint32(first), np.uint32(first + ticks))
         return carry, jax.tree.map(lambda x: np.asarray(x)[:ticks], seen)
 
-    def _look(self, values: Values, carry: Carry) -> Seen:
-        numbers = {k: drawn[0] for k, drawn in self._draw(jnp.uint32(0)).items()}
-        return self._tick(values, carry, jnp.uint32(0), numbers)[1]
+    def look(self, values: Values, carry: Carry, tick: int) -> Seen:
+        """What the sinks will see at the next tick, `(1, rows, …, seeds)`; nothing moves."""
+        return jax.tree.map(lambda x: np.asarray(x)[None], self._look(values, carry, self.seeds, np.uint32(tick)))
 
-    def _draw(self, span: Any) -> Numbers:
-        return jax.vmap(self.step.numbers, in_axes=(0, None), out_axes=-1)(self.seeds, span)
+    def _seen(self, values: Values, carry: Carry, seeds: Array, tick: Array) -> Seen:
+        numbers = {k: drawn[tick % SPAN] for k, drawn in self._draw(seeds, tick // SPAN).items()}
+        return self._tick(values, carry, tick, numbers)[1]
+
+    def _draw(self, seeds: Array, span: Any) -> Numbers:
+        return jax.vmap(self.step.numbers, in_axes=(0, None), out_axes=-1)(seeds, span)
 
     def _tick(self, values: Values, carry: Carry, tick: Array, numbers: Numbers) -> tuple[Carry, Seen]:
         step = self.step
@@ -65,7 +70,7 @@ class Loop:
             values, carry, numbers
         )
 
-    def _ticks(self, values: Values, carry: Carry, first: Array, stop: Array) -> tuple[Carry, Seen]:
+    def _ticks(self, values: Values, carry: Carry, seeds: Array, first: Array, stop: Array) -> tuple[Carry, Seen]:
         """Ticks `first` … `stop` − 1, a span of random numbers at a time."""
         buffer = jax.tree.map(lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self.shapes)
 
@@ -84,6 +89,6 @@ class Loop:
             start, rest = position
             number = start // SPAN
             last = jnp.minimum(stop, (number + 1) * SPAN)
-            return last, ticks(start, last, self._draw(number), rest)
+            return last, ticks(start, last, self._draw(seeds, number), rest)
 
         return jax.lax.while_loop(lambda position: position[0] < stop, span, (first, (carry, buffer)))[1]

@@ -33,6 +33,7 @@ class Run:
     - `sweep`: parameters that differ from seed to seed, by address, `{"gain.gain": [1.0, 2.0]}`, seeds leading.
     - `watch`: addresses of outputs to be recorded beside what the sinks see.
     - `threads`: for simulators on the host, 0 for one per processor.
+    - `stacked`: whether blocks of one kind are evaluated as one; `False` only to see what that is worth.
 
     **Raises** `DiagramError` with all that is wrong with the diagram.
     """
@@ -44,13 +45,14 @@ class Run:
         sweep: Mapping[str, Any] | None = None,
         watch: Sequence[str] = (),
         threads: int = 0,
+        stacked: bool = True,
     ):
         self.seeds = _checked_seeds(seeds)
         self.plan = with_watched(plan(diagram), watch)
         self.tick = 0
         """How many ticks were made."""
         self._threads = threads
-        self._stacks = stack(self.plan)
+        self._stacks = stack(self.plan, stacked)
         self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
         step = Step(self._stacks)
         on_host = any(isinstance(kind.block, HostBlock) for kind in self._stacks.kinds)
@@ -148,8 +150,27 @@ class Run:
         self._put(mixed)
         return sorted(set(fresh))
 
-    def reset(self) -> None:
-        """Begin again at tick 0, with the parameters as they stand."""
+    def look(self) -> Record:
+        """What the sinks would see at the next tick, of which nothing moves.
+
+        **Raises** `ValueError` where a host cannot be saved, as what it would show is found by moving it and putting it
+        back.
+        """
+        if isinstance(self._loop, Loop):
+            return self._record(self.tick, 1, self._loop.look(self._parameters.values, self._carry, self.tick))
+        state = self.state
+        try:
+            return self.advance(1)
+        finally:
+            self._put(state)
+
+    def reset(self, seeds: int | Sequence[int] | None = None) -> None:
+        """Begin again at tick 0, with the parameters as they stand; with other `seeds`, if they are as many. Nothing is
+        compiled again."""
+        if seeds is not None:
+            chosen = _checked_seeds(seeds)
+            check(len(chosen) == len(self.seeds), "seeds", seeds, f"{len(self.seeds)} of them")
+            self.seeds = self._loop.seeds = chosen
         self.close()
         self.tick = 0
         self._begin()
