@@ -1,13 +1,16 @@
 """Sources against their closed forms, SciPy, and the files they read."""
 
+import os
+import zipfile
+
 import numpy as np
 import pyarrow as pa
 import pytest
 import scipy.signal
-from block_driver import alone, drive, of
+from block_driver import alone, arrays, drive, of
 from pyarrow import csv, parquet
 
-from motorgrad.lab import Diagram, Outlet, Run
+from motorgrad.lab import Diagram, Moment, Outlet, Run
 
 TIMES = np.arange(300) * 0.01
 
@@ -15,6 +18,13 @@ TIMES = np.arange(300) * 0.01
 def test_step_jumps_at_its_time():
     y = alone(of("step", at=0.7, before=-1.0, after=2.0), 300)[0]
     np.testing.assert_array_equal(y, np.where(np.arange(300) >= 70, 2.0, -1.0))
+
+
+def test_a_step_late_in_a_run_is_at_its_tick():
+    times = np.arange(999_900, 1_000_100, dtype=np.float32) * np.float32(0.01)  # as a diagram rounds them
+    block = arrays(of("step", at=10_000.0))
+    given = [float(block.output((), {}, Moment(0, time, 0.01, ()))["y"]) for time in times]
+    np.testing.assert_array_equal(given, np.arange(999_900, 1_000_100) >= 1_000_000)
 
 
 def test_ramp_rises_from_its_start():
@@ -109,6 +119,11 @@ def test_data_files_of_one_size_run_as_one_and_are_not_mixed(tmp_path):
 
 def test_bad_data_files_are_refused_by_name(tmp_path):
     np.savez(tmp_path / "good.npz", y=[1.0, 2.0], t=[0.0, 0.0], short=[1.0], text=["a", "b"], nan=[1.0, np.nan])
+    os.mkfifo(tmp_path / "pipe.csv")
+    bomb = zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED)
+    with bomb, bomb.open("y.npy", "w", force_zip64=True) as part:
+        for _ in range(17):
+            part.write(bytes(2**26))
     for name in ("broken.npz", "broken.csv", "broken.parquet"):
         (tmp_path / name).write_bytes(b"\x00\xff no table, \n 1")
     good = str(tmp_path / "good.npz")
@@ -116,6 +131,8 @@ def test_bad_data_files_are_refused_by_name(tmp_path):
         ({"path": str(tmp_path / "absent.csv")}, r"path = '.*absent\.csv': cannot be read: No such file"),
         ({"path": str(tmp_path / "table.txt")}, r"path = .*: must be a file whose name ends in \.csv"),
         ({"path": str(tmp_path)}, "path = .*: must be a file whose name ends"),
+        ({"path": str(tmp_path / "pipe.csv")}, r"path = .*pipe\.csv': must be a file, not a folder, a pipe"),
+        ({"path": str(tmp_path / "bomb.npz")}, r"path = .*bomb\.npz': no NPZ file of arrays: larger than"),
         ({"path": ""}, "path = '': must be a path"),
         ({"path": str(tmp_path / "broken.npz")}, r"path = .*broken\.npz': no NPZ file"),
         ({"path": str(tmp_path / "broken.csv")}, r"path = .*broken\.csv': "),

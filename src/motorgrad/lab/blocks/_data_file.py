@@ -11,6 +11,7 @@ from motorgrad.lab._block import Block, Moment, Ports, Signals, Timing
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab._port import Port, dtype_of
 from motorgrad.lab.blocks._named import MOST
+from motorgrad.lab.blocks._shaped import ROUNDING
 from motorgrad.lab.blocks._table_file import read_columns
 
 
@@ -76,7 +77,7 @@ class DataFile(Block):
         data, times = self.__dict__["_data"], self.__dict__["_times"]
         if self.time is None:
             return dict(zip(self.columns, data[:, state], strict=True))
-        time = now.time + 1e-6 * jnp.abs(now.time)  # a tick's time is rounded
+        time = now.time + ROUNDING * jnp.abs(now.time)
         if self.after == "repeat":
             time = jnp.where(time < times[0], time, times[0] + (time - times[0]) % (times[-1] - times[0]))
         row = jnp.maximum(jnp.searchsorted(times, time, side="right") - 1, 0)

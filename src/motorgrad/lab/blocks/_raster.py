@@ -39,7 +39,9 @@ class Raster(Viewer):
         rows = fired.transpose(0, 2, 1).reshape(-1, len(times))
         figure, axes = picture(height=max(1.5, min(6.0, 1.0 + 0.12 * len(rows))))
         axes.eventplot([times[row] for row in rows], colors="#26292e", linelengths=0.8, linewidths=0.8)
-        axes.set(xlabel="time (s)", ylabel="unit" if len(fired) == 1 else "unit, seed by seed", ylim=(len(rows) - 0.5, -0.5))
+        axes.set(
+            xlabel="time (s)", ylabel="unit" if len(fired) == 1 else "unit, seed by seed", ylim=(len(rows) - 0.5, -0.5)
+        )
         axes.set_xlim(times[0], times[-1] + record.every[f"{path}.u"] * record.tick)
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
         return figure

@@ -10,6 +10,8 @@ from motorgrad.lab._block import Block, Ports
 from motorgrad.lab._parameter import Setting, parameters_of
 from motorgrad.lab._port import Port
 
+ROUNDING = 2.5e-7  # of a time: a tick that is on an edge, but for so small a part, counts as on it
+
 
 @dataclasses.dataclass(frozen=True)
 class Shaped(Block):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from motorgrad.lab._block import Moment, Signals
 from motorgrad.lab._parameter import Parameter
-from motorgrad.lab.blocks._shaped import TimeSource
+from motorgrad.lab.blocks._shaped import ROUNDING, TimeSource
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,8 +22,7 @@ class Step(TimeSource):
     after: Annotated[Any, Parameter("what it gives from then on")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        # a tick's time is rounded: half a millionth of it more or less is the same moment
-        there = now.time >= self.at - 1e-6 * jnp.abs(self.at)
+        there = now.time >= self.at - ROUNDING * jnp.abs(self.at)
         return {"y": self.filled(jnp.where(there, self.after, self.before))}
 
 

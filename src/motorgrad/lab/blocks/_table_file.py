@@ -1,6 +1,7 @@
 """Columns of numbers in a file: CSV, Parquet or NPZ."""
 
 import io
+import stat
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import shown, unknown
 
-LARGEST = 2**30  # bytes of a file
+LARGEST = 2**30  # bytes of a file, packed or not, packed or not
 KINDS = (".csv", ".parquet", ".npz")
 
 
@@ -22,8 +23,10 @@ def read_columns(path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     if Path(path).suffix.lower() not in KINDS:
         raise ValueError(f"path = {shown(path)}: must be a file whose name ends in {', '.join(KINDS)}")
     try:
-        if Path(path).stat().st_size > LARGEST:
-            raise ValueError(f"larger than {LARGEST:,} bytes")
+        status = Path(path).stat()
+        if not stat.S_ISREG(status.st_mode):  # to read a pipe might never end
+            raise ValueError("must be a file, not a folder, a pipe or a device")
+        _check_size(status.st_size)
         content = Path(path).read_bytes()
         table = _table(Path(path).suffix.lower(), content)
         for name in names:
@@ -45,16 +48,21 @@ def _table(kind: str, content: bytes) -> dict[str, Any]:
 
     if kind == ".npz":
         try:
+            with zipfile.ZipFile(io.BytesIO(content)) as packed:
+                _check_size(sum(part.file_size for part in packed.infolist()))
             with np.load(io.BytesIO(content), allow_pickle=False) as stored:
                 return {name: stored[name] for name in stored.files}
-        except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
+        except (ValueError, EOFError, OSError, MemoryError, zipfile.BadZipFile) as error:
             raise ValueError(f"no NPZ file of arrays: {error}") from None
     from pyarrow import csv, parquet
 
     try:
-        table = (
-            csv.read_csv(pa.BufferReader(content)) if kind == ".csv" else parquet.read_table(pa.BufferReader(content))
-        )
+        if kind == ".parquet":
+            packed = parquet.ParquetFile(pa.BufferReader(content))
+            _check_size(8 * packed.metadata.num_rows * packed.metadata.num_columns)
+            table = packed.read()
+        else:
+            table = csv.read_csv(pa.BufferReader(content))
     except (pa.ArrowException, OSError) as error:
         raise ValueError(f"no {kind.lstrip('.').upper()} table: {error}") from None
     return {name: table[name].to_numpy() for name in table.column_names}
@@ -69,3 +77,8 @@ def _numbers(name: str, column: np.ndarray) -> np.ndarray:
     if wrong.size:
         raise ValueError(f"column {name}, row {wrong[0]}: must be a finite number, not {numbers[wrong[0]]}")
     return numbers
+
+
+def _check_size(size: int) -> None:
+    if size > LARGEST:
+        raise ValueError(f"larger than {LARGEST:,} bytes")

@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.lab._block import Moment, Signals
 from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab.blocks._shaped import TimeSource
+from motorgrad.lab.blocks._shaped import ROUNDING, TimeSource
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,9 +43,8 @@ class Pulse(TimeSource):
     high: Annotated[Any, Parameter("what it gives in a pulse")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        # a tick that lies on an edge, but for rounding, is after it
         cycles = self.frequency * (now.time - self.delay)
-        within = (cycles + 1e-6 * (1 + jnp.abs(cycles))) % 1.0 < self.duty
+        within = (cycles + 2 * ROUNDING * (1 + jnp.abs(cycles))) % 1.0 < self.duty
         return {"y": self.filled(jnp.where(within, self.high, self.low))}
 
 
