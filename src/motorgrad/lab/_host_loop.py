@@ -37,19 +37,26 @@ class HostLoop:
         """How often a part of the tick was compiled beyond once for each part."""
         return max(call._cache_size() for call in self._calls)
 
-    def hosts(self, threads: int) -> dict[int, Host]:
+    def hosts(self, seeds: np.ndarray, threads: int) -> dict[int, Host]:
         """The hosts of all seeds before the first tick."""
         started = {}
         for k in self.kinds:
             block, placed = self.step.kinds[k].block, self.step.plan.blocks[self.step.kinds[k].members[0]]
             assert isinstance(block, HostBlock)
             size = block.init_uniforms
-            numbers = jax.vmap(lambda seed, s=placed.stream, size=size: draw_start(seed, s, size))(self.seeds)
-            started[k] = block.start(self.seeds, np.asarray(numbers), threads)
+            numbers = jax.vmap(lambda seed, s=placed.stream, size=size: draw_start(seed, s, size))(seeds)
+            started[k] = block.start(seeds, np.asarray(numbers), threads)
         return started
 
     def advance(
-        self, values: Values, carry: Carry, first: int, ticks: int, hosts: Mapping[int, Host], last: Rows
+        self,
+        values: Values,
+        carry: Carry,
+        seeds: np.ndarray,
+        first: int,
+        ticks: int,
+        hosts: Mapping[int, Host],
+        last: Rows,
     ) -> tuple[Carry, Any]:
         """Make so many ticks: the state afterwards, and what the sinks saw, `(ticks, rows, …, seeds)`.
 
@@ -61,7 +68,7 @@ class HostLoop:
         for tick in range(first, first + ticks):
             if self.step.chance and tick // SPAN != span:
                 span = tick // SPAN
-                drawn = self._draw(self.seeds, np.uint32(span))
+                drawn = self._draw(seeds, np.uint32(span))
                 chance = {k: np.moveaxis(np.asarray(drawn[k]), -1, 1)[:, :, 0] for k in self.kinds if k in drawn}
             due = [k for k in self.kinds if tick % self._ticks(k) == 0]
             now = {k: self._now(k, tick, chance[k][tick % SPAN] if k in chance else None) for k in due}

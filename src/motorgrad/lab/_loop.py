@@ -19,13 +19,12 @@ LONGEST = 2**20  # ticks of one call where nothing is seen
 class Loop:
     """Ticks of all seeds in one compiled call.
 
-    **Arguments:** the step; the seeds; for the parameters, by kind and name, `-1` where they differ from seed to seed,
-    along a last axis, else `None`.
+    **Arguments:** the step; the seeds, for which others, as many, may be given later; for the parameters, by kind and
+    name, `-1` where they differ from seed to seed, along a last axis, else `None`.
     """
 
     def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
         self.step, self.seeds, self.axes = step, seeds, axes
-        """The seeds may be replaced by as many others before the first tick."""
         self._call = jax.jit(self._ticks, donate_argnums=1, compiler_options=loop_options())
         self._look = jax.jit(self._seen)
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
@@ -42,14 +41,14 @@ class Loop:
         """How often the loop was compiled."""
         return self._call._cache_size()  # type: ignore[attr-defined]
 
-    def advance(self, values: Values, carry: Carry, first: int, ticks: int) -> tuple[Carry, Seen]:
+    def advance(self, values: Values, carry: Carry, seeds: np.ndarray, first: int, ticks: int) -> tuple[Carry, Seen]:
         """Make at most `longest` ticks: the state afterwards, and what the sinks saw, `(ticks, rows, …, seeds)`."""
-        carry, seen = self._call(values, carry, self.seeds, np.uint32(first), np.uint32(first + ticks))
+        carry, seen = self._call(values, carry, seeds, np.uint32(first), np.uint32(first + ticks))
         return carry, jax.tree.map(lambda x: np.asarray(x)[:ticks], seen)
 
-    def look(self, values: Values, carry: Carry, tick: int) -> Seen:
+    def look(self, values: Values, carry: Carry, seeds: np.ndarray, tick: int) -> Seen:
         """What the sinks will see at the next tick, `(1, rows, …, seeds)`; nothing moves."""
-        return jax.tree.map(lambda x: np.asarray(x)[None], self._look(values, carry, self.seeds, np.uint32(tick)))
+        return jax.tree.map(lambda x: np.asarray(x)[None], self._look(values, carry, seeds, np.uint32(tick)))
 
     def _seen(self, values: Values, carry: Carry, seeds: Array, tick: Array) -> Seen:
         numbers = {k: drawn[tick % SPAN] for k, drawn in self._draw(seeds, tick // SPAN).items()}

@@ -63,7 +63,9 @@ class Run:
 
     def _begin(self) -> None:
         self._carry = self._loop.init(self._parameters.values, self.seeds)
-        self._hosts: dict[int, Host] = self._loop.hosts(self._threads) if isinstance(self._loop, HostLoop) else {}
+        self._hosts: dict[int, Host] = (
+            self._loop.hosts(self.seeds, self._threads) if isinstance(self._loop, HostLoop) else {}
+        )
         self._last: dict[int, dict[str, np.ndarray]] = {}
 
     @property
@@ -91,9 +93,11 @@ class Run:
             now, first = min(ticks, self._loop.longest), self.tick
             values = self._parameters.values
             if isinstance(self._loop, HostLoop):
-                self._carry, seen = self._loop.advance(values, self._carry, first, now, self._hosts, self._last)
+                self._carry, seen = self._loop.advance(
+                    values, self._carry, self.seeds, first, now, self._hosts, self._last
+                )
             else:
-                self._carry, seen = self._loop.advance(values, self._carry, first, now)
+                self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now)
             self.tick += now
             ticks -= now
             yield self._record(first, now, seen)
@@ -157,7 +161,9 @@ class Run:
         back.
         """
         if isinstance(self._loop, Loop):
-            return self._record(self.tick, 1, self._loop.look(self._parameters.values, self._carry, self.tick))
+            return self._record(
+                self.tick, 1, self._loop.look(self._parameters.values, self._carry, self.seeds, self.tick)
+            )
         state = self.state
         try:
             return self.advance(1)
@@ -170,7 +176,7 @@ class Run:
         if seeds is not None:
             chosen = _checked_seeds(seeds)
             check(len(chosen) == len(self.seeds), "seeds", seeds, f"{len(self.seeds)} of them")
-            self.seeds = self._loop.seeds = chosen
+            self.seeds = chosen
         self.close()
         self.tick = 0
         self._begin()
