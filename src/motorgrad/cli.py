@@ -14,6 +14,7 @@ COMMANDS = {
     "plot": "learning curves of one run or of several",
     "reproduce": "figures and claims of the thesis, measured again; a report",
     "demo": "a body learns to hop in about two minutes",
+    "lab": "TimLab: build diagrams of blocks, run and retune them, in a browser",
     "bench": "the speed table: this library beside bare physics and hand-written loops",
 }
 

@@ -67,7 +67,7 @@ class Diagram:
         )
         taken = {node.id for node in self.nodes.values()}
         if id is None:
-            id = next(new for new in _numbered(name) if new not in taken)
+            id = next(new for new in numbered(name) if new not in taken)
         elif id != "" or not isinstance(block, Diagram):
             _check_name(id, "id")
             check(id not in taken, "id", id, "a new one in the diagram")
@@ -188,7 +188,8 @@ def misfit(source: str, given: Port, target: str, wanted: Port) -> str | None:
     return f"{target}: takes {wanted.described()}, but {source} gives {given.described()}"
 
 
-def _numbered(name: str) -> Iterator[str]:
+def numbered(name: str) -> Iterator[str]:
+    """A name, and after it the name with numbers from 2."""
     yield name
     number = 2
     while True:

@@ -1,0 +1,53 @@
+"""`motorgrad lab [FILE]`: TimLab's editor, in a browser."""
+
+import dataclasses
+import sys
+import webbrowser
+from pathlib import Path
+
+import tyro
+
+from motorgrad._commands._configuration import parse
+from motorgrad._errors import check, choice
+from motorgrad.lab import gallery
+
+
+@dataclasses.dataclass(frozen=True)
+class Lab:
+    """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
+
+    file: tyro.conf.Positional[Path | None] = None
+    """A diagram to work on; it is made when first saved. Without one, an empty diagram in the present folder."""
+    gallery: str | None = None
+    """Begin with a ready diagram, such as chain or hopper, in place of a file."""
+    port: int = 0
+    """Where to serve, on 127.0.0.1; 0 for a free port."""
+    browser: bool = True
+    """Open the browser; otherwise only the address is printed."""
+
+    def validate(self) -> None:
+        check(0 <= self.port < 2**16, "port", self.port, "a whole number in 0 … 65535, 0 for a free one")
+        if self.gallery is not None:
+            check(self.file is None, "gallery", self.gallery, "given without a file")
+            choice("diagram of the gallery", self.gallery, gallery.GALLERY)
+        if self.file is not None:
+            check(not self.file.is_dir(), "file", str(self.file), "a file, not a folder")
+            folder = self.file.absolute().parent
+            check(folder.is_dir(), "file", str(self.file), "in a folder that is there")
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Lab, arguments, "lab")
+    from motorgrad.lab.editor import Server, Session
+
+    diagram = gallery.example(options.gallery) if options.gallery else None
+    session = Session(diagram, options.file.absolute() if options.file else None)
+    try:
+        server = Server(session, options.port)
+        print(f"TimLab is at {server.url}\nCtrl-C ends it.", flush=True)
+        if options.browser and not webbrowser.open(server.url):
+            print("No browser could be opened: open the address yourself.", file=sys.stderr)
+        server.run()
+    finally:
+        session.close()
+    return 0

@@ -1,0 +1,168 @@
+"""The editor over a network of one machine: pages and a WebSocket, for those who know the token.
+
+Pages are under `/TOKEN/`, the WebSocket at `/TOKEN/socket`: what knows no token sees nothing, and the page can name its
+files relative to itself. A request that says it comes from elsewhere is refused.
+"""
+
+import asyncio
+import hmac
+import json
+import secrets
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from motorgrad._errors import check
+from motorgrad.lab.editor._session import Session
+
+HOST = "127.0.0.1"
+STATIC = Path(__file__).parent / "static"
+LARGEST = 64 * 2**20  # bytes of a message
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+
+class Server:
+    """Serves a session on 127.0.0.1.
+
+    **Arguments:** the session; the `port`, 0 for a free one; where the built pages are.
+    """
+
+    def __init__(self, session: Session, port: int = 0, static: Path = STATIC):
+        whole = isinstance(port, int) and not isinstance(port, bool)
+        check(whole and 0 <= port < 2**16, "port", port, "a whole number in 0 … 65535, 0 for a free one")
+        self.session, self.token, self._static = session, secrets.token_urlsafe(24), static
+        self._socket = socket.socket()
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._socket.bind((HOST, port))
+        except OSError as error:
+            self._socket.close()
+            raise ValueError(f"port = {port}: cannot be used: {error.strerror}") from None
+        self._socket.listen(128)  # who comes before the server is up waits
+        self.port = self._socket.getsockname()[1]
+        routes = [Route("/{token}/{path:path}", self._page), WebSocketRoute("/{token}/socket", self._talk)]
+        app = _Guard(Starlette(routes=routes), self.token, self.port)
+        settings: Any = {"log_level": "critical", "ws": "websockets-sansio", "ws_max_size": LARGEST, "lifespan": "off"}
+        self._server = uvicorn.Server(uvicorn.Config(app, timeout_graceful_shutdown=1, **settings))
+        self._thread: threading.Thread | None = None
+
+    @property
+    def url(self) -> str:
+        """Where the editor is, with the token."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def run(self) -> None:
+        """Serve until stopped, in this thread."""
+        self._server.run([self._socket])
+
+    def start(self) -> None:
+        """Serve in a thread of its own, until `stop`."""
+        self._thread = threading.Thread(target=self.run, name="motorgrad-lab-server", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End serving; the session goes on."""
+        self._server.should_exit = True
+        if self._thread is not None:
+            self._thread.join(10)
+        self._socket.close()
+
+    async def _page(self, request: Any) -> Response:
+        path = request.path_params["path"] or "index.html"
+        file = (self._static / path).resolve()
+        if not file.is_relative_to(self._static.resolve()) or not file.is_file():
+            missing = path == "index.html"
+            text = "The editor's pages are not built: see CONTRIBUTING.md" if missing else "There is no such page."
+            return PlainTextResponse(text, 404, HEADERS)
+        return FileResponse(file, headers=HEADERS)
+
+    async def _talk(self, connection: WebSocket) -> None:
+        await connection.accept()
+        outbox = _Outbox(asyncio.get_running_loop())
+        end = self.session.listen(outbox.put)
+        sender = asyncio.create_task(outbox.drain(connection.send_text))
+        try:
+            while True:
+                self.session.handle(await connection.receive_text(), outbox.put)
+        except (WebSocketDisconnect, KeyError):  # gone, or it sent bytes
+            pass
+        finally:
+            end()
+            sender.cancel()
+
+
+class _Outbox:
+    """Events on their way to one client. Of a client that is slow, old samples are left out, not kept."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, most: int = 300):
+        self._loop, self._most = loop, most
+        self._events: deque[dict[str, Any]] = deque()
+        self._lock, self._there = threading.Lock(), asyncio.Event()
+
+    def put(self, event: dict[str, Any]) -> None:
+        """Take an event, in any thread."""
+        with self._lock:
+            self._events.append(event)
+            if len(self._events) > self._most:
+                kept = [each for each in self._events if each["event"] != "samples"]
+                self._events = deque(kept)
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._there.set)
+
+    async def drain(self, send: Callable[[str], Any]) -> None:
+        """Send what comes, as long as the connection lives."""
+        while True:
+            await self._there.wait()
+            self._there.clear()
+            while self._events:
+                with self._lock:
+                    event = self._events.popleft() if self._events else None
+                if event is not None:
+                    await send(json.dumps(event, ensure_ascii=False, allow_nan=False))
+
+
+class _Guard:
+    """Refuses what has not the token, or is sent by a page from elsewhere."""
+
+    def __init__(self, app: ASGIApp, token: str, port: int):
+        self._app, self._token = app, token.encode()
+        self._hosts = {f"{name}:{port}".encode() for name in (HOST, "localhost")}
+        self._origins = {b"http://" + host for host in self._hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] in ("http", "websocket") and not self._allowed(scope):
+            refusal = PlainTextResponse("Forbidden: open the whole address that `motorgrad lab` printed.", 403, HEADERS)
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close", "code": 1008})  # before it is accepted: status 403
+            else:
+                await refusal(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    def _allowed(self, scope: Scope) -> bool:
+        """The token in constant time; the host, so that no foreign name leads here; the origin, which a browser
+        always gives with a WebSocket."""
+        headers: dict[bytes, list[bytes]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.lower(), []).append(value)
+        given = scope["path"].split("/")[1].encode("utf-8", "replace")
+        origins = headers.get(b"origin", [] if scope["type"] == "http" else [b""])
+        known = hmac.compare_digest(given, self._token)
+        return known and set(headers.get(b"host", [b""])) <= self._hosts and set(origins) <= self._origins

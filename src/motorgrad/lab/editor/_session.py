@@ -1,0 +1,250 @@
+"""One piece of work: a diagram, its history and its run, which any number of clients look at and change."""
+
+import concurrent.futures
+import json
+import secrets
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from motorgrad._errors import check
+from motorgrad.lab import _files, gallery
+from motorgrad.lab._diagram import Diagram
+from motorgrad.lab._plan import problems
+from motorgrad.lab._problems import DiagramError
+from motorgrad.lab._python import to_python
+from motorgrad.lab.editor import _protocol as ask
+from motorgrad.lab.editor._autosave import Journal
+from motorgrad.lab.editor._declarations import declarations
+from motorgrad.lab.editor._document import Document
+from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
+from motorgrad.lab.editor._folder import Folder
+from motorgrad.lab.editor._views import difference, view
+
+Event = dict[str, Any]
+Send = Callable[[Event], None]
+REMEMBERED = 2000  # answers of a client, in case it did not hear them
+CLIENTS = 200
+
+
+class Session:
+    """What clients talk to; any of its methods may be called from any thread.
+
+    **Arguments:** the diagram to begin with, by default that of the `file`, or an empty one; the `file`, which need not
+    be there yet; the `folder` whose diagrams may be opened and saved to, by default the file's, or the present one;
+    where to keep unsaved work that has no file, by default among the user's states.
+    """
+
+    def __init__(
+        self,
+        diagram: Diagram | None = None,
+        file: Path | None = None,
+        folder: Path | None = None,
+        states: Path | None = None,
+    ):
+        self.id = secrets.token_hex(8)
+        self._folder = Folder(folder or (file.parent if file else Path.cwd()))
+        if diagram is None and file is not None and file.exists():
+            diagram = _files.load(file)
+            self._folder.know(file)
+        self._document = Document((diagram or Diagram()).copy(), file)
+        self._journal = Journal(file, states)
+        self._lock = threading.RLock()
+        self._listeners: dict[object, Send] = {}
+        self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
+        self._problems: Event = {"event": "problems", "revision": -1, "list": []}
+        self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
+        self._look()
+
+    @property
+    def diagram(self) -> Diagram:
+        """A copy of the diagram as it stands."""
+        return self._document.diagram.copy()
+
+    def listen(self, send: Send) -> Callable[[], None]:
+        """Have all events sent on, from whatever thread they arise in. **Returns** what ends that."""
+        key = object()
+        with self._lock:
+            self._listeners[key] = send
+
+        def end() -> None:
+            with self._lock:
+                self._listeners.pop(key, None)
+
+        return end
+
+    def handle(self, text: str, answer: Send) -> None:
+        """Do what a message asks. The answer may come later, from another thread."""
+        try:
+            client, sequence, operation = ask.read(text)
+        except ValueError as error:
+            answer(_refused(text, error))
+            return
+        with self._lock:
+            known = self._answers_of(client)
+            if sequence in known and not isinstance(operation, ask.Hello):
+                before = known[sequence]
+                if before is not None:  # otherwise it is being done
+                    answer(before)
+                return
+            known[sequence] = None
+
+            def done(error: Exception | None = None) -> None:
+                own = {"client": client, "sequence": sequence, "revision": self._document.revision}
+                known[sequence] = _answer(own, error)
+                answer(_answer(own, error))
+
+            try:
+                self._do(operation, answer)
+            except (ValueError, TypeError, OSError) as error:
+                done(error)
+            else:
+                done()
+
+    def close(self, keep: bool = True) -> None:
+        """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
+        self._aside.shutdown(cancel_futures=True)
+        with self._lock:
+            self._journal.close(keep and not self._document.saved)
+
+    def _do(self, operation: ask.Operation, answer: Send) -> None:
+        match operation:
+            case ask.Hello():
+                self._welcome(operation, answer)
+            case ask.Fragment():
+                answer({"event": "fragment", "fragment": selection(self.diagram, operation.at, operation.names)})
+            case ask.Text():
+                text = (to_python if operation.python else _files.dumps)(self._document.diagram)
+                answer({"event": "text", "text": text, "python": operation.python})
+            case ask.Files():
+                answer({"event": "files", "files": self._folder.names()})
+            case ask.Save():
+                self._save(operation)
+            case ask.Recover(drop=True):
+                self._journal.drop(operation.id)
+                self._tell(self._recoverable())
+            case _:
+                self._change(operation)
+
+    def _change(self, operation: ask.Operation) -> None:
+        """Change the document, write that down, and tell everyone."""
+        document, before = self._document, self._document.diagram
+        match operation:
+            case ask.Undo():
+                document.undo()
+            case ask.Redo():
+                document.redo()
+            case ask.New():
+                document.open(Diagram(), None)
+            case ask.Open():
+                document.open(*self._opened(operation))
+            case ask.Recover():
+                document.put(self._journal.recovered(operation.id, changed))
+            case ask.ParameterEdit():
+                document.put(changed(before, operation), operation.address, time.time())
+            case _:
+                document.put(changed(before, operation))
+        try:
+            self._journal.note(before, document.diagram, operation)
+        except OSError as error:
+            self._tell({"event": "error", "message": f"autosave: {error}"})
+        if isinstance(operation, ask.Recover):
+            self._journal.drop(operation.id)
+            self._tell(self._recoverable())
+        scopes = list(difference(before, document.diagram))
+        whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
+        self._tell(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
+        self._look()
+
+    def _opened(self, operation: ask.Open) -> tuple[Diagram, Path | None]:
+        given = [name for name in ("text", "gallery", "file") if getattr(operation, name) is not None]
+        check(len(given) == 1, "open", given, "one of text, gallery and file")
+        if operation.file is not None:
+            return self._folder.load(operation.file)
+        if operation.text is not None:
+            return _files.loads(operation.text), None
+        return gallery.example(operation.gallery or ""), None
+
+    def _save(self, operation: ask.Save) -> None:
+        file = self._document.now.file
+        name = operation.file or (file.name if file else None)
+        check(name, "file", name, "given: the diagram has none yet")
+        path = self._folder.save(self._document.diagram, name or "", operation.over)
+        self._document.mark_saved(path)
+        self._journal.saved(path)
+        self._tell({"event": "saved", **self._document.flags})
+
+    def _welcome(self, operation: ask.Hello, answer: Send) -> None:
+        """All that a client needs to know at first, or since its connection was lost."""
+        self._aside.submit(lambda: answer({"event": "declarations", **declarations()}))
+        if (operation.session, operation.revision) != (self.id, self._document.revision):
+            answer(self._whole())
+        answer(self._problems)
+        answer(self._recoverable())
+
+    def _whole(self) -> Event:
+        shown = view(self._document.diagram)
+        return {"event": "document", "session": self.id, **self._document.flags, "view": shown}
+
+    def _recoverable(self) -> Event:
+        return {"event": "recoverable", "list": self._journal.others()}
+
+    def _look(self) -> None:
+        """See what is wrong with the diagram, aside: a type of block that is new takes a while."""
+        revision, diagram = self._document.revision, self._document.diagram
+
+        def look() -> None:
+            if revision == self._document.revision:
+                found = [problem._asdict() for problem in problems(diagram)]
+                self._problems = {"event": "problems", "revision": revision, "list": found}
+                self._tell(self._problems)
+
+        self._aside.submit(look)
+
+    def _tell(self, event: Event) -> None:
+        with self._lock:
+            listeners = list(self._listeners.values())
+        for send in listeners:
+            send(event)
+
+    def _answers_of(self, client: str) -> OrderedDict[int, Event | None]:
+        known = self._answers.setdefault(client, OrderedDict())
+        self._answers.move_to_end(client)
+        while len(self._answers) > CLIENTS:
+            self._answers.popitem(last=False)
+        while len(known) > REMEMBERED:
+            known.popitem(last=False)
+        return known
+
+
+def changed(diagram: Diagram, operation: ask.Operation) -> Diagram:
+    """A diagram after an operation that needs nothing else to be known."""
+    match operation:
+        case ask.Edit():
+            return edited(diagram, operation)
+        case ask.ParameterEdit():
+            return retuned(diagram, operation.address, operation.value)
+        case ask.Freeze():
+            return frozen(diagram, operation)
+    raise ValueError(f"{operation.op}: cannot be done to a diagram alone")
+
+
+def _answer(own: Event, error: Exception | None) -> Event:
+    if error is None:
+        return {"event": "done", **own}
+    first = error.problems[0] if isinstance(error, DiagramError) else None
+    where = {} if first is None else {"path": first.path, "port": first.port}
+    return {"event": "refused", **own, "message": " ".join(str(error).splitlines()), **where}
+
+
+def _refused(text: str, error: ValueError) -> Event:
+    """The answer to a message that cannot be read: to whom it says that it is from, if it does."""
+    try:
+        data = json.loads(text)
+        own = {name: data.get(name) for name in ("client", "sequence")}
+    except (ValueError, AttributeError, RecursionError):
+        own = {}
+    return {"event": "refused", **own, "message": " ".join(str(error).splitlines())}
