@@ -22,6 +22,8 @@ from motorgrad.lab.editor._declarations import declarations
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
 from motorgrad.lab.editor._folder import Folder
+from motorgrad.lab.editor._runner import RUN, Runner
+from motorgrad.lab.editor._tree import checked_log
 from motorgrad.lab.editor._views import difference, view
 
 Event = dict[str, Any]
@@ -57,6 +59,7 @@ class Session:
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
         self._problems: Event = {"event": "problems", "revision": -1, "list": []}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
+        self._runner = Runner(self._document.diagram, self._tell)
         self._look()
 
     @property
@@ -93,11 +96,17 @@ class Session:
             known[sequence] = None
 
             def done(error: Exception | None = None) -> None:
-                own = {"client": client, "sequence": sequence, "revision": self._document.revision}
-                known[sequence] = _answer(own, error)
+                with self._lock:
+                    own = {"client": client, "sequence": sequence, "revision": self._document.revision}
+                    known[sequence] = _answer(own, error)
                 answer(_answer(own, error))
 
             try:
+                if isinstance(operation, ask.Replay):
+                    self._take_up(operation)
+                if isinstance(operation, RUN):
+                    self._runner.put(operation, done, answer)
+                    return
                 self._do(operation, answer)
             except (ValueError, TypeError, OSError) as error:
                 done(error)
@@ -107,6 +116,7 @@ class Session:
     def close(self, keep: bool = True) -> None:
         """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
         self._aside.shutdown(cancel_futures=True)
+        self._runner.close()
         with self._lock:
             self._journal.close(keep and not self._document.saved)
 
@@ -147,16 +157,21 @@ class Session:
                 document.put(changed(before, operation), operation.address, time.time())
             case _:
                 document.put(changed(before, operation))
-        try:
-            self._journal.note(before, document.diagram, operation)
-        except OSError as error:
-            self._tell({"event": "error", "message": f"autosave: {error}"})
+        self._written(before, operation)
         if isinstance(operation, ask.Recover):
             self._journal.drop(operation.id)
             self._tell(self._recoverable())
         scopes = list(difference(before, document.diagram))
         whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
         self._tell(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
+
+    def _written(self, before: Diagram, operation: ask.Operation) -> None:
+        """Write a change down, and let the run and the search for problems follow."""
+        try:
+            self._journal.note(before, self._document.diagram, operation)
+        except OSError as error:
+            self._tell({"event": "error", "message": f"autosave: {error}"})
+        self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
         self._look()
 
     def _opened(self, operation: ask.Open) -> tuple[Diagram, Path | None]:
@@ -184,6 +199,18 @@ class Session:
             answer(self._whole())
         answer(self._problems)
         answer(self._recoverable())
+        self._runner.welcome(answer)
+
+    def _take_up(self, operation: ask.Replay) -> None:
+        """Make the diagram that a log ends with the document."""
+        part = checked_log(operation.log)["parts"][-1]
+        diagram = _files.loads(part["diagram"])
+        for change in part["changes"]:
+            diagram = retuned(diagram, change["address"], change["value"])
+        before = self._document.diagram
+        self._document.open(diagram, None)
+        self._written(before, operation)
+        self._tell(self._whole())
 
     def _whole(self) -> Event:
         shown = view(self._document.diagram)

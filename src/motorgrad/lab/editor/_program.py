@@ -1,0 +1,115 @@
+"""A diagram compiled, and what tells whether another is the same but for its parameters."""
+
+import hashlib
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad.lab._diagram import Diagram
+from motorgrad.lab._files import dumps
+from motorgrad.lab._parameter import parameters_of
+from motorgrad.lab._plan import Plan, plan
+from motorgrad.lab._run import Run
+from motorgrad.lab._sink import Sink
+from motorgrad.lab._state import State
+from motorgrad.lab._verify import kind_of
+from motorgrad.lab.blocks._boundary import Outlet
+
+Values = dict[str, Any]
+
+
+class Program:
+    """A diagram in motion, which several branches take turns to use.
+
+    **Arguments:** the diagram; the seeds; the outputs to record; one `like` it, whose compiled functions it may use
+    and whose run it then takes over, at tick 0. **Raises** `DiagramError` for a diagram that cannot run.
+    """
+
+    def __init__(self, diagram: Diagram, seeds: list[int], watch: list[str], like: "Program | None" = None):
+        self.text = dumps(diagram)
+        self.diagram, self.seeds, self.watch = diagram, seeds, watch
+        self.signature = signature(diagram) if like is None else like.signature
+        if like is None:
+            known = outputs(diagram)
+            self.run = Run(diagram, seeds, watch=[address for address in watch if address in known])
+        else:
+            self.run = like.run
+        self.known = {placed.path for placed in self.run.plan.blocks}
+        """The paths of its blocks."""
+        self.fixed = next((f"{path}: {why}" for path, why in self.run.no_restore.items()), None)
+        """Why it cannot go back in time, if it cannot."""
+        if like is not None:
+            self.put(parameters(diagram))
+            self.run.reset()
+
+    def put(self, values: Values) -> None:
+        """Set parameters by address; of blocks that do not run, such as inlets with a wire, nothing is set."""
+        for address, value in values.items():
+            if address.rpartition(".")[0] in self.known:
+                self.run[address] = value
+
+    def otherwise(self, values: Values) -> Values:
+        """Those of its parameters that are not these values, to single precision."""
+        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self.known}
+        return {a: value for a, value in there.items() if not np.array_equal(np.float32(value), np.float32(values[a]))}
+
+
+def signature(diagram: Diagram) -> Any:
+    """What two diagrams have in common that differ only in parameters, layout and how sinks draw. **Raises**
+    `DiagramError`."""
+    made: Plan = plan(diagram)
+
+    def kind(block: Any) -> Any:
+        if isinstance(block, Sink):
+            return type(block), repr(dict(block.inputs))
+        return kind_of(block)
+
+    placed = [(p.path, p.identity, sorted(p.sources.items()), p.ticks, kind(p.block)) for p in made.blocks]
+    return made.tick, made.substeps, placed
+
+
+def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
+    """All blocks that are no subsystems, by path."""
+    found: dict[str, Any] = {}
+    for name, node in diagram.nodes.items():
+        if isinstance(node.block, Diagram):
+            found |= leaves(node.block, f"{prefix}{name}/")
+        else:
+            found[f"{prefix}{name}"] = node.block
+    return found
+
+
+def parameters(diagram: Diagram) -> Values:
+    """All parameters by address."""
+    return {
+        f"{path}.{name}": getattr(block, name)
+        for path, block in leaves(diagram).items()
+        for name in parameters_of(type(block))
+    }
+
+
+def outputs(diagram: Diagram) -> list[str]:
+    """The addresses of all outputs that can be watched."""
+    return [f"{placed.path}.{port}" for placed in plan(diagram).blocks for port in placed.block.outputs]
+
+
+def shown(diagram: Diagram, path: str) -> Any:
+    """The sink at a path, where it is one that draws; an outlet draws lines."""
+    block = leaves(diagram).get(path)
+    return block if isinstance(block, Sink) and not isinstance(block, Outlet) else None
+
+
+def digest(state: State) -> str:
+    """A number that two states share if they are the same bit for bit, and else hardly ever."""
+    known = hashlib.sha256()
+    for path, leaf in jax.tree_util.tree_leaves_with_path(state):
+        array = np.ascontiguousarray(leaf)
+        known.update(f"{jax.tree_util.keystr(path)} {array.dtype} {array.shape}".encode())
+        known.update(array.tobytes())
+    return known.hexdigest()
+
+
+def size_of(state: State) -> int:
+    """How many bytes a state has."""
+    return sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(state))

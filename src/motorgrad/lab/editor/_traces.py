@@ -1,0 +1,137 @@
+"""What sinks and watched outputs saw, as clients draw it: few enough points for a screen.
+
+Of each signal an event has `ticks`, when its rows are of, and `every`, how many ticks lie between samples. Of one seed,
+`rows` are the numbers, of a line the least and the greatest of every stretch; of more seeds, `low`, `median` and `high`
+are the quartiles. For pictures other than lines, `rows` has the numbers of the first `seeds` seeds side by side.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from motorgrad.lab._record import Record, sampled
+from motorgrad.lab.editor._program import Program, shown
+
+STRETCHES = 500  # in the window of a scope
+WINDOW = 10.0  # seconds, of what has none of its own
+FRAME = 100  # stretches of one signal in one event
+MOST = 1_000_000  # numbers that are kept of one signal
+RESENT = 4000  # rows of one signal that a client is sent who comes later
+SEEDS = 16  # that are shown side by side
+COLUMNS = 4096  # numbers in a row
+
+Parts = dict[str, np.ndarray]
+
+
+class Traces:
+    """What was seen in one branch."""
+
+    def __init__(self, program: Program):
+        self._program = program
+        self._kept: dict[str, list[Parts]] = {}
+        self._every: dict[str, int] = {}
+
+    def take(self, record: Record) -> dict[str, Any]:
+        """Keep what was seen. **Returns** it as clients draw it."""
+        found = {}
+        for address, signal in record.signals.items():
+            self._every[address] = record.every[address]
+            if signal.shape[1] == 0:
+                continue
+            parts = self._thinned(address, signal, record)
+            kept = self._kept.setdefault(address, [])
+            kept.append(parts)
+            self._bound(address)
+            found[address] = self._shown(address, parts)
+        return found
+
+    def all(self) -> dict[str, Any]:
+        """All that is kept, as clients draw it."""
+        found = {}
+        for address, pieces in self._kept.items():
+            parts = _joined(pieces)
+            self._kept[address] = [parts]
+            late = max(0, len(parts["ticks"]) - RESENT // 2)
+            some = np.unique(np.linspace(0, late, RESENT // 2, endpoint=False).astype(int)) if late else []
+            chosen = np.concatenate([np.asarray(some, int), np.arange(late, len(parts["ticks"]))])
+            found[address] = self._shown(address, {name: array[chosen] for name, array in parts.items()})
+        return found
+
+    def _thinned(self, address: str, signal: np.ndarray, record: Record) -> Parts:
+        """The rows that show a signal, `(seeds, samples, …)`."""
+        every, drawing = record.every[address], self._drawing(address)
+        ticks = sampled(record.first, record.ticks, every)
+        seeds, samples = signal.shape[:2]
+        numbers = signal.reshape(seeds, samples, -1)[..., :COLUMNS]
+        window = getattr(shown(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
+        stretch = max(1, round(window / record.tick / STRETCHES / every), -(-samples // FRAME))
+        if drawing != "lines":
+            seeds = 1 if drawing == "map" else min(seeds, SEEDS)
+            beside = numbers[:seeds].transpose(1, 0, 2).reshape(samples, -1)[:, :COLUMNS]
+            return _fired(ticks, beside, stretch) if drawing == "raster" else _strided(ticks, beside, stretch)
+        if seeds > 1:
+            chosen = np.arange(stretch - 1, samples, stretch) if samples >= stretch else np.array([samples - 1])
+            low, median, high = np.quantile(numbers[:, chosen].astype(float), (0.25, 0.5, 0.75), axis=0)
+            return {"ticks": ticks[chosen], "low": low, "median": median, "high": high}
+        return _extremes(ticks, numbers[0], stretch)
+
+    def _drawing(self, address: str) -> str:
+        path = address.rpartition(".")[0]
+        drawing = getattr(shown(self._program.diagram, path), "drawing", "lines")
+        return "lines" if drawing == "table" else drawing
+
+    def _shown(self, address: str, parts: Parts) -> dict[str, Any]:
+        own: dict[str, Any] = {"every": self._every[address]}
+        seeds = len(self._program.seeds)
+        if self._drawing(address) != "lines":
+            own["seeds"] = 1 if self._drawing(address) == "map" else min(seeds, SEEDS)
+        return own | {name: _plain(array) for name, array in parts.items()}
+
+    def _bound(self, address: str) -> None:
+        """Of too much, the older half is kept in half the detail."""
+        pieces = self._kept[address]
+        if sum(piece["ticks"].size * (piece[next(iter(set(piece) - {"ticks"}))].shape[-1]) for piece in pieces) <= MOST:
+            return
+        parts = _joined(pieces)
+        half = len(parts["ticks"]) // 2
+        chosen = np.concatenate([np.arange(0, half, 2), np.arange(half, len(parts["ticks"]))])
+        self._kept[address] = [{name: array[chosen] for name, array in parts.items()}]
+
+
+def _extremes(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
+    """The least and the greatest of every stretch, in the order in which they came."""
+    if stretch <= 2:
+        return {"ticks": ticks, "rows": numbers}
+    starts = np.arange(0, len(ticks), stretch)
+    least, most = np.minimum.reduceat(numbers, starts), np.maximum.reduceat(numbers, starts)
+    ends = np.append(starts[1:], len(ticks)) - 1
+    rising = numbers[ends] >= numbers[starts]
+    rows = np.stack([np.where(rising, least, most), np.where(rising, most, least)], axis=1)
+    return {"ticks": np.stack([ticks[starts], ticks[ends]], axis=1).ravel(), "rows": rows.reshape(-1, rows.shape[-1])}
+
+
+def _strided(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
+    """One sample of every stretch, its last."""
+    chosen = np.append(np.arange(stretch - 1, len(ticks) - 1, stretch), len(ticks) - 1)
+    return {"ticks": ticks[chosen], "rows": numbers[chosen]}
+
+
+def _fired(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
+    """Whether a number was not 0 in a stretch."""
+    starts = np.arange(0, len(ticks), stretch)
+    return {"ticks": ticks[starts], "rows": np.logical_or.reduceat(numbers != 0, starts).astype(np.float32)}
+
+
+def _joined(pieces: list[Parts]) -> Parts:
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _plain(array: np.ndarray) -> list[Any]:
+    """Numbers for JSON: six digits, and `null` for what is not finite."""
+    if array.dtype.kind in "iub":
+        return array.astype(int).tolist()
+
+    def short(number: float) -> float | None:
+        return float(f"{number:.6g}") if np.isfinite(number) else None
+
+    return [[short(number) for number in row] for row in array.tolist()]
