@@ -65,6 +65,7 @@ from motorgrad.lab._diagram import Diagram, Node
 from motorgrad.lab._files import dumps, load, loads, save
 from motorgrad.lab._host import Host, HostBlock, HostMoment
 from motorgrad.lab._interpreter import Interpreter
+from motorgrad.lab._linearise import Linear, linearise
 from motorgrad.lab._parameter import Parameter, Setting, parameters_of, settings_of
 from motorgrad.lab._plan import problems
 from motorgrad.lab._port import Port
@@ -74,6 +75,7 @@ from motorgrad.lab._record import Record, join
 from motorgrad.lab._registry import BLOCKS
 from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
+from motorgrad.lab._timeline import Change, Timeline, replay
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._compare import Compare, Logic, Not
 from motorgrad.lab.blocks._constant import Constant
@@ -137,6 +139,7 @@ __all__ = [
     "Backlash",
     "Block",
     "Body",
+    "Change",
     "Chirp",
     "Compare",
     "Constant",
@@ -175,6 +178,7 @@ __all__ = [
     "Lag",
     "LaggedTrace",
     "Learner",
+    "Linear",
     "Logic",
     "LookUp",
     "LookUp2D",
@@ -221,6 +225,7 @@ __all__ = [
     "Step",
     "Sum",
     "Switch",
+    "Timeline",
     "TransferFunction",
     "UniformNoise",
     "UnitDelay",
@@ -230,10 +235,12 @@ __all__ = [
     "World",
     "dumps",
     "join",
+    "linearise",
     "load",
     "loads",
     "parameters_of",
     "problems",
+    "replay",
     "save",
     "settings_of",
     "to_python",

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
@@ -16,7 +18,7 @@ from motorgrad.lab._record import Record, join, sampled
 from motorgrad.lab._sink import Sink
 from motorgrad.lab._stack import stack
 from motorgrad.lab._state import State, by_block, by_kind, check_state, misfits
-from motorgrad.lab._step import Step
+from motorgrad.lab._step import Carry, Step, Values
 from motorgrad.lab._watch import address_of, with_watched
 
 MOST_SEEDS = 1_000_000
@@ -153,6 +155,15 @@ class Run:
         mixed["last"] = {name: outputs for name, outputs in state["last"].items() if name not in fresh}
         self._put(mixed)
         return sorted(set(fresh))
+
+    def at(self, row: int) -> tuple[Step, Values, Carry]:
+        """The functions of a tick, and one seed's parameters and state, as they stand: for what differentiates them."""
+        axes = self._parameters.axes
+        values = {
+            k: {name: array if axes[k][name] is None else array[..., row] for name, array in arrays.items()}
+            for k, arrays in self._parameters.values.items()
+        }
+        return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], self._carry)
 
     def look(self) -> Record:
         """What the sinks would see at the next tick, of which nothing moves.
