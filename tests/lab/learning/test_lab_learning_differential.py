@@ -7,7 +7,7 @@ import pytest
 import motorgrad as mg
 from motorgrad import lab, learning, policies
 from motorgrad.lab.gallery import learner
-from motorgrad.training import AgentSettings
+from motorgrad.training import AgentSettings, stepper_of
 
 SEEDS = [3, 4, 11]
 
@@ -18,8 +18,6 @@ def flat(policy):
 
 
 def stepper(task, agent, seeds=SEEDS):
-    from motorgrad.training._train import stepper_of
-
     return stepper_of(task, agent, seeds)
 
 
@@ -79,8 +77,9 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
+QUICK_RULE = "adam, a fixed step of the baseline"
 RULES = {
-    "adam, a fixed step of the baseline": (
+    QUICK_RULE: (
         {"ascent": "adam", "rate": 0.01, "baseline": "fixed-step", "baseline_rate": 0.05, "decay": 0.8},
         {"baseline": lab.FixedStepBaseline(0.05), "ascent": lab.Adam(rate=0.01, size=4)},
     ),
@@ -91,7 +90,9 @@ RULES = {
 }
 
 
-@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize(
+    "name", [QUICK_RULE, *(pytest.param(n, marks=pytest.mark.slow) for n in RULES if n != QUICK_RULE)]
+)
 def test_other_baselines_and_ascents_are_the_librarys(name):
     settings, parts = RULES[name]
     task = mg.make("three-state")
@@ -135,7 +136,9 @@ LEARNERS = {
 }
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize(
+    "name", ["olgarb", *(pytest.param(n, marks=pytest.mark.slow) for n in LEARNERS if n != "olgarb")]
+)
 def test_a_whole_learner_in_one_block_is_the_librarys(name):
     task = mg.make("three-state")
     theirs = stepper(task, AgentSettings(**LEARNERS[name]).agent(task))
