@@ -66,7 +66,7 @@ class Body(HostTaskBlock):
     there are processors.
 
     It shows an observation; the action on it moves the body until the next tick, which then shows what was paid. A tick
-    of the diagram is a decision; it should be as long as the task's `period`.
+    of the block is a decision, and as long as the task's `period`.
     """
 
     name: ClassVar[str] = "body"

@@ -42,8 +42,8 @@ class MujocoModel(HostBlock):
     are called by their number. `qpos` and `qvel` are all positions and velocities. Where `reset` is true it is back at
     its start at the next tick; so it is, with `diverged`, where the simulation breaks.
 
-    Seeds are stepped together, on as many threads as there are processors. `substeps` of the model's time step make a
-    tick: they should be as long as it.
+    Seeds are stepped together, on as many threads as there are processors. A tick of the block has a whole number
+    of the model's time steps.
     """
 
     name: ClassVar[str] = "mujoco model"
@@ -51,15 +51,12 @@ class MujocoModel(HostBlock):
 
     xml: Annotated[str, Setting("the model as MJCF, where there is no file")] = PENDULUM
     file: Annotated[str, Setting("an MJCF or URDF file, in place of `xml`; it may refer to meshes beside it")] = ""
-    substeps: Annotated[int, Setting("steps of the model in a tick of the block")] = 5
     keyframe: Annotated[str, Setting("the name of the keyframe that it starts in; none for the model's own start")] = ""
 
     def validate(self) -> None:
         for name in ("xml", "file", "keyframe"):
             check(isinstance(getattr(self, name), str), name, getattr(self, name), "a text")
         check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
-        whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)
-        check(whole and 1 <= self.substeps <= 100_000, "substeps", self.substeps, "a whole number in 1 … 100000")
         if self.keyframe:
             choice("keyframe", self.keyframe, [self.model.key(i).name for i in range(self.model.nkey)])
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -108,7 +105,7 @@ class MujocoModel(HostBlock):
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> MujocoHost:
         names = [self.model.key(i).name for i in range(self.model.nkey)]
         key = names.index(self.keyframe) if self.keyframe else -1
-        return MujocoHost(self.model, len(seeds), self.substeps, key, self.actuators, self.sensors, threads)
+        return MujocoHost(self.model, len(seeds), key, self.actuators, self.sensors, threads)
 
     def __reduce__(self) -> tuple[Any, ...]:  # the compiled model stays behind
         return _again, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
