@@ -62,6 +62,7 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
 
 from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
 from motorgrad.lab._diagram import Diagram, Node
+from motorgrad.lab._environment import DiagramEnv, DiagramPolicy
 from motorgrad.lab._files import dumps, load, loads, save
 from motorgrad.lab._host import Host, HostBlock, HostMoment
 from motorgrad.lab._interpreter import Interpreter
@@ -75,6 +76,7 @@ from motorgrad.lab._record import Record, join
 from motorgrad.lab._registry import BLOCKS
 from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
+from motorgrad.lab._subsystem import cut, group
 from motorgrad.lab._timeline import Change, Timeline, replay
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._compare import Compare, Logic, Not
@@ -149,7 +151,9 @@ __all__ = [
     "DeadZone",
     "Delay",
     "Diagram",
+    "DiagramEnv",
     "DiagramError",
+    "DiagramPolicy",
     "DiscreteIntegrator",
     "DiscreteLag",
     "DiscretePID",
@@ -233,7 +237,9 @@ __all__ = [
     "WeightDecay",
     "WindowTrace",
     "World",
+    "cut",
     "dumps",
+    "group",
     "join",
     "linearise",
     "load",
