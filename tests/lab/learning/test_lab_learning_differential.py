@@ -6,6 +6,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
+from motorgrad.lab.blocks.worlds._body import BODIES
 from motorgrad.lab.gallery import learner
 from motorgrad.training import AgentSettings, stepper_of
 
@@ -170,3 +171,26 @@ def test_a_block_beside_changes_no_number():
     made.add("noise", lab.BLOCKS["uniform noise"](shape=(1,)))
     made.connect("noise", "beside.observation")
     np.testing.assert_array_equal(learnt(made, 50), alone)
+
+
+CHANCE = ("hexapod-stride",)
+"""Tasks that draw numbers of their own, for which training has other streams than a block."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in BODIES if n not in CHANCE])
+def test_any_body_leads_a_learner_to_where_training_does(name):
+    task = mg.make(name)
+    policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
+    settings = {"policy": policy, "decay": 0.9, "rate": 1e-3, "baseline": "none"}
+    assert task.uniforms == task.init_uniforms == 0
+    theirs = stepper(task, AgentSettings(**settings).agent(task))
+    theirs.advance(40)
+    made = lab.Diagram(tick=task.period)
+    made.add("world", lab.Body(name))
+    made.add("policy", lab.Learner(task.observation_size, task.action_size, settings))
+    for port in ("observation", "reward", "next_observation", "terminated", "truncated", "valid"):
+        made.connect(f"world.{port}", f"policy.{port}")
+    made.connect("policy.action", "world.action")
+    ours = learnt(made, 40)
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=1e-3, atol=1e-4)

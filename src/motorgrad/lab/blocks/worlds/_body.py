@@ -41,6 +41,10 @@ class HostTaskBlock(HostBlock):
 
     @property
     def outputs(self) -> Ports:
+        return self._outputs
+
+    @functools.cached_property
+    def _outputs(self) -> Ports:  # asked for at every tick
         return scene_ports(self.made)
 
     @property

@@ -97,6 +97,10 @@ class MujocoModel(HostBlock):
 
     @property
     def outputs(self) -> Ports:
+        return self._outputs
+
+    @functools.cached_property
+    def _outputs(self) -> Ports:  # asked for at every tick
         sizes = {name: part.stop - part.start for name, part in self.sensors.items()}
         sensors = {name: Port(() if size == 1 else (size,)) for name, size in sizes.items()}
         state = {name: Port((size,)) for name, size in (("qpos", self.model.nq), ("qvel", self.model.nv)) if size}
