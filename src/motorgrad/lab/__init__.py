@@ -131,9 +131,11 @@ from motorgrad.lab.blocks.learning import (
     WindowTrace,
 )
 from motorgrad.lab.blocks.worlds import Body, Environment, MujocoModel, MuscleLaw, World
+from motorgrad.lab.gallery import GALLERY, example
 
 __all__ = [
     "BLOCKS",
+    "GALLERY",
     "PID",
     "Adam",
     "AdvantageScale",
@@ -239,6 +241,7 @@ __all__ = [
     "World",
     "cut",
     "dumps",
+    "example",
     "group",
     "join",
     "linearise",

@@ -76,6 +76,11 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
         ({"xml": ""}, "xml: MuJoCo cannot read it"),
         ({"xml": 3}, "xml = 3: must be a text"),
         ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an MJCF file that is there"),
+        (
+            {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
+            "xml: memory = 53687091200: must be at most",
+        ),
+        ({"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")}, "copies of a part = 1"),
         ({"xml": CART, "keyframe": "awya"}, "did you mean 'away'"),
         ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be another than reset"),
     ],

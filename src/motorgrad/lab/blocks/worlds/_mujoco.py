@@ -5,7 +5,6 @@
 
 import dataclasses
 import functools
-from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import mujoco
@@ -13,14 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, choice
-from motorgrad.bodies import compile_model
 from motorgrad.lab._block import Ports
 from motorgrad.lab._host import HostBlock
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.worlds._mjcf import read_model
 from motorgrad.lab.blocks.worlds._mujoco_host import MujocoHost
 
-LONGEST = 1_000_000  # characters
 PENDULUM = """
 <mujoco model="pendulum">
   <option timestep="0.002"/>
@@ -56,7 +54,6 @@ class MujocoModel(HostBlock):
     def validate(self) -> None:
         for name in ("xml", "file", "keyframe"):
             check(isinstance(getattr(self, name), str), name, getattr(self, name), "a text")
-        check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
         if self.keyframe:
             choice("keyframe", self.keyframe, [self.model.key(i).name for i in range(self.model.nkey)])
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -66,14 +63,7 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
-        where = f"file = {self.file!r}" if self.file else "xml"
-        if self.file:
-            check(Path(self.file).is_file(), "file", self.file, "an MJCF file that is there")
-        try:
-            spec = mujoco.MjSpec.from_file(self.file) if self.file else mujoco.MjSpec.from_string(self.xml)
-            return compile_model(spec)
-        except (ValueError, UnicodeDecodeError, mujoco.FatalError) as error:
-            raise ValueError(f"{where}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+        return read_model(self.xml, self.file)
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from motorgrad.lab._host import Host, HostMoment
 _WARNING = mujoco.mjtWarning
 # MuJoCo resets a simulation in which one of these is found, with nothing but a counter to show for it.
 _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
+MOST_STEPS = 100_000  # of a tick
 _STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -91,6 +92,7 @@ class MujocoHost(Host):
 def steps_in(name: str, length: float, step: float) -> int:
     """How many time steps of a simulation a tick has. **Raises** `ValueError` unless they are a whole number."""
     steps = round(length / step)
-    whole = steps >= 1 and abs(length / step - steps) <= 1e-6 * steps
-    check(whole, name, length, f"a whole number of the time steps of the simulation, {step:g} s")
+    whole = 1 <= steps <= MOST_STEPS and abs(length / step - steps) <= 1e-6 * steps
+    wanted = f"a whole number of the time steps of the simulation, {step:g} s, and at most {MOST_STEPS}"
+    check(whole, name, length, wanted)
     return steps
