@@ -78,6 +78,23 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
+@pytest.mark.parametrize("fit", ["td", pytest.param("least-squares", marks=pytest.mark.slow)])
+def test_a_critic_is_the_librarys(fit):
+    task = mg.make("chain", time_limit=9)
+    settings = {"critic": fit, "critic_discount": 0.9, "critic_rate": 0.01, "decay": 0.8, "rate": 0.1}
+    theirs = stepper(task, AgentSettings(policy="softmax", **settings).agent(task))
+    theirs.advance(300)
+    world = lab.World("chain", {"time_limit": 9})
+    critic = lab.Critic(task.observation_size, fit, 0.9, rate=0.01)
+    made = lab.Diagram(tick=1.0)
+    learner(made, lab.Softmax(2, task.observation_size), world, 0.8, baseline=critic, rate=0.1)
+    for port in ("observation", "next_observation", "terminated", "ended"):
+        made.connect(f"world.{port}", f"baseline.{port}")
+    ours = learnt(made, 300)
+    assert np.abs(ours).max() > 0.02
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
+
+
 QUICK_RULE = "adam, a fixed step of the baseline"
 RULES = {
     QUICK_RULE: (
