@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_lab_learning_differential import flat, stepper
+from learning_diagrams import flat, stepper
 
 import motorgrad as mg
 from motorgrad import lab

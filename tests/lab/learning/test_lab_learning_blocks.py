@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from motorgrad import lab, learning, policies
 from motorgrad.lab._stack import stack
@@ -75,7 +76,7 @@ def test_units_act_score_and_step_as_their_policy():
         )
         seen, action = record["seen.y"][1, tick], jnp.asarray(record["units.action"][1, tick])
         np.testing.assert_allclose(record["units.probability"][1, tick], moved.prob(seen), rtol=1e-4)
-        score = jax.flatten_util.ravel_pytree(moved.score(seen, action))[0]
+        score = ravel_pytree(moved.score(seen, action))[0]
         np.testing.assert_allclose(record["units.score"][1, tick], score, rtol=1e-4, atol=1e-5)
         np.testing.assert_array_equal(record["same.action"][1, tick], moved.mode(seen))
     assert 0 < record["units.action"].mean() < 1

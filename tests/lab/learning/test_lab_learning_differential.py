@@ -1,39 +1,15 @@
 """Learning diagrams against the library's own training: the same numbers lead to the same parameters."""
 
-import jax
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
+from learning_diagrams import diagram_of, flat, learnt, stepper
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
 from motorgrad.lab.blocks.worlds._body import BODIES
 from motorgrad.lab.gallery import learner
-from motorgrad.training import AgentSettings, stepper_of
-
-SEEDS = [3, 4, 11]
-
-
-def flat(policy):
-    """Parameters of many seeds as the wires have them, `(seeds, parameters)`."""
-    return np.asarray(jax.vmap(lambda each: jax.flatten_util.ravel_pytree(policies.trainable(each))[0])(policy))
-
-
-def stepper(task, agent, seeds=SEEDS):
-    return stepper_of(task, agent, seeds)
-
-
-def diagram_of(units, world, decay, **settings):
-    made = lab.Diagram(tick=1.0)
-    learner(made, units, world, decay, **settings)
-    return made
-
-
-def learnt(diagram, decisions, seeds=SEEDS, begin=None):
-    """Parameters once so many decisions were learnt from: what acts at the tick of that number."""
-    run = lab.Run(diagram, seeds, watch=["policy.parameters"])
-    if begin is not None:
-        run.restore(begin(run.state))
-    return run.advance(decisions + 1)["policy.parameters"][:, -1]
+from motorgrad.training import AgentSettings
 
 
 def test_olgarb_on_the_three_state_world_is_the_librarys():
@@ -62,7 +38,7 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
     theirs.advance(900)
     units = lab.Motoneurons(4, threshold=(0.2, 0.4, 0.6, 0.8), gain=0.5)
     ours = learnt(diagram_of(units, lab.World("linear-recruitment"), 0.0, rate=2e-4), 900, begin=begin)
-    moved = ours - jax.flatten_util.ravel_pytree(policies.trainable(start))[0]
+    moved = ours - ravel_pytree(policies.trainable(start))[0]
     assert np.abs(moved).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 

@@ -21,8 +21,8 @@ class Critic(Block):
     r"""A value function that is linear in the inputs, learnt from rewards; in place of a baseline.
 
     Its `error` is a temporal difference, $\delta = r - \rho + \gamma\,v(y') - v(y)$
-    (`motorgrad.learning.LinearCritic`). Give the trace a decay of $\gamma\lambda$ for generalised advantages. `observation` is what the next action is
-    chosen on, `next_observation` what the last one led to, before any reset.
+    (`motorgrad.learning.LinearCritic`). Give the trace a decay of $\gamma\lambda$ for generalised advantages.
+    `observation` is what the next action is chosen on, `next_observation` what the last one led to, before any reset.
     """
 
     name: ClassVar[str] = "critic"
