@@ -90,10 +90,18 @@ def _fields(title: str, kind: type[Block], declared: Any, told: Any) -> list[str
     if not declared:
         return []
     usual = {field.name: field.default for field in dataclasses.fields(kind)}
-    lines = [f"## {title}", "", "| | at first | may be | |", "|---|---|---|---|"]
+    limits = {name: _cell(told(part)) for name, part in declared.items()}
+    some = any(limits.values())
+    lines = [
+        f"## {title}",
+        "",
+        f"| | at first |{' may be |' if some else ''} |",
+        f"|---|---|{'---|' if some else ''}---|",
+    ]
     for name, part in declared.items():
         first = "must be given" if usual[name] is dataclasses.MISSING else f"`{usual[name]!r}`"
-        lines.append(f"| `{name}` | {_cell(first)} | {_cell(told(part))} | {_cell(part.help)} |")
+        cells = [f"`{name}`", _cell(first), *([limits[name]] if some else []), _cell(part.help)]
+        lines.append(f"| {' | '.join(cells)} |")
     return [*lines, ""]
 
 
