@@ -14,6 +14,7 @@ from motorgrad.lab._host_loop import HostLoop
 from motorgrad.lab._loop import Loop
 from motorgrad.lab._parameters import Parameters
 from motorgrad.lab._plan import plan
+from motorgrad.lab._program import program
 from motorgrad.lab._record import Record, join, sampled
 from motorgrad.lab._sink import Sink
 from motorgrad.lab._stack import stack
@@ -56,17 +57,14 @@ class Run:
         self._threads = threads
         self._stacks = stack(self.plan, stacked)
         self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
-        step = Step(self._stacks)
-        on_host = any(isinstance(kind.block, HostBlock) for kind in self._stacks.kinds)
-        self._loop = (HostLoop if on_host else Loop)(step, self.seeds, self._parameters.axes)
+        self._loop = program(self._stacks, self.seeds, self._parameters.axes)
         self._begin()
-        if isinstance(self._loop, Loop):
-            self._loop.start(self._parameters.values, self._carry)
 
     def _begin(self) -> None:
-        self._carry = self._loop.init(self._parameters.values, self.seeds)
+        values, loop = self._parameters.values, self._loop
+        self._carry = loop.init(values, self.seeds)
         self._hosts: dict[int, Host] = (
-            self._loop.hosts(self.seeds, self._threads) if isinstance(self._loop, HostLoop) else {}
+            loop.hosts(values, self.seeds, self._threads) if isinstance(loop, HostLoop) else {}
         )
         self._last: dict[int, dict[str, np.ndarray]] = {}
 
