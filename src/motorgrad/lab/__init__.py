@@ -62,9 +62,11 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
 
 from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
 from motorgrad.lab._diagram import Diagram, Node
+from motorgrad.lab._environment import DiagramEnv, DiagramPolicy
 from motorgrad.lab._files import dumps, load, loads, save
 from motorgrad.lab._host import Host, HostBlock, HostMoment
 from motorgrad.lab._interpreter import Interpreter
+from motorgrad.lab._linearise import Linear, linearise
 from motorgrad.lab._parameter import Parameter, Setting, parameters_of, settings_of
 from motorgrad.lab._plan import problems
 from motorgrad.lab._port import Port
@@ -74,6 +76,8 @@ from motorgrad.lab._record import Record, join
 from motorgrad.lab._registry import BLOCKS
 from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
+from motorgrad.lab._subsystem import cut, group
+from motorgrad.lab._timeline import Change, Timeline, replay
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._compare import Compare, Logic, Not
 from motorgrad.lab.blocks._constant import Constant
@@ -109,6 +113,7 @@ from motorgrad.lab.blocks.learning import (
     AdvantageScale,
     Ascent,
     ConstantBaseline,
+    Critic,
     EligibilityTrace,
     EpisodicTrace,
     FixedStepBaseline,
@@ -127,9 +132,11 @@ from motorgrad.lab.blocks.learning import (
     WindowTrace,
 )
 from motorgrad.lab.blocks.worlds import Body, Environment, MujocoModel, MuscleLaw, World
+from motorgrad.lab.gallery import GALLERY, example
 
 __all__ = [
     "BLOCKS",
+    "GALLERY",
     "PID",
     "Adam",
     "AdvantageScale",
@@ -137,16 +144,20 @@ __all__ = [
     "Backlash",
     "Block",
     "Body",
+    "Change",
     "Chirp",
     "Compare",
     "Constant",
     "ConstantBaseline",
+    "Critic",
     "Counter",
     "DataFile",
     "DeadZone",
     "Delay",
     "Diagram",
+    "DiagramEnv",
     "DiagramError",
+    "DiagramPolicy",
     "DiscreteIntegrator",
     "DiscreteLag",
     "DiscretePID",
@@ -175,6 +186,7 @@ __all__ = [
     "Lag",
     "LaggedTrace",
     "Learner",
+    "Linear",
     "Logic",
     "LookUp",
     "LookUp2D",
@@ -221,6 +233,7 @@ __all__ = [
     "Step",
     "Sum",
     "Switch",
+    "Timeline",
     "TransferFunction",
     "UniformNoise",
     "UnitDelay",
@@ -228,12 +241,17 @@ __all__ = [
     "WeightDecay",
     "WindowTrace",
     "World",
+    "cut",
     "dumps",
+    "example",
+    "group",
     "join",
+    "linearise",
     "load",
     "loads",
     "parameters_of",
     "problems",
+    "replay",
     "save",
     "settings_of",
     "to_python",

@@ -18,7 +18,9 @@ from motorgrad.lab._port import Port, checked_shape
 
 Timing = Literal["continuous", "discrete", "inherited"]
 Ports = Mapping[str, Port]
+"""Ports by name, in order."""
 Signals = dict[str, Array]
+"""What is at ports, by name."""
 
 
 class Moment(NamedTuple):

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from motorgrad.lab._block import Block
+from motorgrad.lab._flat import Placed
 from motorgrad.lab._gather import Environment
 from motorgrad.lab._host import Host, HostBlock, HostMoment
 from motorgrad.lab._step import Carry, Numbers, Step, Values
@@ -27,6 +28,9 @@ class HostLoop:
     def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
         self.step, self.seeds, self.axes = step, seeds, axes
         self.kinds = [k for k, kind in enumerate(step.kinds) if isinstance(kind.block, HostBlock)]
+        self._ticks = {k: self._placed(k).ticks for k in self.kinds}
+        outputs = {k: step.kinds[k].block.outputs for k in self.kinds}
+        self._ports = {k: [(n, port.dtype, port.shape) for n, port in outputs[k].items()] for k in self.kinds}
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
         self._stages = self._split()
         self._draw = jax.jit(jax.vmap(step.numbers, in_axes=(0, None), out_axes=-1))
@@ -37,12 +41,11 @@ class HostLoop:
         """How often a part of the tick was compiled beyond once for each part."""
         return max(call._cache_size() for call in self._calls)
 
-    def hosts(self, seeds: np.ndarray, threads: int) -> dict[int, Host]:
+    def hosts(self, values: Values, seeds: np.ndarray, threads: int) -> dict[int, Host]:
         """The hosts of all seeds before the first tick."""
         started = {}
         for k in self.kinds:
-            block, placed = self.step.kinds[k].block, self.step.plan.blocks[self.step.kinds[k].members[0]]
-            assert isinstance(block, HostBlock)
+            block, placed = self._block(k, values), self._placed(k)
             size = block.init_uniforms
             numbers = jax.vmap(lambda seed, s=placed.stream, size=size: draw_start(seed, s, size))(seeds)
             started[k] = block.start(seeds, np.asarray(numbers), threads)
@@ -64,13 +67,13 @@ class HostLoop:
         """
         seen = []
         drawn, chance, span = {}, {}, None
-        blocks = {k: self.step.kinds[k].block.bound({n: v[0] for n, v in values[k].items()}) for k in self.kinds}
+        blocks = {k: self._block(k, values) for k in self.kinds}
         for tick in range(first, first + ticks):
             if self.step.chance and tick // SPAN != span:
                 span = tick // SPAN
                 drawn = self._draw(seeds, np.uint32(span))
                 chance = {k: np.moveaxis(np.asarray(drawn[k]), -1, 1)[:, :, 0] for k in self.kinds if k in drawn}
-            due = [k for k in self.kinds if tick % self._ticks(k) == 0]
+            due = [k for k in self.kinds if tick % self._ticks[k] == 0]
             now = {k: self._now(k, tick, chance[k][tick % SPAN] if k in chance else None) for k in due}
             environment, asked, known = self.step.empty(), {}, {}
             out: Any = None
@@ -136,20 +139,24 @@ class HostLoop:
     ) -> dict[str, np.ndarray]:
         """A host's outputs, checked: it is not compiled, so nothing else would see what is wrong."""
         given = host.output(block, {name: np.array(value) for name, value in inputs.items()}, now)
-        path = self.step.plan.blocks[self.step.kinds[k].members[0]].path
         made = {}
-        for name, port in block.outputs.items():
-            value = np.array(given[name], port.dtype)
-            wanted = (len(self.seeds), *port.shape)
-            if value.shape != wanted:
-                raise ValueError(f"{path}.{name}: the host gives shape {value.shape}: must be {wanted}, seeds first")
-            made[name] = value
+        for name, kind, shape in self._ports[k]:
+            made[name] = value = np.array(given[name], kind)
+            if value.shape[1:] != shape or len(value) != len(self.seeds):
+                address, wanted = f"{self._placed(k).path}.{name}", (len(self.seeds), *shape)
+                raise ValueError(f"{address}: the host gives shape {value.shape}: must be {wanted}, seeds first")
         return made
 
-    def _ticks(self, k: int) -> int:
-        return self.step.plan.blocks[self.step.kinds[k].members[0]].ticks
+    def _block(self, k: int, values: Values) -> HostBlock:
+        """A host block with its parameters as they stand."""
+        block = self.step.kinds[k].block
+        assert isinstance(block, HostBlock)
+        return block.bound({name: rows[0] for name, rows in values[k].items()})
+
+    def _placed(self, k: int) -> Placed:
+        return self.step.plan.blocks[self.step.kinds[k].members[0]]
 
     def _now(self, k: int, tick: int, uniforms: np.ndarray | None) -> HostMoment:
         length = self.step.plan.tick
         numbers = np.zeros((len(self.seeds), 0), np.float32) if uniforms is None else uniforms
-        return HostMoment(tick, tick * length, self._ticks(k) * length, numbers)
+        return HostMoment(tick, tick * length, self._ticks[k] * length, numbers)

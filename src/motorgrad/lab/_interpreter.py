@@ -61,13 +61,21 @@ class Interpreter:
 
         **Returns** what the sinks saw, of one seed.
         """
-        first, seen = self.tick, {}
+        sinks = [placed for placed in self.plan.blocks if isinstance(placed.block, Sink)]
+        ports = {
+            address_of(placed, name): (placed.ticks, port)
+            for placed in sinks
+            for name, port in placed.block.inputs.items()
+        }
+        seen: dict[str, list[np.ndarray]] = {address: [] for address in ports}
+        first, every = self.tick, {address: spacing for address, (spacing, _) in ports.items()}
         for _ in range(ticks):
             for address, value in self._advance().items():
-                seen.setdefault(address, []).append(value)
-        sinks = [placed for placed in self.plan.blocks if isinstance(placed.block, Sink)]
-        every = {address_of(placed, port): placed.ticks for placed in sinks for port in placed.block.inputs}
-        return Record(first, ticks, self.plan.tick, {a: np.stack(values)[None] for a, values in seen.items()}, every)
+                seen[address].append(value)
+        signals = {}
+        for address, (_, port) in ports.items():
+            signals[address] = np.array(seen[address], port.dtype).reshape(1, -1, *port.shape)
+        return Record(first, ticks, self.plan.tick, signals, every)
 
     def __getitem__(self, address: str) -> Any:
         """A parameter as it stands, by its address, `"block.parameter"`."""

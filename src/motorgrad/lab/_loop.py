@@ -1,5 +1,6 @@
 """The compiled loop over ticks of a diagram without hosts, mapped over seeds, which sit last in it."""
 
+import functools
 from typing import Any
 
 import jax
@@ -29,12 +30,23 @@ class Loop:
         self._look = jax.jit(self._seen)
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
 
-    def start(self, values: Values, carry: Carry) -> None:
-        """Learn the shapes of what the sinks see, which says how many ticks one call makes."""
-        shapes = jax.eval_shape(self._seen, values, carry, self.seeds, np.uint32(0))
-        width = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(shapes))
-        self.shapes = shapes
-        self.longest = LONGEST if width == 0 else min(16384, max(SPAN, BUFFER // width))
+    @functools.cached_property
+    def longest(self) -> int:
+        """How many ticks one call makes at most: as many as what the sinks see has room for."""
+        width = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(self._shapes))
+        return LONGEST if width == 0 else min(16384, max(SPAN, BUFFER // width))
+
+    @functools.cached_property
+    def _shapes(self) -> Seen:
+        """Of what the sinks see at a tick."""
+        kinds, seeds = self.step.kinds, len(self.seeds)
+        return {
+            k: {
+                name: jax.ShapeDtypeStruct((len(kinds[k].members), *port.shape, seeds), port.dtype)
+                for name, port in kinds[k].block.inputs.items()
+            }
+            for k in self.step.sinks
+        }
 
     @property
     def compilations(self) -> int:
@@ -71,7 +83,7 @@ class Loop:
 
     def _ticks(self, values: Values, carry: Carry, seeds: Array, first: Array, stop: Array) -> tuple[Carry, Seen]:
         """Ticks `first` … `stop` − 1, a span of random numbers at a time."""
-        buffer = jax.tree.map(lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self.shapes)
+        buffer = jax.tree.map(lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self._shapes)
 
         def ticks(start: Array, stop: Array, numbers: Numbers, position: tuple[Carry, Seen]) -> tuple[Carry, Seen]:
             def body(tick: Array, position: tuple[Carry, Seen]) -> tuple[Carry, Seen]:

@@ -60,11 +60,11 @@ class Parameter:
         """What is allowed, in words that complete "must be …"."""
         if self.kind == "bool":
             return "true or false, or a list of them"
-        ends = "()" if self.open else "[]"
-        bounded = self.low > -np.inf or self.high < np.inf
-        bounds = f" in {ends[0]}{self.low:g}, {self.high:g}{ends[1]}" if bounded else ""
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{'whole' if self.kind == 'int' else 'finite'} numbers{bounds}{unit}"
+        least, most = ("above", "below") if self.open else ("at least", "at most")
+        bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
+        bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
+        numbers = f"{'whole' if self.kind == 'int' else 'finite'} numbers"
+        return ", ".join([f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
@@ -12,11 +14,12 @@ from motorgrad.lab._host_loop import HostLoop
 from motorgrad.lab._loop import Loop
 from motorgrad.lab._parameters import Parameters
 from motorgrad.lab._plan import plan
+from motorgrad.lab._program import program
 from motorgrad.lab._record import Record, join, sampled
 from motorgrad.lab._sink import Sink
 from motorgrad.lab._stack import stack
 from motorgrad.lab._state import State, by_block, by_kind, check_state, misfits
-from motorgrad.lab._step import Step
+from motorgrad.lab._step import Carry, Step, Values
 from motorgrad.lab._watch import address_of, with_watched
 
 MOST_SEEDS = 1_000_000
@@ -54,17 +57,14 @@ class Run:
         self._threads = threads
         self._stacks = stack(self.plan, stacked)
         self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
-        step = Step(self._stacks)
-        on_host = any(isinstance(kind.block, HostBlock) for kind in self._stacks.kinds)
-        self._loop = (HostLoop if on_host else Loop)(step, self.seeds, self._parameters.axes)
+        self._loop = program(self._stacks, self.seeds, self._parameters.axes)
         self._begin()
-        if isinstance(self._loop, Loop):
-            self._loop.start(self._parameters.values, self._carry)
 
     def _begin(self) -> None:
-        self._carry = self._loop.init(self._parameters.values, self.seeds)
+        values, loop = self._parameters.values, self._loop
+        self._carry = loop.init(values, self.seeds)
         self._hosts: dict[int, Host] = (
-            self._loop.hosts(self.seeds, self._threads) if isinstance(self._loop, HostLoop) else {}
+            loop.hosts(values, self.seeds, self._threads) if isinstance(loop, HostLoop) else {}
         )
         self._last: dict[int, dict[str, np.ndarray]] = {}
 
@@ -153,6 +153,15 @@ class Run:
         mixed["last"] = {name: outputs for name, outputs in state["last"].items() if name not in fresh}
         self._put(mixed)
         return sorted(set(fresh))
+
+    def at(self, row: int) -> tuple[Step, Values, Carry]:
+        """The functions of a tick, and one seed's parameters and state, as they stand: for what differentiates them."""
+        axes = self._parameters.axes
+        values = {
+            k: {name: array if axes[k][name] is None else array[..., row] for name, array in arrays.items()}
+            for k, arrays in self._parameters.values.items()
+        }
+        return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], self._carry)
 
     def look(self) -> Record:
         """What the sinks would see at the next tick, of which nothing moves.

@@ -105,11 +105,10 @@ def _schedule(plan: Plan, signatures: Sequence[Any]) -> list[list[int]]:
     groups = []
     while ready:
 
-        def worth(signature: Any) -> tuple[bool, bool, int]:
-            first = ready[signature][0]
-            host = isinstance(plan.blocks[first].block, HostBlock)
-            early = host and not feeds(plan.blocks[first])
-            return early or not host, len(ready[signature]) == left[signature], len(ready[signature])
+        def worth(signature: Any) -> tuple[int, bool, int]:
+            first = plan.blocks[ready[signature][0]]
+            kind = 1 if not isinstance(first.block, HostBlock) else 0 if feeds(first) else 2
+            return kind, len(ready[signature]) == left[signature], len(ready[signature])
 
         best = max(ready, key=worth)
         group = ready.pop(best)

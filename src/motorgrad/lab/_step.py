@@ -38,7 +38,7 @@ class Step:
         self.pure = [k for k, kind in enumerate(self.kinds) if not isinstance(kind.block, HostBlock)]
         self.sinks = [k for k in self.pure if isinstance(self.kinds[k].block, Sink)]
         self.chance = [k for k, kind in enumerate(self.kinds) if kind.block.uniforms]
-        self._movers = [k for k in self.pure if self.kinds[k].block.is_continuous]
+        self.movers = [k for k in self.pure if self.kinds[k].block.is_continuous]
         self._updating = [k for k in self.pure if type(self.kinds[k].block).update is not Block.update]
         self._streams = [np.array([self._placed(i).stream for i in kind.members], np.uint32) for kind in self.kinds]
         self._ticks = [np.array([self._placed(i).ticks for i in kind.members], np.uint32) for kind in self.kinds]
@@ -80,7 +80,7 @@ class Step:
         environment = list(before)
         for b in batches:
             k, rows = self._rows(b)
-            given = self._output(b, values, carry.states[k], self._now(k, tick, self._time(tick), numbers), environment)
+            given = self._output(b, values, carry.states[k], self._now(k, tick, self.time(tick), numbers), environment)
             if self.kinds[k].held:
                 due, kept = self._due(k, tick)[rows], carry.held[k]
                 given = {name: _where(due, new, kept[name][rows]) for name, new in given.items()}
@@ -90,10 +90,10 @@ class Step:
     def finish(self, values: Values, carry: Carry, tick: Any, numbers: Numbers, environment: Environment) -> Carry:
         """The state after the tick, all outputs being known."""
         states = dict(carry.states)
-        if self._movers:
+        if self.movers:
             states |= self._integrated(values, carry, tick, numbers, environment)
         for k in self._updating:
-            now = self._now(k, tick, self._time(tick), numbers)
+            now = self._now(k, tick, self.time(tick), numbers)
             after = self._apply("update", k, values[k], states[k], self._inputs(k, environment), now)
             after = jax.tree.map(lambda new, old: new.astype(old.dtype), after, states[k])
             if self.kinds[k].held:
@@ -115,27 +115,38 @@ class Step:
         wires = {name: g for name, g in self._wires[k].items() if g.port.feedthrough or not feedthrough}
         return {name: gather(environment)[0] for name, gather in wires.items()}
 
+    def slopes(
+        self,
+        movers: dict[int, Any],
+        values: Values,
+        carry: Carry,
+        tick: Any,
+        time: Any,
+        numbers: Numbers,
+        environment: Environment,
+    ) -> dict[int, Any]:
+        """The rates of change of the continuous states `movers`, by kind; what does not move is held as in
+        `environment`."""
+        there = list(environment)
+        for b, batch in enumerate(self.stacks.batches):
+            k = batch.kind
+            if self.kinds[k].moving:
+                state = movers.get(k, carry.states[k])
+                there[b] = self._output(b, values, state, self._now(k, tick, time, numbers), there)
+        return {
+            k: self._apply("derivative", k, values[k], state, self._inputs(k, there), self._now(k, tick, time, numbers))
+            for k, state in movers.items()
+        }
+
     def _integrated(
         self, values: Values, carry: Carry, tick: Any, numbers: Numbers, environment: Environment
     ) -> dict[int, Any]:
-        """The continuous states at the end of the tick; what does not move is held as in `environment`."""
-        moving = [b for b, batch in enumerate(self.stacks.batches) if self.kinds[batch.kind].moving]
+        """The continuous states at the end of the tick."""
 
         def slope(movers: dict[int, Any], time: Any) -> dict[int, Any]:
-            there = list(environment)
-            for b in moving:
-                k = self.stacks.batches[b].kind
-                there[b] = self._output(
-                    b, values, movers.get(k, carry.states[k]), self._now(k, tick, time, numbers), there
-                )
-            return {
-                k: self._apply(
-                    "derivative", k, values[k], state, self._inputs(k, there), self._now(k, tick, time, numbers)
-                )
-                for k, state in movers.items()
-            }
+            return self.slopes(movers, values, carry, tick, time, numbers, environment)
 
-        start, time, substeps = {k: carry.states[k] for k in self._movers}, self._time(tick), self.plan.substeps
+        start, time, substeps = {k: carry.states[k] for k in self.movers}, self.time(tick), self.plan.substeps
         step = self.plan.tick / substeps
         if substeps == 1:
             return rk4(slope, start, time, step)
@@ -178,7 +189,8 @@ class Step:
         step = jnp.asarray(self._ticks[k] * self.plan.tick, real)
         return Moment(tick, time, step, numbers.get(k, jnp.zeros((rows, 0))))
 
-    def _time(self, tick: Any) -> Any:
+    def time(self, tick: Any) -> Any:
+        """Seconds since the start."""
         return tick.astype(jnp.result_type(float)) * self.plan.tick
 
     def _due(self, k: int, tick: Any) -> Array:

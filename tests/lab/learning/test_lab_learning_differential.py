@@ -1,40 +1,15 @@
 """Learning diagrams against the library's own training: the same numbers lead to the same parameters."""
 
-import jax
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
+from learning_diagrams import diagram_of, flat, learnt, stepper
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
+from motorgrad.lab.blocks.worlds._body import BODIES
 from motorgrad.lab.gallery import learner
 from motorgrad.training import AgentSettings
-
-SEEDS = [3, 4, 11]
-
-
-def flat(policy):
-    """Parameters of many seeds as the wires have them, `(seeds, parameters)`."""
-    return np.asarray(jax.vmap(lambda each: jax.flatten_util.ravel_pytree(policies.trainable(each))[0])(policy))
-
-
-def stepper(task, agent, seeds=SEEDS):
-    from motorgrad.training._train import stepper_of
-
-    return stepper_of(task, agent, seeds)
-
-
-def diagram_of(units, world, decay, **settings):
-    made = lab.Diagram(tick=1.0)
-    learner(made, units, world, decay, **settings)
-    return made
-
-
-def learnt(diagram, decisions, seeds=SEEDS, begin=None):
-    """Parameters once so many decisions were learnt from: what acts at the tick of that number."""
-    run = lab.Run(diagram, seeds, watch=["policy.parameters"])
-    if begin is not None:
-        run.restore(begin(run.state))
-    return run.advance(decisions + 1)["policy.parameters"][:, -1]
 
 
 def test_olgarb_on_the_three_state_world_is_the_librarys():
@@ -63,7 +38,7 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
     theirs.advance(900)
     units = lab.Motoneurons(4, threshold=(0.2, 0.4, 0.6, 0.8), gain=0.5)
     ours = learnt(diagram_of(units, lab.World("linear-recruitment"), 0.0, rate=2e-4), 900, begin=begin)
-    moved = ours - jax.flatten_util.ravel_pytree(policies.trainable(start))[0]
+    moved = ours - ravel_pytree(policies.trainable(start))[0]
     assert np.abs(moved).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
@@ -79,8 +54,26 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
+@pytest.mark.parametrize("fit", ["td", pytest.param("least-squares", marks=pytest.mark.slow)])
+def test_a_critic_is_the_librarys(fit):
+    task = mg.make("chain", time_limit=9)
+    settings = {"critic": fit, "critic_discount": 0.9, "critic_rate": 0.01, "decay": 0.8, "rate": 0.1}
+    theirs = stepper(task, AgentSettings(policy="softmax", **settings).agent(task))
+    theirs.advance(300)
+    world = lab.World("chain", {"time_limit": 9})
+    critic = lab.Critic(task.observation_size, fit, 0.9, rate=0.01)
+    made = lab.Diagram(tick=1.0)
+    learner(made, lab.Softmax(2, task.observation_size), world, 0.8, baseline=critic, rate=0.1)
+    for port in ("observation", "next_observation", "terminated", "ended"):
+        made.connect(f"world.{port}", f"baseline.{port}")
+    ours = learnt(made, 300)
+    assert np.abs(ours).max() > 0.02
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
+
+
+QUICK_RULE = "adam, a fixed step of the baseline"
 RULES = {
-    "adam, a fixed step of the baseline": (
+    QUICK_RULE: (
         {"ascent": "adam", "rate": 0.01, "baseline": "fixed-step", "baseline_rate": 0.05, "decay": 0.8},
         {"baseline": lab.FixedStepBaseline(0.05), "ascent": lab.Adam(rate=0.01, size=4)},
     ),
@@ -91,7 +84,9 @@ RULES = {
 }
 
 
-@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize(
+    "name", [QUICK_RULE, *(pytest.param(n, marks=pytest.mark.slow) for n in RULES if n != QUICK_RULE)]
+)
 def test_other_baselines_and_ascents_are_the_librarys(name):
     settings, parts = RULES[name]
     task = mg.make("three-state")
@@ -135,7 +130,9 @@ LEARNERS = {
 }
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize(
+    "name", ["olgarb", *(pytest.param(n, marks=pytest.mark.slow) for n in LEARNERS if n != "olgarb")]
+)
 def test_a_whole_learner_in_one_block_is_the_librarys(name):
     task = mg.make("three-state")
     theirs = stepper(task, AgentSettings(**LEARNERS[name]).agent(task))
@@ -167,3 +164,26 @@ def test_a_block_beside_changes_no_number():
     made.add("noise", lab.BLOCKS["uniform noise"](shape=(1,)))
     made.connect("noise", "beside.observation")
     np.testing.assert_array_equal(learnt(made, 50), alone)
+
+
+CHANCE = ("hexapod-stride",)
+"""Tasks that draw numbers of their own, for which training has other streams than a block."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in BODIES if n not in CHANCE])
+def test_any_body_leads_a_learner_to_where_training_does(name):
+    task = mg.make(name)
+    policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
+    settings = {"policy": policy, "decay": 0.9, "rate": 1e-3, "baseline": "none"}
+    assert task.uniforms == task.init_uniforms == 0
+    theirs = stepper(task, AgentSettings(**settings).agent(task))
+    theirs.advance(40)
+    made = lab.Diagram(tick=task.period)
+    made.add("world", lab.Body(name))
+    made.add("policy", lab.Learner(task.observation_size, task.action_size, settings))
+    for port in ("observation", "reward", "next_observation", "terminated", "truncated", "valid"):
+        made.connect(f"world.{port}", f"policy.{port}")
+    made.connect("policy.action", "world.action")
+    ours = learnt(made, 40)
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=1e-3, atol=1e-4)

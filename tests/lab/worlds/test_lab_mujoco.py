@@ -32,7 +32,7 @@ def driven(block, ticks, tick, watch, **levels):
 
 def test_it_moves_as_mujoco_does():
     record = driven(
-        lab.MujocoModel(CART, substeps=4, keyframe="away"), 30, 0.02, ["place", "sensor 1", "qvel"], one=0.7, second=0.1
+        lab.MujocoModel(CART, keyframe="away"), 30, 0.02, ["place", "sensor 1", "qvel"], one=0.7, second=0.1
     )
     model = mujoco.MjModel.from_xml_string(CART)
     data = mujoco.MjData(model)
@@ -76,7 +76,11 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
         ({"xml": ""}, "xml: MuJoCo cannot read it"),
         ({"xml": 3}, "xml = 3: must be a text"),
         ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an MJCF file that is there"),
-        ({"substeps": 0}, "substeps = 0"),
+        (
+            {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
+            "xml: memory = 53687091200: must be at most",
+        ),
+        ({"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")}, "copies of a part = 1"),
         ({"xml": CART, "keyframe": "awya"}, "did you mean 'away'"),
         ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be another than reset"),
     ],
@@ -116,3 +120,14 @@ def test_the_muscle_law_is_the_bodies():
     diagram.connect("clock", "clock")
     tension = lab.Run(diagram, 1, watch=["muscle.tension"]).advance(1)["muscle.tension"][0, 0]
     np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
+
+
+def test_a_tick_that_no_steps_make_up_is_refused():
+    with pytest.raises(ValueError, match=r"tick = 0\.003: must be a whole number of the time steps"):
+        driven(lab.MujocoModel(), 1, 0.003, ["angle"])
+    diagram = lab.Diagram(tick=0.02)
+    diagram.add("hopper", lab.Body("hopper"))
+    diagram.add("rest", lab.Constant(0.0, (2,)))
+    diagram.connect("rest", "hopper.action")
+    with pytest.raises(ValueError, match=r"tick of the block = 0\.02: must be a decision of the task, 0\.01 s"):
+        lab.Run(diagram, 1).advance(1)

@@ -68,7 +68,10 @@ def by_hand(task, seed, actions):
     return [np.asarray(part) for part in zip(*shown, strict=True)]
 
 
-@pytest.mark.parametrize("name", NAMES)
+QUICK = ("chain", "linear-recruitment")
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES])
 def test_a_world_shows_what_the_task_says(name):
     settings = SETTINGS.get(name, {})
     task = mg.make(name, **settings)

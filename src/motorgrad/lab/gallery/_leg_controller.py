@@ -22,9 +22,10 @@ def leg_controller() -> Diagram:
         title="Tripod leg controller",
         comment="A leg for each tripod of a hexapod, driven by a state machine as in figure 5.7 of the thesis: in "
         "stance it pushes back, in swing it goes forward in the air, in drop it comes down. When to lift is not fixed "
-        "here: two units learn it, from where both legs are and which of them stand. Paid is the way that standing "
-        "legs push; while none stands the body has fallen, which costs. At first legs are lifted at random. In the "
-        "end each stands until it is back, and then lifts if the other stands. Change the table of velocities while "
+        "here: two units learn it, from where both legs are and which of them stand. Paid is how fast the body "
+        "goes, the mean of what standing legs push; a leg at its end brakes, and while none stands the body has "
+        "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is back and "
+        "the other has come down. One seed in thirty keeps a leg down for ever. Change the table of velocities while "
         "it runs, or what a fall costs in 'paid'.",
     )
     legs = (LEGS,)
@@ -50,10 +51,10 @@ def leg_controller() -> Diagram:
     diagram.add("seen", Join((LEGS, LEGS)))
     diagram.add("pushing", Reduce("sum", legs))
     diagram.add("standing", Reduce("sum", legs))
-    paid = "pushing / 2 - if(standing < 1, fall, 0)"
+    paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
     diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.9, rate=0.02)
+    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, rate=0.02)
     connect(
         diagram,
         ("legs.turn", "lateral.u"),

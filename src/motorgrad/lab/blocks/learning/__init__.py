@@ -14,6 +14,7 @@ from motorgrad.lab._block import Block
 from motorgrad.lab.blocks.learning._ascent import Adam, Ascent, WeightDecay
 from motorgrad.lab.blocks.learning._baselines import ConstantBaseline, FixedStepBaseline, MeanBaseline
 from motorgrad.lab.blocks.learning._credit import AdvantageScale, GradientMean, GradientSample
+from motorgrad.lab.blocks.learning._critic import Critic
 from motorgrad.lab.blocks.learning._gaussians import Gaussians
 from motorgrad.lab.blocks.learning._growing import GrowingGaussians
 from motorgrad.lab.blocks.learning._hyperplanes import Hyperplanes
@@ -28,6 +29,7 @@ BLOCKS: tuple[type[Block], ...] = (
     AdvantageScale,
     Ascent,
     ConstantBaseline,
+    Critic,
     EligibilityTrace,
     EpisodicTrace,
     FixedStepBaseline,

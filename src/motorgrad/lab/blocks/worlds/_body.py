@@ -41,6 +41,10 @@ class HostTaskBlock(HostBlock):
 
     @property
     def outputs(self) -> Ports:
+        return self._outputs
+
+    @functools.cached_property
+    def _outputs(self) -> Ports:  # asked for at every tick
         return scene_ports(self.made)
 
     @property
@@ -66,7 +70,7 @@ class Body(HostTaskBlock):
     there are processors.
 
     It shows an observation; the action on it moves the body until the next tick, which then shows what was paid. A tick
-    of the diagram is a decision; it should be as long as the task's `period`.
+    of the block is a decision, and as long as the task's `period`.
     """
 
     name: ClassVar[str] = "body"

@@ -5,7 +5,6 @@
 
 import dataclasses
 import functools
-from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import mujoco
@@ -13,14 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, choice
-from motorgrad.bodies import compile_model
 from motorgrad.lab._block import Ports
 from motorgrad.lab._host import HostBlock
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab._port import Port
+from motorgrad.lab.blocks.worlds._mjcf import read_model
 from motorgrad.lab.blocks.worlds._mujoco_host import MujocoHost
 
-LONGEST = 1_000_000  # characters
 PENDULUM = """
 <mujoco model="pendulum">
   <option timestep="0.002"/>
@@ -42,8 +40,8 @@ class MujocoModel(HostBlock):
     are called by their number. `qpos` and `qvel` are all positions and velocities. Where `reset` is true it is back at
     its start at the next tick; so it is, with `diverged`, where the simulation breaks.
 
-    Seeds are stepped together, on as many threads as there are processors. `substeps` of the model's time step make a
-    tick: they should be as long as it.
+    Seeds are stepped together, on as many threads as there are processors. A tick of the block has a whole number
+    of the model's time steps.
     """
 
     name: ClassVar[str] = "mujoco model"
@@ -51,15 +49,11 @@ class MujocoModel(HostBlock):
 
     xml: Annotated[str, Setting("the model as MJCF, where there is no file")] = PENDULUM
     file: Annotated[str, Setting("an MJCF or URDF file, in place of `xml`; it may refer to meshes beside it")] = ""
-    substeps: Annotated[int, Setting("steps of the model in a tick of the block")] = 5
     keyframe: Annotated[str, Setting("the name of the keyframe that it starts in; none for the model's own start")] = ""
 
     def validate(self) -> None:
         for name in ("xml", "file", "keyframe"):
             check(isinstance(getattr(self, name), str), name, getattr(self, name), "a text")
-        check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
-        whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)
-        check(whole and 1 <= self.substeps <= 100_000, "substeps", self.substeps, "a whole number in 1 … 100000")
         if self.keyframe:
             choice("keyframe", self.keyframe, [self.model.key(i).name for i in range(self.model.nkey)])
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -69,14 +63,7 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
-        where = f"file = {self.file!r}" if self.file else "xml"
-        if self.file:
-            check(Path(self.file).is_file(), "file", self.file, "an MJCF file that is there")
-        try:
-            spec = mujoco.MjSpec.from_file(self.file) if self.file else mujoco.MjSpec.from_string(self.xml)
-            return compile_model(spec)
-        except (ValueError, UnicodeDecodeError, mujoco.FatalError) as error:
-            raise ValueError(f"{where}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+        return read_model(self.xml, self.file)
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:
@@ -100,6 +87,10 @@ class MujocoModel(HostBlock):
 
     @property
     def outputs(self) -> Ports:
+        return self._outputs
+
+    @functools.cached_property
+    def _outputs(self) -> Ports:  # asked for at every tick
         sizes = {name: part.stop - part.start for name, part in self.sensors.items()}
         sensors = {name: Port(() if size == 1 else (size,)) for name, size in sizes.items()}
         state = {name: Port((size,)) for name, size in (("qpos", self.model.nq), ("qvel", self.model.nv)) if size}
@@ -108,7 +99,7 @@ class MujocoModel(HostBlock):
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> MujocoHost:
         names = [self.model.key(i).name for i in range(self.model.nkey)]
         key = names.index(self.keyframe) if self.keyframe else -1
-        return MujocoHost(self.model, len(seeds), self.substeps, key, self.actuators, self.sensors, threads)
+        return MujocoHost(self.model, len(seeds), key, self.actuators, self.sensors, threads)
 
     def __reduce__(self) -> tuple[Any, ...]:  # the compiled model stays behind
         return _again, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})

@@ -15,6 +15,7 @@ from motorgrad.lab._host import Host, HostMoment
 _WARNING = mujoco.mjtWarning
 # MuJoCo resets a simulation in which one of these is found, with nothing but a counter to show for it.
 _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
+MOST_STEPS = 100_000  # of a tick
 _STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -25,13 +26,13 @@ class MujocoHost(Host):
         self,
         model: mujoco.MjModel,
         seeds: int,
-        substeps: int,
         key: int,
         actuators: Sequence[str],
         sensors: Mapping[str, slice],
         threads: int,
     ):
-        self._substeps, self._key, self._actuators, self._sensors = substeps, key, tuple(actuators), sensors
+        self._key, self._actuators, self._sensors = key, tuple(actuators), sensors
+        self._timestep, self._substeps = float(model.opt.timestep), 0
         self._batch = mujoco_batch.Batch(model, seeds, int(threads), persistent=True)
         self._control, self._bad = self._batch.bind("ctrl"), self._batch.warning[:, _BAD, 1]
         self._sources = {"sensors": "sensordata", "qpos": "qpos", "qvel": "qvel"}
@@ -39,6 +40,8 @@ class MujocoHost(Host):
         self._reset(np.arange(seeds))
 
     def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+        if self._substeps == 0:  # before anything moves
+            self._substeps = steps_in("tick", now.step, self._timestep)
         seen = self._seen
         sensors = {
             name: seen["sensors"][:, part.start] if part.stop - part.start == 1 else seen["sensors"][:, part]
@@ -84,3 +87,12 @@ class MujocoHost(Host):
     def _look(self) -> None:
         bound = {name: np.asarray(self._batch.bind(source)) for name, source in self._sources.items()}
         self._seen = {name: value.reshape(len(self._diverged), -1).copy() for name, value in bound.items()}
+
+
+def steps_in(name: str, length: float, step: float) -> int:
+    """How many time steps of a simulation a tick has. **Raises** `ValueError` unless they are a whole number."""
+    steps = round(length / step)
+    whole = 1 <= steps <= MOST_STEPS and abs(length / step - steps) <= 1e-6 * steps
+    wanted = f"a whole number of the time steps of the simulation, {step:g} s, and at most {MOST_STEPS}"
+    check(whole, name, length, wanted)
+    return steps
