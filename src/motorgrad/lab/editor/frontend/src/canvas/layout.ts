@@ -1,0 +1,57 @@
+import { Graph, layout } from "@dagrejs/dagre";
+import { ends } from "../session/ports";
+import type { Scope } from "../session/types";
+import { GRID, sizeOf } from "./geometry";
+
+export type Positions = Record<string, [number, number]>;
+
+const snapped = (x: number): number => Math.round(x / GRID) * GRID;
+
+/** Where blocks go from left to right along the wires: of all, or of these. */
+export function automaticLayout(scope: Scope, names: string[] = Object.keys(scope.nodes)): Positions {
+  const graph = new Graph({ multigraph: true });
+  graph.setGraph({ rankdir: "LR", nodesep: 30, ranksep: 70, marginx: 0, marginy: 0 });
+  graph.setDefaultEdgeLabel(() => ({}));
+  const chosen = new Set(names);
+  for (const name of names) {
+    const block = scope.nodes[name];
+    if (block) graph.setNode(name, sizeOf(name, block));
+  }
+  for (const [target, source] of Object.entries(scope.wires)) {
+    const [from] = ends(source);
+    const [to] = ends(target);
+    if (chosen.has(from) && chosen.has(to)) graph.setEdge(from, to, {}, target);
+  }
+  layout(graph);
+  const found: Positions = {};
+  for (const name of names) {
+    const block = scope.nodes[name];
+    if (!block) continue;
+    const { x, y } = graph.node(name) as { x: number; y: number };
+    const { width, height } = sizeOf(name, block);
+    found[name] = [snapped(x - width / 2), snapped(y - height / 2)];
+  }
+  return found;
+}
+
+const made = new WeakMap<object, Positions>();
+
+/** Where blocks stand: where they were put, and the others by an automatic layout below these. */
+export function placed(scope: Scope): Positions {
+  const known = made.get(scope);
+  if (known) return known;
+  const all: Positions = {};
+  const loose: string[] = [];
+  for (const [name, block] of Object.entries(scope.nodes)) {
+    if (block.position) all[name] = block.position;
+    else loose.push(name);
+  }
+  if (loose.length) {
+    const lowest = Object.entries(all).map(([name, [, y]]) => y + sizeOf(name, scope.nodes[name]!).height + 60);
+    const shift = lowest.length ? Math.max(...lowest) : 0;
+    const left = lowest.length ? Math.min(...Object.values(all).map(([x]) => x)) : 0;
+    for (const [name, [x, y]] of Object.entries(automaticLayout(scope, loose))) all[name] = [x + left, y + shift];
+  }
+  made.set(scope, all);
+  return all;
+}

@@ -1,0 +1,49 @@
+import { scopeNow } from "../session/useScope";
+import type { Value } from "../session/types";
+import { toast, useUi } from "../ui/ui";
+import type { Context } from "./command";
+import { select, selection } from "./selection";
+
+const FORMAT = "motorgrad diagram";
+let held: Value = null;
+let times = 0;
+
+/** Keep the selected blocks as a document, here and for other windows. */
+export async function copy(context: Context): Promise<boolean> {
+  const { names } = selection(context);
+  if (!names.length) return false;
+  const answer = await context.ask({ op: "fragment", at: useUi.getState().at, names });
+  if (!answer) return false;
+  held = answer.fragment as Value;
+  times = 0;
+  try {
+    await navigator.clipboard.writeText(JSON.stringify(held, null, 1));
+  } catch {
+    // Without leave for the clipboard it can be pasted in this window only.
+  }
+  toast(names.length === 1 ? "Copied one block" : `Copied ${names.length} blocks`);
+  return true;
+}
+
+async function other(): Promise<Value> {
+  try {
+    const data = JSON.parse(await navigator.clipboard.readText()) as { format?: string };
+    return data.format === FORMAT ? (data as Value) : null;
+  } catch {
+    return null;
+  }
+}
+
+/** Put in what was copied, a little lower at every time. */
+export async function paste(context: Context): Promise<void> {
+  const fragment = (await other()) ?? held;
+  if (!fragment) return toast("Nothing was copied", true);
+  times += 1;
+  const layout = (fragment as { layout?: { positions?: Record<string, [number, number]> } }).layout;
+  const places = Object.values(layout?.positions ?? {});
+  const corner = (i: 0 | 1) => (places.length ? Math.min(...places.map((place) => place[i])) : 0);
+  const position = [corner(0) + 40 * times, corner(1) + 40 * times];
+  const before = new Set(Object.keys(scopeNow().nodes));
+  if (!(await context.ask({ op: "paste", at: useUi.getState().at, fragment, position }))) return;
+  select(context, Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
+}

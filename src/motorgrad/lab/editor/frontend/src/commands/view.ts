@@ -1,0 +1,32 @@
+import { openDialog, setTheme, useUi } from "../ui/ui";
+import type { Command } from "./command";
+
+/** Whether dark colours are shown now. */
+export function isDark(): boolean {
+  const { theme } = useUi.getState();
+  return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
+}
+
+export const toggleTheme = (): void => setTheme(isDark() ? "light" : "dark");
+
+export function searchPalette(): void {
+  useUi.setState({ palette: true });
+  requestAnimationFrame(() => document.querySelector<HTMLInputElement>(".timlab .palette input")?.focus());
+}
+
+const toggle = (part: "palette" | "inspector" | "dock") => () => useUi.setState((ui) => ({ [part]: !ui[part] }));
+
+export const viewCommands: Command[] = [
+  { label: "Add a block…", group: "View", keys: ["/", "A"], run: searchPalette },
+  { label: "All commands…", group: "View", keys: ["Mod+K"], run: () => openDialog("commands") },
+  { label: "Go to a block…", group: "View", keys: ["Mod+F"], run: () => openDialog("find") },
+  { label: "Show everything", group: "View", keys: ["F"], run: ({ flow }) => flow.fitView({ maxZoom: 1, padding: 0.1, duration: 200 }) },
+  { label: "Zoom in", group: "View", keys: ["Mod+="], run: ({ flow }) => flow.zoomIn() },
+  { label: "Zoom out", group: "View", keys: ["Mod+-"], run: ({ flow }) => flow.zoomOut() },
+  { label: "Palette", group: "View", keys: ["1"], run: toggle("palette") },
+  { label: "Inspector", group: "View", keys: ["2"], run: toggle("inspector") },
+  { label: "Scopes", group: "View", keys: ["3"], run: toggle("dock") },
+  { label: "Light or dark", group: "View", keys: ["T"], run: toggleTheme },
+  { label: "Keyboard shortcuts", group: "View", keys: ["?"], run: () => openDialog("shortcuts") },
+  { label: "First steps", group: "View", run: () => openDialog("tour") },
+];

@@ -1,0 +1,27 @@
+import { useAsk } from "../session/context";
+import { useDocument } from "../session/store";
+import { Modal } from "../ui/Modal";
+import { enter, openDialog } from "../ui/ui";
+
+/** Ready diagrams, with what to try in each. */
+export function Gallery() {
+  const ask = useAsk();
+  const gallery = useDocument((document) => document.gallery);
+  const open = async (name: string) => {
+    openDialog(null);
+    if (await ask({ op: "open", gallery: name })) enter([]);
+  };
+  return (
+    <Modal label="Gallery" wide>
+      <p className="quiet">Each learns when you press play. Opening one can be undone.</p>
+      <div className="cards">
+        {gallery.map(({ name, title, comment }) => (
+          <button key={name} type="button" className="card" aria-label={`Open ${title || name}`} onClick={() => void open(name)}>
+            <strong>{title || name}</strong>
+            <span>{comment}</span>
+          </button>
+        ))}
+      </div>
+    </Modal>
+  );
+}

@@ -1,0 +1,40 @@
+import { useCallback } from "react";
+import { useAsk } from "../session/context";
+import type { Field, Value } from "../session/types";
+import { useScope } from "../session/useScope";
+import { useUi } from "../ui/ui";
+import { FieldRow } from "./FieldRow";
+
+const field = (name: string, type: string, help: string, unit = ""): Field => ({ name, type, help, unit, required: false, default: null, role: "setting" });
+
+const TEXTS = [field("title", "str", ""), field("comment", "str", "")];
+const TIMES = [
+  field("tick", "float", "from one tick to the next", "s"),
+  field("substeps", "int", "steps of Runge and Kutta's method in a tick"),
+];
+
+/** The form of the diagram that is open. */
+export function DiagramForm() {
+  const ask = useAsk();
+  const scope = useScope();
+  const at = useUi((ui) => ui.at);
+  const set = useCallback(
+    async (name: string, value: Value) => (await ask({ op: "set", at, name: null, field: name, value })) !== null,
+    [ask, at],
+  );
+  const fields = at.length ? TEXTS : [...TEXTS, ...TIMES];
+  const blocks = Object.keys(scope.nodes).length;
+  return (
+    <form className="form" onSubmit={(event) => event.preventDefault()} aria-label="form of the diagram">
+      <header>
+        <strong>{at.length ? "This subsystem" : "This diagram"}</strong>
+        <span className="quiet">
+          {blocks} {blocks === 1 ? "block" : "blocks"}, {Object.keys(scope.wires).length} wires
+        </span>
+      </header>
+      {fields.map((each) => (
+        <FieldRow key={`${at.join("/")}.${each.name}`} field={each} value={scope[each.name as "title"]} onSet={set} />
+      ))}
+    </form>
+  );
+}

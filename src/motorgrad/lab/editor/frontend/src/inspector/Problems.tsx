@@ -1,0 +1,28 @@
+import { useDocument } from "../session/store";
+import { enter, useUi } from "../ui/ui";
+
+/** Show the block of a path, in its subsystem. */
+export function goTo(path: string): void {
+  const names = path.split("/");
+  const at = names.slice(0, -1);
+  if (at.join("/") !== useUi.getState().at.join("/")) enter(at);
+  useUi.setState({ show: names[names.length - 1]! });
+}
+
+/** All that keeps the diagram from running. */
+export function Problems() {
+  const problems = useDocument((document) => document.problems);
+  if (!problems.length) return <p className="quiet pad">Nothing is wrong: it can run.</p>;
+  return (
+    <ul className="list" aria-label="problems">
+      {problems.map(({ path, port, message }) => (
+        <li key={`${path}.${port}:${message}`}>
+          <button type="button" onClick={() => goTo(path)}>
+            <b>{port ? `${path}.${port}` : path || "diagram"}</b>
+            {message}
+          </button>
+        </li>
+      ))}
+    </ul>
+  );
+}

@@ -1,0 +1,67 @@
+import { useEffect, useRef } from "react";
+import { useRun } from "../session/store";
+import { useDark } from "../ui/useDark";
+import { histogram } from "./histogram";
+import { portrait } from "./portrait";
+import { raster } from "./raster";
+import type { Source } from "./sources";
+import { onMoving, spanOf } from "./span";
+import { useSize } from "./useSize";
+
+/** Where a picture is drawn, with what it needs to know. */
+export interface Sheet {
+  context: CanvasRenderingContext2D;
+  width: number;
+  height: number;
+  dark: boolean;
+  ink: string;
+  line: string;
+  branch: string | null;
+  branches: string[];
+  /** The first and the last tick that are shown. */
+  span: [number, number];
+  tick: number;
+}
+
+const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram };
+
+interface Props {
+  source: Source;
+  branches: string[];
+  window: number | null;
+  tick: number;
+}
+
+/** Pictures that are no lines over time. */
+export function Drawing({ source, branches, window: seconds, tick }: Props) {
+  const box = useRef<HTMLDivElement>(null);
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const { width, height } = useSize(box);
+  const dark = useDark();
+  const names = branches.join("\n");
+  useEffect(() => {
+    const own = canvas.current;
+    const context = own?.getContext("2d");
+    if (!own || !context || !width || !height) return;
+    const scale = devicePixelRatio || 1;
+    own.width = width * scale;
+    own.height = height * scale;
+    const style = getComputedStyle(own);
+    const draw = () => {
+      context.setTransform(scale, 0, 0, scale, 0, 0);
+      context.clearRect(0, 0, width, height);
+      context.font = "11px system-ui, sans-serif";
+      const { branch } = useRun.getState();
+      const span = spanOf(seconds, tick);
+      const [ink, line] = [style.getPropertyValue("--quiet"), style.getPropertyValue("--line")];
+      PICTURES[source.drawing]?.(source, { context, width, height, dark, ink, line, branch, branches: names.split("\n"), span, tick });
+    };
+    draw();
+    return onMoving(draw);
+  }, [source, names, seconds, tick, dark, width, height]);
+  return (
+    <div className="plot" ref={box}>
+      <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}`} />
+    </div>
+  );
+}

@@ -1,0 +1,32 @@
+import type { Scope } from "../session/types";
+
+/** One picture in the dock. */
+export interface Source {
+  path: string;
+  drawing: string;
+  /** What it shows, with the names for its legend. */
+  signals: { address: string; label: string }[];
+  fields: Record<string, unknown>;
+}
+
+const within = (at: string, name: string): string => (at ? `${at}/${name}` : name);
+
+/** Everything that shows something: sinks that draw, outlets of the outermost diagram, and watched outputs. */
+export function sourcesOf(scopes: Record<string, Scope>, watched: string[]): Source[] {
+  const found: Source[] = [];
+  for (const [at, scope] of Object.entries(scopes)) {
+    for (const node of Object.values(scope.nodes)) {
+      const path = within(at, node.name);
+      const outlet = node.type === "outlet" && at === "";
+      if (!node.drawing && !outlet) continue;
+      const drawing = outlet || node.drawing === "table" ? "lines" : node.drawing!;
+      const signals = node.inputs.map((port) => ({
+        address: `${path}.${port.name}`,
+        label: port.name === "u" ? (scope.wires[`${node.name}.u`]?.replace(/\.y$/, "") ?? "u") : port.name,
+      }));
+      found.push({ path, drawing, signals, fields: node.fields });
+    }
+  }
+  for (const address of watched) found.push({ path: address, drawing: "lines", signals: [{ address, label: address }], fields: {} });
+  return found;
+}

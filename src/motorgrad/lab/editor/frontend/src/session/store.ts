@@ -1,0 +1,71 @@
+import { create } from "zustand";
+import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./types";
+
+/** What the session holds, as this client last heard of it. */
+export interface Document {
+  linked: boolean;
+  revision: number | null;
+  /** Counts the documents that were opened. */
+  opened: number;
+  scopes: Record<string, Scope>;
+  file: string | null;
+  saved: boolean;
+  canUndo: boolean;
+  canRedo: boolean;
+  /** The types of blocks under each heading. */
+  categories: Record<string, string[]>;
+  declarations: Record<string, Declaration>;
+  gallery: GalleryEntry[];
+  problems: Problem[];
+  recoverable: Recoverable[];
+}
+
+export interface Recoverable {
+  id: string;
+  file: string | null;
+  title: string;
+  time: string;
+}
+
+export const emptyScope: Scope = {
+  title: "",
+  comment: "",
+  tick: 0.01,
+  substeps: 1,
+  nodes: {},
+  wires: {},
+  comments: {},
+};
+
+export const useDocument = create<Document>(() => ({
+  linked: false,
+  revision: null,
+  opened: 0,
+  scopes: { "": emptyScope },
+  file: null,
+  saved: true,
+  canUndo: false,
+  canRedo: false,
+  categories: {},
+  declarations: {},
+  gallery: [],
+  problems: [],
+  recoverable: [],
+}));
+
+export const useRun = create<RunState>(() => ({
+  state: "empty",
+  branch: null,
+  tick: 0,
+  time: 0,
+  head: 0,
+  speed: 1,
+  achieved: null,
+  seeds: 1,
+  watch: [],
+  branches: [],
+  stale: false,
+  fixed: null,
+  overrides: {},
+  fresh: [],
+}));

@@ -1,0 +1,118 @@
+/** What the session tells: see `_protocol.py` and `_views.py`, which are the truth. */
+export type Value = null | boolean | number | string | Value[] | { [name: string]: Value };
+export type Kind = "bool" | "int" | "float";
+
+export interface Port {
+  name: string;
+  shape: number[];
+  kind: Kind;
+  feedthrough: boolean;
+  default: number | null;
+  unit: string;
+  help: string;
+}
+
+export interface BlockView {
+  name: string;
+  type: string;
+  id: string;
+  category: string;
+  fields: Record<string, Value>;
+  inputs: Port[];
+  outputs: Port[];
+  position: [number, number] | null;
+  /** How a sink shows what it sees. */
+  drawing?: string;
+}
+
+export interface Remark {
+  text: string;
+  box: [number, number, number, number];
+}
+
+/** One diagram: the outermost, or a subsystem. */
+export interface Scope {
+  title: string;
+  comment: string;
+  tick: number;
+  substeps: number;
+  nodes: Record<string, BlockView>;
+  /** The source of every connected input, both as "block.port". */
+  wires: Record<string, string>;
+  comments: Record<string, Remark>;
+}
+
+/** A field of a type of block: a parameter may change while it runs, a setting may not. */
+export interface Field {
+  name: string;
+  /** As Python writes it, such as "float | None". */
+  type: string;
+  role?: "parameter" | "setting";
+  required: boolean;
+  default: Value;
+  help?: string;
+  unit?: string;
+  low?: number | null;
+  high?: number | null;
+  open?: boolean;
+  kind?: Kind;
+  choices?: string[];
+  /** What is allowed, in words. */
+  allowed?: string;
+}
+
+export interface Declaration {
+  name: string;
+  category: string;
+  help: string;
+  fields: Field[];
+  /** Of a new one; null where some field must be given first. */
+  inputs: Port[] | null;
+  outputs: Port[] | null;
+  drawing: string | null;
+}
+
+export interface GalleryEntry {
+  name: string;
+  title: string;
+  comment: string;
+}
+
+export interface Problem {
+  path: string;
+  port: string | null;
+  message: string;
+}
+
+/** One course of events. */
+export interface Branch {
+  name: string;
+  parent: string | null;
+  /** The tick at which it left its parent, and the last that it made. */
+  start: number;
+  head: number;
+  /** Whether it began because the diagram was changed. */
+  edited: boolean;
+  changes: { tick: number; address: string; value: Value }[];
+}
+
+export interface RunState {
+  state: "empty" | "compiling" | "playing" | "paused";
+  branch: string | null;
+  tick: number;
+  time: number;
+  head: number;
+  speed: number | null;
+  /** The speed that it has. */
+  achieved: number | null;
+  seeds: number[] | number;
+  watch: string[];
+  branches: Branch[];
+  /** Whether the diagram was changed in structure since it was compiled. */
+  stale: boolean;
+  /** Why it cannot go back in time. */
+  fixed: string | null;
+  /** Parameters that this branch has otherwise than the diagram. */
+  overrides: Record<string, Value>;
+  fresh: string[];
+}

@@ -1,0 +1,71 @@
+import { create } from "zustand";
+
+export type Dialog = null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python";
+export type Theme = "system" | "light" | "dark";
+
+/** What this client looks at. */
+export interface Ui {
+  /** Names of subsystems, from the outermost inwards. */
+  at: string[];
+  selected: string[];
+  dialog: Dialog;
+  theme: Theme;
+  palette: boolean;
+  inspector: boolean;
+  dock: boolean;
+  toasts: { id: number; text: string; bad: boolean }[];
+  /** Blocks to be shown in the middle, once. */
+  show: string | null;
+  /** A type of block that cannot be added before some of its fields are given. */
+  adding: string | null;
+}
+
+const stored = (): Theme => {
+  try {
+    return (localStorage.getItem("timlab-theme") as Theme | null) ?? "system";
+  } catch {
+    return "system";
+  }
+};
+
+const wide = typeof window !== "undefined" && window.innerWidth > 900;
+
+export const useUi = create<Ui>(() => ({
+  at: [],
+  selected: [],
+  dialog: null,
+  theme: stored(),
+  palette: wide,
+  inspector: wide,
+  dock: true,
+  toasts: [],
+  show: null,
+  adding: null,
+}));
+
+let last = 0;
+
+/** Tells something for a few seconds, and to screen readers. */
+export function toast(text: string, bad = false): void {
+  const id = ++last;
+  useUi.setState((ui) => ({ toasts: [...ui.toasts.slice(-3), { id, text, bad }] }));
+  window.setTimeout(
+    () => useUi.setState((ui) => ({ toasts: ui.toasts.filter((each) => each.id !== id) })),
+    bad ? 8000 : 3500,
+  );
+}
+
+export const openDialog = (dialog: Dialog): void => useUi.setState({ dialog });
+
+export function setTheme(theme: Theme): void {
+  try {
+    localStorage.setItem("timlab-theme", theme);
+  } catch {
+    // A notebook may not allow it: the choice holds until the page is left.
+  }
+  useUi.setState({ theme });
+}
+
+export function enter(at: string[]): void {
+  useUi.setState({ at, selected: [] });
+}
