@@ -1,12 +1,24 @@
 import { BaseEdge, type Edge, type EdgeProps, getSmoothStepPath } from "@xyflow/react";
 import { memo } from "react";
 
-export type WireType = Edge<{ wide: boolean; problem: string | null; title: string }, "wire">;
+export type WireData = {
+  wide: boolean;
+  problem: string | null;
+  title: string;
+  /** How far its two blocks reach below its ends. */
+  below: [number, number];
+};
+export type WireType = Edge<WireData, "wire">;
+
+const CLEAR = 18;
 
 /** A wire: thin for one number, thick for many, red where something is wrong with it. */
 export const Wire = memo(function Wire(props: EdgeProps<WireType>) {
-  const [path] = getSmoothStepPath({ ...props, borderRadius: 8, offset: 18 });
-  const { data, selected } = props;
+  const { data, selected, sourceX, sourceY, targetX, targetY } = props;
+  // What leads back goes round below both blocks.
+  const back = sourceX + 2 * CLEAR > targetX && data;
+  const centerY = back ? Math.max(sourceY + data.below[0], targetY + data.below[1]) + CLEAR : undefined;
+  const [path] = getSmoothStepPath({ ...props, borderRadius: 8, offset: CLEAR, centerY });
   const classes = ["wire", data?.wide && "wide", data?.problem && "wrong", selected && "selected"];
   return (
     <g className={classes.filter(Boolean).join(" ")}>

@@ -64,6 +64,7 @@ export function nodesOf(scope: Scope, at: string[], problems: Problem[], before:
       position: stays ? known.position : { x, y },
       data,
       ...size,
+      measured: size,
       handles: [...end("target", view.inputs), ...end("source", view.outputs)],
       ariaLabel: `block ${name}`,
     } as BlockNodeType;
@@ -79,12 +80,20 @@ export function nodesOf(scope: Scope, at: string[], problems: Problem[], before:
       position: { x, y },
       width,
       height,
+      measured: { width, height },
       zIndex: -1,
       data: { remark, id },
       ariaLabel: "comment",
     };
   });
   return [...remarks, ...blocks];
+}
+
+/** How far a block reaches below one of its ports. */
+function beneath(scope: Scope, name: string, side: "inputs" | "outputs", port: string): number {
+  const block = scope.nodes[name];
+  if (!block) return 0;
+  return sizeOf(name, block).height - portHeight(block[side].findIndex((each) => each.name === port));
 }
 
 /** The wires of a diagram, each by its target; as with nodes, those that did not change stay. */
@@ -98,8 +107,9 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
     const wide = !!port?.shape.length;
     const problem = wrong.get(`${pathOf(at, name)}.${targetHandle}`) ?? null;
     const title = `${from} → ${target}`;
+    const below = [beneath(scope, source, "outputs", sourceHandle), beneath(scope, name, "inputs", targetHandle)] as [number, number];
     const known = old.get(target);
-    if (known && known.data?.title === title && known.data.wide === wide && known.data.problem === problem) return known;
+    if (known && same(known.data?.below ?? [], below) && known.data?.title === title && known.data.wide === wide && known.data.problem === problem) return known;
     return {
       ...(known && { selected: known.selected }),
       id: target,
@@ -108,7 +118,7 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
       sourceHandle,
       target: name,
       targetHandle,
-      data: { wide, problem, title },
+      data: { wide, problem, title, below },
       ariaLabel: `wire from ${from} to ${target}`,
     };
   });

@@ -52,7 +52,8 @@ export function Palette() {
         {hits?.map((declaration, place) => (
           <PaletteItem key={declaration.name} declaration={declaration} chosen={place === chosen} onAdd={put} />
         ))}
-        {hits?.length === 0 && <p className="quiet">Nothing answers to “{text}”.</p>}
+        {Object.keys(declarations).length === 0 && <p className="quiet pad">Loading…</p>}
+        {hits?.length === 0 && <p className="quiet pad">Nothing answers to “{text}”.</p>}
         {!hits &&
           Object.entries(categories).map(([category, names]) => (
             <details key={category} open>
