@@ -114,7 +114,7 @@ class Parameters:
             changed = dataclasses.replace(block, **{name: value})
         except ValueError as error:
             raise ValueError(f"{address.rpartition('.')[0]}.{error}") from None
-        old, new = np.shape(getattr(block, name)), np.shape(getattr(changed, name))
+        old, new = block.values()[name].shape, changed.values()[name].shape
         check(old == new, f"{address}: shape", new, f"{old}, as it was when the diagram was compiled")
         return changed
 

@@ -263,7 +263,7 @@ def frozen(document: Diagram, change: ask.Freeze) -> Diagram:
     block = _node(opened(document, at)[-1], name).block
     can = not isinstance(block, Diagram) and "frozen" in parameters_of(type(block))
     check(can, "address", change.address, "a block that learns, with the parameter 'frozen'")
-    now = np.asarray(block.frozen)  # type: ignore[union-attr]
+    now = block.values()["frozen"]  # type: ignore[union-attr]
     if change.unit is None:
         return retuned(document, f"{path}.frozen", np.full(now.shape, change.on).tolist())
     check(now.ndim == 1, "unit", change.unit, "null: the units of this block are frozen as one")

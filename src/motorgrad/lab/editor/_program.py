@@ -22,26 +22,19 @@ Values = dict[str, Any]
 class Program:
     """A diagram in motion, which several branches take turns to use.
 
-    **Arguments:** the diagram; the seeds; the outputs to record; one `like` it, whose compiled functions it may use
-    and whose run it then takes over, at tick 0. **Raises** `DiagramError` for a diagram that cannot run.
+    **Arguments:** the diagram; the seeds; the outputs to record. **Raises** `DiagramError` for a diagram that cannot
+    run.
     """
 
-    def __init__(self, diagram: Diagram, seeds: list[int], watch: list[str], like: "Program | None" = None):
-        self.text = dumps(diagram)
+    def __init__(self, diagram: Diagram, seeds: list[int], watch: list[str]):
+        self.text, self.signature = dumps(diagram), signature(diagram)
         self.diagram, self.seeds, self.watch = diagram, seeds, watch
-        self.signature = signature(diagram) if like is None else like.signature
-        if like is None:
-            known = outputs(diagram)
-            self.run = Run(diagram, seeds, watch=[address for address in watch if address in known])
-        else:
-            self.run = like.run
+        there = outputs(diagram) if watch else []
+        self.run = Run(diagram, seeds, watch=[address for address in watch if address in there])
         self.known = {placed.path for placed in self.run.plan.blocks}
         """The paths of its blocks."""
         self.fixed = next((f"{path}: {why}" for path, why in self.run.no_restore.items()), None)
         """Why it cannot go back in time, if it cannot."""
-        if like is not None:
-            self.put(parameters(diagram))
-            self.run.reset()
 
     def put(self, values: Values) -> None:
         """Set parameters by address; of blocks that do not run, such as inlets with a wire, nothing is set."""
@@ -52,7 +45,7 @@ class Program:
     def otherwise(self, values: Values) -> Values:
         """Those of its parameters that are not these values, to single precision."""
         there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self.known}
-        return {a: value for a, value in there.items() if not np.array_equal(np.float32(value), np.float32(values[a]))}
+        return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
 
 def signature(diagram: Diagram) -> Any:

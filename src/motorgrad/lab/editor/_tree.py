@@ -9,11 +9,10 @@ from motorgrad.lab._diagram import Diagram, numbered
 from motorgrad.lab._files import loads
 from motorgrad.lab._run import MOST_SEEDS, MOST_TICKS
 from motorgrad.lab.editor._branch import FORMAT, Branch, Change
-from motorgrad.lab.editor._program import Program, Values, digest, outputs, parameters, signature
+from motorgrad.lab.editor._program import Program, Values, digest, outputs, parameters
 
 Event = dict[str, Any]
 MOST = 64  # branches
-KEPT = 6  # compiled programs that no branch uses
 LOOK = 0.03  # seconds, on the way to a tick, after which it looks whether something else is asked for
 
 
@@ -35,10 +34,7 @@ class Tree:
         self._now: Branch | None = None
         self._seeds, self._watch = [0], []
         self._values: Values = {}
-        self._programs: list[Program] = []
         self._fresh: list[str] = []
-        self.warm = False
-        """Whether its compiled functions have been called before."""
 
     @property
     def running(self) -> bool:
@@ -60,6 +56,11 @@ class Tree:
     def step(self) -> float:
         """The seconds of a tick."""
         return self._now.program.diagram.tick if self._now else self.diagram.tick
+
+    @property
+    def warm(self) -> bool:
+        """Whether what moves it was compiled before."""
+        return self.now.program.run.compilations > 0
 
     @property
     def signature(self) -> Any:
@@ -92,12 +93,14 @@ class Tree:
     def begin(self) -> None:
         """Begin at tick 0 with the diagram as it stands, and forget all branches."""
         program = self._compiled(self.diagram)
+        self.close()
         self._branches, self._fresh, self.stale = {}, [], False
         self._values = parameters(self.diagram)
         self._grow("main", program, None)
 
     def drop(self, diagram: Diagram) -> None:
         """Forget all, for another document."""
+        self.close()
         self.diagram, self._branches, self._now = diagram, {}, None
         self._fresh, self._watch, self.stale = [], [], False
 
@@ -125,12 +128,11 @@ class Tree:
         if old.program.fixed is not None or (old.parent is None and old.head == 0):
             self.begin()
             return
-        state = old.program.run.state
         program = self._compiled(self.diagram)
         if program.fixed is not None:
             self.begin()
             return
-        self._fresh = program.run.adopt(state)
+        self._fresh = program.run.adopt(old.program.run.state)
         self.stale, self._values = False, parameters(self.diagram)
         self._grow("edit", program, old, edited=True)
 
@@ -168,7 +170,6 @@ class Tree:
             if not self.warm:
                 self._say(compiling=True)
             record = run.advance(min(ends) - run.tick)
-            self.warm = True
             if not new:
                 continue
             branch.head = run.tick
@@ -247,7 +248,7 @@ class Tree:
 
     def close(self) -> None:
         """Let simulators go."""
-        for program in self._programs:
+        for program in {id(branch.program): branch.program for branch in self._branches.values()}.values():
             program.run.close()
 
     def _travel(self, to: int) -> None:
@@ -270,7 +271,6 @@ class Tree:
         old = self.now
         if self.tick == old.head and old.program.fixed is None:
             old.states[old.head] = old.program.run.state
-        self.warm = self.warm and branch.program.run is old.program.run
         self._now = branch
         if branch.program.watch != self._watch:
             self._look(branch)
@@ -279,30 +279,16 @@ class Tree:
         """Have a branch record what is watched now: compiled again, in the same state."""
         old = branch.program
         check(old.fixed is None, "watch", branch.name, f"asked for before it runs; {old.fixed}")
-        state = old.run.state
         branch.program = self._compiled(old.diagram)
-        branch.program.run.restore(state)
+        branch.program.run.restore(old.run.state)
 
     def _apply(self, branch: Branch) -> None:
         """What changes at this tick."""
         branch.program.put({change.address: change.value for change in branch.at(self.tick)})
 
     def _compiled(self, diagram: Diagram) -> Program:
-        """A program at tick 0: one that was compiled before, if that differs in parameters only."""
-        own = signature(diagram)
-        for known in reversed(self._programs):
-            if (known.seeds, known.watch, known.signature) == (self._seeds, self._watch, own):
-                return Program(diagram, self._seeds, self._watch, known)
         self._say(compiling=True)
-        self.warm = False
-        program = Program(diagram, self._seeds, self._watch)
-        used = {id(branch.program.run) for branch in self._branches.values()}
-        for old in self._programs[:-KEPT]:
-            if id(old.run) not in used:
-                old.run.close()
-                self._programs.remove(old)
-        self._programs.append(program)
-        return program
+        return Program(diagram, self._seeds, self._watch)
 
     def _named(self, name: str) -> Branch:
         if name not in self._branches:

@@ -108,7 +108,8 @@ class GrowingGaussians(Gaussians):
     def moved(self, state: Any, inputs: Signals, now: Moment) -> Growing:
         growth = where(paid(inputs, now), self._growth.watch(state.growth, inputs["reward"]), state.growth)
         parameters, settings = split(state.policy)
-        step = self._growth.paced(growth, state.policy.allowed(unflat(parameters, inputs["step"])))
+        step = self.thawed(state.policy, state.policy.allowed(unflat(parameters, inputs["step"])))
+        step = self._growth.paced(growth, step)
         policy = eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
         grown, policy_after, _ = self._growth.advance(growth, policy)
         return where(now.tick > 0, Growing(policy_after, grown), Growing(policy, growth))

@@ -22,6 +22,8 @@ class _Shapes(NamedTuple):
     policy: Policy
     action: jax.ShapeDtypeStruct
     parameters: int
+    units: int
+    """How many rows of parameters there are that could move without the others."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,11 @@ class Units(Block, abc.ABC):
 
     greedy: Annotated[Any, Parameter("take the most probable action, not one by chance", kind="bool")] = False
     source: Annotated[str, Setting("where parameters come from", choices=("own", "wire"))] = "own"
+    frozen: Annotated[Any, Parameter("take no steps: all units, or each as a list says", kind="bool")] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_broadcasts("frozen", (self._shapes.units,))
 
     @abc.abstractmethod
     def start(self, uniforms: Float[Array, " init_uniforms"]) -> Policy:
@@ -49,11 +56,16 @@ class Units(Block, abc.ABC):
         real = jnp.result_type(float)
         policy = jax.eval_shape(self.start, jax.ShapeDtypeStruct((self.init_uniforms,), real))
         action = jax.eval_shape(lambda p, y: p.mode(y), policy, jax.ShapeDtypeStruct((policy.inputs,), real))
-        return _Shapes(policy, action, size_of(policy))
+        rows = jax.eval_shape(lambda p: p.blocks(trainable(p)), policy)
+        return _Shapes(policy, action, size_of(policy), sum(row.shape[0] for row in rows))
+
+    def values(self) -> dict[str, np.ndarray]:
+        found = super().values()  # of every unit, so that one can be frozen while it runs
+        return found | {"frozen": np.broadcast_to(found["frozen"], (self._shapes.units,))}
 
     @property
     def inputs(self) -> Ports:
-        policy, _, size = self._shapes
+        policy, _, size, _ = self._shapes
         moved = {
             "own": {"step": Port((size,), default=0.0, help="what is added to the parameters, at once")},
             "wire": {"parameters": Port((size,))},
@@ -62,7 +74,7 @@ class Units(Block, abc.ABC):
 
     @property
     def outputs(self) -> Ports:
-        policy, action, size = self._shapes
+        policy, action, size, _ = self._shapes
         return {
             "action": Port(action.shape, kind_of(action.dtype), help="what the units do"),
             "score": Port((size,), help="gradient of the action's log-probability"),
@@ -97,8 +109,17 @@ class Units(Block, abc.ABC):
         parameters, settings = split(state)
         if self.source == "wire":
             return eqx.combine(unflat(parameters, inputs["parameters"]), settings).limited()
-        step = state.allowed(unflat(parameters, inputs["step"]))
+        step = self.thawed(state, state.allowed(unflat(parameters, inputs["step"])))
         return eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
+
+    def thawed(self, policy: Policy, step: Any) -> Any:
+        """A step without that of frozen units."""
+        rows, start, moving = policy.blocks(step), 0, []
+        for row in rows:
+            free = ~self.frozen[start : start + len(row)]
+            moving.append(jnp.broadcast_to(free[:, None], row.shape).astype(row.dtype))
+            start += len(row)
+        return jax.tree.map(lambda x, free: jnp.where(free > 0, x, 0), step, policy.from_blocks(tuple(moving)))
 
     def acting(self, state: Any) -> Policy:
         """The policy in a state."""
