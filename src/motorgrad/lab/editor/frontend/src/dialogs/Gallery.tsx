@@ -1,6 +1,7 @@
 import { useAsk } from "../session/context";
 import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
+import { prose } from "../ui/prose";
 import { enter, openDialog } from "../ui/ui";
 
 /** Ready diagrams, with what to try in each. */
@@ -18,7 +19,7 @@ export function Gallery() {
         {gallery.map(({ name, title, comment }) => (
           <button key={name} type="button" className="card" aria-label={`Open ${title || name}`} onClick={() => void open(name)}>
             <strong>{title || name}</strong>
-            <span>{comment}</span>
+            <span>{prose(comment)}</span>
           </button>
         ))}
       </div>

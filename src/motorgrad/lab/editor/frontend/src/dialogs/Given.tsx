@@ -5,6 +5,7 @@ import { useContextOfCommands } from "../commands/useKeys";
 import { fromText } from "../inspector/values";
 import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
+import { prose } from "../ui/prose";
 import { useUi } from "../ui/ui";
 
 /** Asks for the fields without which a type of block cannot be made. */
@@ -27,7 +28,7 @@ export function Given({ type }: { type: string }) {
           <div key={field.name} className="field">
             <label htmlFor={`given-${field.name}`}>{field.name}</label>
             <input id={`given-${field.name}`} autoFocus onChange={(event) => setTexts({ ...texts, [field.name]: event.target.value })} />
-            <p className="help">{field.help}</p>
+            <p className="help">{prose(field.help ?? "")}</p>
           </div>
         ))}
         <button type="submit" className="primary">

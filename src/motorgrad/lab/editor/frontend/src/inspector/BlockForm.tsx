@@ -5,6 +5,7 @@ import { describe, pathOf } from "../session/ports";
 import { useDocument, useRun } from "../session/store";
 import type { BlockView, Value } from "../session/types";
 import { hueOf } from "../ui/category";
+import { prose } from "../ui/prose";
 import { useUi } from "../ui/ui";
 import { FieldRow } from "./FieldRow";
 import { Freeze } from "./Freeze";
@@ -89,7 +90,7 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
       {declaration?.help && (
         <details>
           <summary>What it is</summary>
-          <p className="help prose">{declaration.help}</p>
+          <p className="help prose">{prose(declaration.help)}</p>
         </details>
       )}
     </form>

@@ -1,5 +1,6 @@
 import { memo, useEffect, useState } from "react";
 import type { Field, Value } from "../session/types";
+import { prose } from "../ui/prose";
 import { Slider } from "./Slider";
 import { formOf, fromText, toText } from "./values";
 
@@ -35,7 +36,7 @@ export const FieldRow = memo(function FieldRow({ field, value, onSet, note }: Pr
   };
   const title = field.name.replaceAll("_", " ");
   const id = `field-${field.name}`;
-  const hint = [field.help, field.unit && `in ${field.unit}`, field.role === "parameter" && field.allowed].filter(Boolean).join("; ");
+  const hint = [field.help && prose(field.help), field.unit && `in ${field.unit}`, field.role === "parameter" && field.allowed].filter(Boolean).join("; ");
   const common = { id, "aria-label": field.name, "aria-invalid": !!wrong, title: hint };
   const keys = (event: React.KeyboardEvent) => {
     if (event.key === "Enter" && !(form === "long" && !event.ctrlKey)) void give();
@@ -66,7 +67,7 @@ export const FieldRow = memo(function FieldRow({ field, value, onSet, note }: Pr
       {field.role === "parameter" && typeof value === "number" && form === "number" && (
         <Slider field={field} value={value} onSet={(next) => void onSet(field.name, next)} />
       )}
-      {field.help && <p className="help">{field.help}</p>}
+      {field.help && <p className="help">{prose(field.help)}</p>}
       {note && <p className="note">{note}</p>}
       {wrong && (
         <p className="mistake" role="alert">

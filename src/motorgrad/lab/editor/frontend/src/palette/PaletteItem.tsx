@@ -2,6 +2,7 @@ import { memo, useEffect, useRef } from "react";
 import { DRAGGED } from "../canvas/useDropped";
 import type { Declaration } from "../session/types";
 import { hueOf } from "../ui/category";
+import { prose } from "../ui/prose";
 
 interface Props {
   declaration: Declaration;
@@ -23,7 +24,7 @@ export const PaletteItem = memo(function PaletteItem({ declaration, chosen, onAd
       className={`palette-item ${chosen ? "chosen" : ""}`}
       style={{ "--hue": hueOf(category) } as React.CSSProperties}
       draggable
-      title={help}
+      title={prose(help)}
       aria-label={`Add ${label(name)}`}
       onClick={() => onAdd(name)}
       onDragStart={(event) => {

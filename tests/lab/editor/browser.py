@@ -1,0 +1,122 @@
+"""A page of the editor in a browser, and how its parts are found: by role and name, as people find them."""
+
+import contextlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from motorgrad.lab import Diagram
+from motorgrad.lab.editor import Server, Session
+
+sync_api = pytest.importorskip("playwright.sync_api")
+
+CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+STATIC = Path(__file__).parents[3] / "src" / "motorgrad" / "lab" / "editor" / "static" / "index.html"
+WAIT = 60_000  # milliseconds: the first tick is compiled meanwhile
+
+
+def needs() -> None:
+    """Skip, aloud, where there is no browser or the pages are not built."""
+    if not Path(CHROMIUM).exists():
+        pytest.skip(f"no browser: {CHROMIUM} is not there")
+    if not STATIC.exists():
+        pytest.skip("the editor's pages are not built: npm ci && npm run build in src/motorgrad/lab/editor/frontend")
+
+
+@contextlib.contextmanager
+def served(folder: Path, diagram: Diagram | None = None) -> Iterator[Server]:
+    """A session in a folder, on a port of its own."""
+    session = Session(diagram, folder=folder, states=folder / "states")
+    server = Server(session)
+    server.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+        session.close()
+
+
+class Editor:
+    """The editor, as someone in front of it uses it."""
+
+    def __init__(self, page: Any):
+        self.page = page
+        self.faults: list[str] = []
+        page.on("pageerror", lambda error: self.faults.append(str(error)))
+        page.on("requestfailed", lambda request: self.faults.append(f"{request.url}: {request.failure}"))
+
+    def open(self, url: str) -> "Editor":
+        self.page.goto(url)
+        sync_api.expect(self.page.get_by_role("button", name="Add gain", exact=True)).to_be_attached(timeout=WAIT)
+        return self
+
+    def button(self, name: str) -> Any:
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def block(self, name: str) -> Any:
+        return self.page.get_by_label(f"block {name}", exact=True)
+
+    def port(self, side: str, name: str, block: str) -> Any:
+        return self.page.get_by_label(f"{side} {name} of {block}", exact=True)
+
+    def wire(self, source: str, target: str) -> Any:
+        return self.page.get_by_label(f"wire from {source} to {target}", exact=True)
+
+    def field(self, name: str) -> Any:
+        return self.page.get_by_role("textbox", name=name, exact=True)
+
+    def scope(self, name: str) -> Any:
+        return self.page.get_by_label(f"scope {name}", exact=True)
+
+    @property
+    def dialog(self) -> Any:
+        return self.page.get_by_role("dialog")
+
+    @property
+    def tick(self) -> int:
+        text = self.page.get_by_label("time", exact=True).inner_text()
+        return int(re.search(r"tick (\d+)", text).group(1))  # type: ignore[union-attr]
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.page.keyboard.press(key)
+
+    def told(self, text: str | re.Pattern[str]) -> None:
+        """Wait until a message says so."""
+        sync_api.expect(self.page.get_by_role("log", name="messages")).to_contain_text(text, timeout=WAIT)
+
+    def drag(self, begin: Any, end: Any) -> None:
+        """Pull from one element to another, as a hand does."""
+        start, stop = begin.bounding_box(), end.bounding_box()
+        mouse = self.page.mouse
+        mouse.move(start["x"] + start["width"] / 2, start["y"] + start["height"] / 2)
+        mouse.down()
+        mouse.move(start["x"] + 30, start["y"] + 10, steps=3)
+        mouse.move(stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2, steps=8)
+        mouse.up()
+
+    def drop(self, kind: str, x: float, y: float) -> None:
+        """Drag a type of block from the palette to a place of the canvas."""
+        canvas = self.page.get_by_role("region", name="canvas")
+        item = self.page.get_by_role("button", name=f"Add {kind}", exact=True)
+        item.scroll_into_view_if_needed()
+        item.drag_to(canvas, target_position={"x": x, "y": y})
+        sync_api.expect(self.block(kind)).to_be_visible()
+
+    def play_until(self, tick: int) -> None:
+        """Run to a tick, and pause."""
+        self.button("Play").click()
+        self.wait(lambda: self.tick >= tick)
+        self.button("Pause").click()
+        sync_api.expect(self.button("Play")).to_be_visible(timeout=WAIT)
+
+    def wait(self, condition: Any, seconds: float = WAIT / 1000) -> None:
+        for _ in range(int(seconds * 10)):
+            if condition():
+                return
+            self.page.wait_for_timeout(100)
+        raise AssertionError("did not come about in time")
