@@ -62,6 +62,7 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
 
 from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
 from motorgrad.lab._diagram import Diagram, Node
+from motorgrad.lab._edit import edit
 from motorgrad.lab._environment import DiagramEnv, DiagramPolicy
 from motorgrad.lab._files import dumps, load, loads, save
 from motorgrad.lab._host import Host, HostBlock, HostMoment
@@ -243,6 +244,7 @@ __all__ = [
     "World",
     "cut",
     "dumps",
+    "edit",
     "example",
     "group",
     "join",

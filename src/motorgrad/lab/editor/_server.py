@@ -23,10 +23,10 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from motorgrad._errors import check
+from motorgrad.lab.editor._built import STATIC
 from motorgrad.lab.editor._session import Session
 
 HOST = "127.0.0.1"
-STATIC = Path(__file__).parent / "static"
 LARGEST = 64 * 2**20  # bytes of a message
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "

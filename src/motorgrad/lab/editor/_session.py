@@ -185,9 +185,10 @@ class Session:
 
     def _save(self, operation: ask.Save) -> None:
         file = self._document.now.file
-        name = operation.file or (file.name if file else None)
-        check(name, "file", name, "given: the diagram has none yet")
-        path = self._folder.save(self._document.diagram, name or "", operation.over)
+        name = operation.file if operation.file is not None else file.name if file else None
+        if name is None:
+            raise ValueError("file: must be given: the diagram has none yet")
+        path = self._folder.save(self._document.diagram, name, operation.over)
         self._document.mark_saved(path)
         self._journal.saved(path)
         self._tell({"event": "saved", **self._document.flags})

@@ -1,0 +1,253 @@
+"""The run of a session: retuned while it runs, taken back in time, forked, logged and replayed bit for bit."""
+
+import time
+
+import numpy as np
+import pytest
+from editor_clients import Client
+
+from motorgrad import lab
+from motorgrad.lab import gallery
+from motorgrad.lab.editor import Session
+
+
+def leaky():
+    """Noise into a leaky integrator, of which a scope sees both: quick to compile, and with chance and state."""
+    diagram = lab.Diagram(tick=0.01)
+    diagram.add("noise", lab.UniformNoise())
+    diagram.add("gain", lab.Gain(2.0))
+    diagram.add("level", lab.Lag())
+    diagram.add("scope", lab.Scope(("u", "v")))
+    for ends in ("noise gain", "gain level", "level scope.u", "noise scope.v"):
+        diagram.connect(*ends.split())
+    return diagram
+
+
+@pytest.fixture
+def open_session(tmp_path):
+    """Sessions that are closed in the end."""
+    opened = []
+
+    def start(diagram):
+        opened.append(Session(diagram, folder=tmp_path, states=tmp_path / "states"))
+        return opened[-1]
+
+    yield start
+    for session in opened:
+        session.close()
+
+
+@pytest.fixture
+def client(open_session):
+    return Client(open_session(leaky()))
+
+
+def traces(client):
+    """What was seen, by branch and address, as `{tick: row}`."""
+    client.last("samples")
+    found = {}
+    for event in client.seen:
+        if event["event"] == "samples":
+            for address, signal in event["signals"].items():
+                rows = dict(zip(signal["ticks"], signal["rows"], strict=True))
+                found.setdefault((event["branch"], address), {}).update(rows)
+    return found
+
+
+def test_what_clients_see_is_what_a_run_gives(client):
+    client.do("tick", n=37)
+    client.do("parameter", address="gain.gain", value=3.0)
+    client.do("tick", n=13)
+    run = lab.Run(leaky(), [0])
+    first = run.advance(37)
+    run["gain.gain"] = 3.0
+    signal = lab.join([first, run.advance(13)])["scope.u"][0]
+    seen = traces(client)["main", "scope.u"]
+    assert sorted(seen) == list(range(50))
+    np.testing.assert_allclose([seen[tick][0] for tick in range(50)], signal, rtol=1e-5)
+    assert client.run()["tick"] == client.run()["head"] == 50
+
+
+def test_a_parameter_is_set_while_it_plays_without_compiling_again(client):
+    client.do("play", speed=None)
+    client.until(lambda event: event["event"] == "run" and event["tick"] > 500)
+    compiled = client.session._runner._tree.now.program.run.compilations
+    for value in (0.5, 5.0, 50.0):
+        client.do("parameter", address="gain.gain", value=value)
+        client.until(lambda event: event["event"] == "samples")
+    client.do("pause")
+    stopped = client.run()["tick"]
+    time.sleep(0.1)
+    assert client.run()["tick"] == stopped
+    assert client.session._runner._tree.now.program.run.compilations == compiled == 1
+    (branch,) = client.run()["branches"]
+    assert [change["value"] for change in branch["changes"]] == [0.5, 5.0, 50.0]
+    assert client.session.diagram.nodes["gain"].block.gain == 50.0
+    client.do("undo")  # quick changes of one parameter are one
+    client.do("tick", n=1)
+    assert client.session.diagram.nodes["gain"].block.gain == 2.0
+    assert client.run()["branches"][0]["changes"][-1]["value"] == 2.0
+
+
+def test_speed_is_kept(client):
+    client.do("tick", n=100)  # compiled
+    client.do("play", speed=2.0)
+    start, begun = time.monotonic(), client.run()["tick"]
+    time.sleep(1.5)
+    client.do("pause")
+    elapsed = time.monotonic() - start
+    assert 0.5 < (client.run()["tick"] - begun) * 0.01 / elapsed < 2.2  # slower only where the machine is busy
+
+
+def test_going_back_and_on_is_what_it_was_bit_for_bit(client):
+    for _ in range(6):
+        client.do("tick", n=50)
+    client.do("parameter", address="gain.gain", value=-1.0)
+    client.do("tick", n=100)
+    end = client.log()
+    for tick in (0, 7, 299, 300, 301, 400):
+        client.do("scrub", branch="main", tick=tick)
+        assert client.run()["tick"] == tick
+        assert client.run()["overrides"] == ({"gain.gain": 2.0} if tick < 300 else {})
+    client.do("scrub", branch="main", tick=123)
+    middle = client.log()
+    client.do("play")
+    client.until(lambda event: event["event"] == "run" and event["tick"] >= 400)
+    client.do("scrub", branch="main", tick=400)
+    assert client.log() == end
+    assert middle["digest"] != end["digest"]
+    assert client.run()["branches"][0]["head"] >= 400  # nothing was forgotten
+
+
+def test_a_change_in_the_past_forks_and_the_past_stays(client):
+    client.do("tick", n=200)
+    client.do("scrub", branch="main", tick=80)
+    client.do("parameter", address="gain.gain", value=9.0)
+    client.do("tick", n=50)
+    main, other = client.run()["branches"]
+    assert (main["head"], main["changes"]) == (200, [])
+    assert (other["parent"], other["start"], other["head"], len(other["changes"])) == ("main", 80, 130, 1)
+    seen = traces(client)
+    assert sorted(seen["main 2", "scope.v"]) == list(range(80, 130))
+    for tick in range(80, 130):  # the random stream goes on as it did; the level does not
+        assert seen["main 2", "scope.v"][tick] == seen["main", "scope.v"][tick]
+    assert seen["main 2", "scope.u"][129] != seen["main", "scope.u"][129]
+    client.do("fork", branch="main", tick=150, name="by hand")
+    client.do("tick", n=10)
+    client.do("scrub", branch="by hand", tick=100)  # before it began: that was the branch before
+    assert client.run()["branch"] == "main"
+    assert client.ask("prune", branch="main")["message"].endswith("it has main 2, by hand")
+    client.do("prune", branch="by hand")
+    assert [branch["name"] for branch in client.run()["branches"]] == ["main", "main 2"]
+
+
+def test_a_log_replays_bit_for_bit_in_another_session(client, open_session):
+    """With changes of parameters, an edit of the structure while it runs, and a fork."""
+    client.do("tick", n=30)
+    client.do("parameter", address="gain.gain", value=4.0)
+    client.do("tick", n=30)
+    client.do("scrub", branch="main", tick=45)
+    client.do("parameter", address="noise.high", value=3.0)
+    client.do("tick", n=20)
+    client.do("add", at=[], type="saturation", name="limit")
+    client.do("connect", at=[], source="gain", target="limit")
+    client.do("connect", at=[], source="limit", target="level")
+    client.wait(lambda event: event.get("stale"))
+    client.do("tick", n=25)
+    client.do("parameter", address="limit.high", value=0.25)
+    client.do("tick", n=25)
+    log = client.log()
+    assert (client.run()["branch"], log["tick"], len(log["parts"])) == ("edit", 115, 2)
+    assert client.run()["fresh"] == []  # the limit has no state; all others went on
+    other = Client(open_session(None))
+    other.do("replay", log=log)
+    assert other.last("replayed") == {"event": "replayed", "branch": "edit", "tick": 115, "matches": True}
+    assert other.session.diagram == client.session.diagram
+    again = other.log()
+    assert (again["digest"], again["parts"]) == (log["digest"], log["parts"])
+    log["parts"][0]["changes"][0]["value"] = 4.5
+    other.do("replay", log=log)
+    assert other.last("replayed")["matches"] is False
+    other.do("undo")  # the diagram that a log brought can be taken back too
+    for spoilt in ({}, {**log, "version": 2}, {**log, "parts": []}, {**log, "tick": -1}, {**log, "seeds": [0, 0]}):
+        assert other.ask("replay", log=spoilt)["event"] == "refused"
+
+
+def test_a_frozen_unit_keeps_its_parameters_and_the_others_learn(open_session):
+    client = Client(open_session(gallery.example("motoneuron-pool")))
+    client.do("watch", addresses=["policy.parameters"])
+    client.do("tick", n=20)
+    client.do("freeze", address="policy", on=True, unit=1)
+    client.do("tick", n=1)
+    client.do("tick", n=200)
+    seen = traces(client)["main", "policy.parameters"]
+    before, after = np.reshape(seen[20], (-1, 4)), np.reshape(seen[max(seen)], (-1, 4))
+    still = (before == after).all(axis=0)
+    assert still.tolist() == [False, True, False, False]
+    client.do("freeze", address="policy", on=False, unit=1)
+    client.do("tick", n=200)
+    seen = traces(client)["main", "policy.parameters"]
+    assert not (np.reshape(seen[max(seen)], (-1, 4))[:, 1] == after[:, 1]).all()
+
+
+def test_ensembles_have_a_median_and_a_band(client):
+    client.do("seeds", n=9)
+    client.do("tick", n=40)
+    signal = client.last("samples")["signals"]["scope.u"]
+    expected = lab.Run(leaky(), 9).advance(40)["scope.u"]
+    tick = signal["ticks"][-1]
+    for name, part in (("low", 0.25), ("median", 0.5), ("high", 0.75)):
+        assert signal[name][-1][0] == pytest.approx(np.quantile(expected[:, tick], part), rel=1e-5)
+    assert client.ask("seeds", n=0)["message"].startswith("n = 0: must be")
+    assert client.ask("seeds", n=[3, 3])["event"] == "refused"
+    assert client.run()["seeds"] == list(range(9))
+
+
+def test_a_broken_diagram_does_not_play_and_says_where(client):
+    client.do("add", at=[], type="sum")
+    answer = client.ask("play", speed=1.0)
+    assert (answer["path"], answer["port"]) == ("sum", "u1")
+    assert client.run()["state"] == "empty"
+    client.wait(lambda event: event["event"] == "problems" and event["revision"] == 1)
+    assert {(p["path"], p["port"]) for p in client.last("problems")["list"]} == {("sum", "u1"), ("sum", "u2")}
+    client.do("undo")
+    client.do("play", speed=1.0)
+    client.do("disconnect", at=[], target="level.u")  # while it plays
+    client.until(lambda event: event["event"] == "run" and event["state"] == "paused")
+    assert client.ask("tick", n=1)["path"] == "level"
+
+
+@pytest.mark.parametrize(
+    ("op", "fields", "message"),
+    [
+        ("scrub", {"branch": "main", "tick": 11}, "tick = 11: must be a whole number in 0 … 10"),
+        ("scrub", {"branch": "mian", "tick": 1}, "did you mean 'main'"),
+        ("fork", {"branch": "main", "name": "main"}, "name = 'main': must be a new one"),
+        ("watch", {"addresses": ["gain.z"]}, "unknown output 'gain.z'"),
+        ("parameter", {"address": "gain.gian", "value": 1}, "did you mean 'gain'"),
+        ("parameter", {"address": "gain.gain", "value": None}, "gain = None: must be finite numbers"),
+        ("play", {"speed": 0}, "speed = 0: must be a number above 0"),
+        ("tick", {"n": 0}, "n = 0: must be a whole number from 1"),
+        ("prune", {"branch": "main"}, "must be one of several"),
+        ("replay", {"log": {"format": "x"}}, "format = 'x': must be 'motorgrad log'"),
+    ],
+)
+def test_the_run_refuses_by_name(open_session, op, fields, message):
+    client = Client(open_session(leaky()))
+    client.do("tick", n=10)
+    before = client.log()
+    assert message in client.ask(op, **fields)["message"]
+    assert client.log() == before
+
+
+def test_states_stay_within_bounds_and_all_of_the_past_in_reach(client, monkeypatch):
+    monkeypatch.setattr("motorgrad.lab.editor._branch.KEPT", 8)
+    for _ in range(40):
+        client.do("tick", n=5)
+    assert len(client.session._runner._tree.now.states) <= 8
+    digests = {}
+    for tick in (3, 77, 150, 199, 3, 77, 150, 199):
+        client.do("scrub", branch="main", tick=tick)
+        digests.setdefault(tick, set()).add(client.log()["digest"])
+    assert all(len(each) == 1 for each in digests.values())
+    assert len(set.union(*digests.values())) == 4

@@ -1,0 +1,219 @@
+"""Sessions: several clients, lost connections, files, and work that outlives its process."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+from editor_clients import Client
+
+from motorgrad import lab
+from motorgrad.lab import gallery
+from motorgrad.lab.editor import Session
+from motorgrad.lab.editor._views import view
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Sessions that are closed in the end."""
+    opened = []
+
+    def begin(diagram=None, **options):
+        opened.append(Session(diagram, **{"folder": tmp_path, "states": tmp_path / "states"} | options))
+        return opened[-1]
+
+    yield begin
+    for session in opened:
+        session.close()
+
+
+def shown(session):
+    return json.loads(json.dumps(view(session.diagram)))
+
+
+def test_two_clients_share_a_session(start):
+    session = start()
+    one, two = Client(session, "one"), Client(session, "two")
+    one.do("add", at=[], type="gain", position=[1, 2])
+    two.do("add", at=[], type="scope")
+    one.do("connect", at=[], source="gain", target="scope")
+    two.do("group", at=[], names=["gain"])
+    one.do("undo")  # of what the other did
+    two.last("changed")
+    assert one.view == two.view == shown(session)
+    assert one.revision == two.revision == 5
+
+
+def test_an_operation_is_done_once_however_often_it_is_sent(start):
+    session = start()
+    client = Client(session)
+    first = client.do("add", at=[], type="gain")
+    assert client.ask("add", sequence=client.sequence, at=[], type="gain") == first
+    refused = client.ask("remove", at=[], names=["nothing"])
+    assert client.ask("remove", sequence=client.sequence, at=[], names=["nothing"]) == refused
+    other = Client(session, "another")  # whose numbers are its own
+    other.sequence = 1
+    other.do("add", at=[], type="gain")
+    assert list(session.diagram.nodes) == ["gain", "gain 2"]
+
+
+def test_after_a_lost_connection_nothing_is_lost_and_nothing_twice(start):
+    session = start()
+    client = Client(session)
+    client.do("add", at=[], type="gain")
+    client.end()  # what follows is not heard of
+    text = client.message("add", at=[], type="scope")
+    session.handle(text, lambda event: None)
+    Client(session, "another").do("add", at=[], type="sum")
+    client.end = session.listen(client.inbox.put)
+    client.do("hello", session=session.id, revision=client.revision)
+    session.handle(text, client.inbox.put)  # unanswered, so sent again
+    client.until(lambda event: event["event"] == "done" and event["sequence"] == client.sequence - 1)
+    assert sorted(session.diagram.nodes) == ["gain", "scope", "sum"]
+    assert client.view == shown(session)
+
+
+def test_who_is_up_to_date_is_not_sent_the_document_again(start):
+    session = start()
+    client = Client(session)
+    client.do("add", at=[], type="gain")
+    client.seen.clear()
+    client.do("hello", session=session.id, revision=client.revision)
+    assert client.last("document") is None
+    client.do("hello", session="of another process", revision=client.revision)
+    assert client.last("document")
+
+
+def test_declarations_have_all_that_forms_and_palettes_need(start):
+    client = Client(start())
+    told = client.until(lambda event: event["event"] == "declarations")
+    assert set(told["blocks"]) == {*lab.BLOCKS, "diagram"}
+    assert {name for names in told["categories"].values() for name in names} == set(told["blocks"])
+    rate = next(field for field in told["blocks"]["ascent"]["fields"] if field["name"] == "rate")
+    assert (rate["role"], rate["low"], rate["high"], rate["default"]) == ("parameter", 0.0, None, 1e-3)
+    assert all(block["help"] for block in told["blocks"].values())
+    assert {entry["name"] for entry in told["gallery"]} == set(gallery.GALLERY)
+    assert all(entry["title"] and len(entry["comment"]) > 50 for entry in told["gallery"])
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "null", "{", '{"op": "undo"}', '{"client": "a", "op": "undo"}', "[" * 100_000]
+    + ['{"client": "a", "sequence": 1, "op": "set", "at": [], "field": "tick", "value": NaN}']
+    + ['{"client": "a", "sequence": true, "op": "undo"}', '{"client": "a", "sequence": 1}', "9" * 10_000],
+)
+def test_messages_that_make_no_sense_are_refused(start, text):
+    answers = []
+    session = start()
+    session.handle(text, answers.append)
+    assert [answer["event"] for answer in answers] == ["refused"]
+    assert not session.diagram.nodes
+
+
+def test_files_are_saved_opened_and_never_lost(start, tmp_path):
+    client = Client(start())
+    assert "has none yet" in client.ask("save")["message"]
+    client.do("open", gallery="chain")
+    client.do("set", at=[], field="title", value="Mine")
+    client.do("save", file="mine")
+    assert lab.load(tmp_path / "mine.json").title == "Mine"
+    assert client.last("saved")["saved"]
+    client.do("files")
+    assert client.last("files")["files"] == ["mine.json"]
+    other = Client(start())
+    assert "to replace it, say so" in other.ask("save", file="mine.json")["message"]
+    other.do("open", file="mine.json")
+    other.do("set", at=[], field="title", value="Theirs")
+    other.do("save")
+    client.do("set", at=[], field="comment", value="later")
+    assert "as it was when it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
+    client.do("save", over=True)
+    assert lab.load(tmp_path / "mine.json").title == "Mine"
+    for name in ("../out", "/tmp/x", "a/b", ".hidden", "", "x" * 300):
+        assert client.ask("save", file=name)["event"] == "refused"
+    (tmp_path / "spoilt.json").write_text('{"format": "motorgrad diagram", "version": 1, "blocks": {"a": {}}}')
+    before = client.session.diagram
+    assert "unknown type of block None" in client.ask("open", file="spoilt.json")["message"]
+    assert client.session.diagram == before
+    client.do("text")
+    assert lab.loads(client.last("text")["text"]) == before
+    client.do("text", python=True)
+    assert client.last("text")["text"].startswith("import motorgrad as mg")
+
+
+WORK = """
+import json, sys, time
+from pathlib import Path
+from motorgrad.lab.editor import Session
+session = Session(file=Path(sys.argv[1]) if sys.argv[1] else None, states=Path(sys.argv[2]))
+operations = [dict(op="add", at=[], type="gain", position=[1, 2]), dict(op="add", at=[], type="scope"),
+    dict(op="connect", at=[], source="gain", target="scope"), dict(op="add", at=[], type="sum"), dict(op="undo"),
+    dict(op="parameter", address="gain.gain", value=0.1 + 0.2), dict(op="group", at=[], names=["gain"])]
+for n, operation in enumerate(operations):
+    session.handle(json.dumps({"client": "a", "sequence": n, **operation}), lambda event: None)
+print(json.dumps(__import__("motorgrad.lab").lab.dumps(session.diagram)), flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_unsaved_work_survives_a_killed_process(start, tmp_path, process_environment, named):
+    file = tmp_path / "work.json" if named else None
+    process = subprocess.Popen(
+        [sys.executable, "-c", WORK, str(file or ""), str(tmp_path / "states")],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=process_environment,
+    )
+    assert process.stdout is not None
+    diagram = lab.loads(json.loads(process.stdout.readline()))
+    living = Client(start(file=file))
+    assert living.last("recoverable")["list"] == []  # it is still worked on
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    client = Client(start(file=file), "after")
+    (found,) = client.last("recoverable")["list"]
+    assert found["changes"] == 7
+    client.do("recover", id=found["id"])
+    assert client.session.diagram == diagram
+    assert client.last("recoverable")["list"] == []
+    client.do("undo")  # as if it had not been recovered
+    assert not client.session.diagram.nodes
+    client.do("redo")
+    if named:
+        client.do("save")
+        assert lab.load(file) == diagram
+        client.session.close()
+        assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".journal") == []
+
+
+def test_a_journal_that_was_cut_off_is_recovered_as_far_as_it_goes(start, tmp_path):
+    session = start()
+    client = Client(session)
+    for _ in range(3):
+        client.do("add", at=[], type="gain")
+    session.close()
+    (journal,) = (tmp_path / "states").glob("*.journal")
+    journal.write_bytes(journal.read_bytes()[:-9])
+    after = Client(start())
+    (found,) = after.last("recoverable")["list"]
+    assert found["changes"] == 2
+    after.do("recover", id=found["id"])
+    assert list(after.session.diagram.nodes) == ["gain", "gain 2"]
+    assert "unknown journal" in after.ask("recover", id="../other")["message"]
+
+
+def test_work_that_is_not_wanted_is_dropped_and_saved_work_leaves_no_journal(start, tmp_path):
+    client = Client(start())
+    client.do("add", at=[], type="gain")
+    client.session.close()
+    after = Client(start())
+    (found,) = after.last("recoverable")["list"]
+    after.do("recover", id=found["id"], drop=True)
+    assert not list((tmp_path / "states").glob("*.journal"))
+    after.do("add", at=[], type="gain")
+    after.do("save", file="kept")
+    after.session.close()
+    assert not list((tmp_path / "states").glob("*.journal*"))
