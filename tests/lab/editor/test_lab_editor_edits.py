@@ -16,6 +16,7 @@ from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
 from motorgrad.lab.editor._program import leaves
 from motorgrad.lab.editor._views import difference, view
 
+KINDS = ["add", "add", "add", "connect", "connect", "remove", "rename", "set", "head", "move", "group", "ungroup", "x"]
 TYPES = ["gain", "sum", "integrator", "scope", "inlet", "outlet", "constant", "diagram", "mean baseline"]
 
 
@@ -47,7 +48,7 @@ def drawn(draw, diagram):
     some = st.lists(st.sampled_from(names), min_size=1, max_size=3) if names else st.just(["nothing"])
     one = st.sampled_from(names) if names else st.just("nothing")
     point = st.tuples(st.integers(-500, 500), st.integers(-500, 500))
-    kind = draw(st.sampled_from("add add add connect connect remove rename set head move group ungroup".split() + ["x"]))
+    kind = draw(st.sampled_from(KINDS))
     match kind:
         case "add":
             return operation("add", at=at, type=draw(st.sampled_from(TYPES)), position=draw(st.none() | point))
@@ -74,7 +75,7 @@ def drawn(draw, diagram):
     return operation("comment", at=at, text=draw(st.text(max_size=3)), box=[0, 0, 10, 10])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_undo_all_is_the_document_before_and_clients_see_every_step(data):
     first = lab.Diagram()

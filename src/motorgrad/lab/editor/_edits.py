@@ -231,7 +231,10 @@ def _node(scope: Diagram, name: str) -> Node:
 
 def _place(scope: Diagram, positions: Any) -> None:
     """Note where blocks are; at `None` they are nowhere any more."""
-    places = {**scope.layout.get("positions", {}), **{name: at and [*map(float, at)] for name, at in positions.items()}}
+    places = {
+        **scope.layout.get("positions", {}),
+        **{name: None if at is None else [float(x) for x in at] for name, at in positions.items()},
+    }
     _lay(scope, "positions", {name: at for name, at in places.items() if at is not None})
 
 
@@ -242,7 +245,7 @@ def _lay(scope: Diagram, part: str, table: dict[str, Any]) -> None:
 
 def _box(box: Any) -> list[float]:
     check(box is not None and len(box) == 4 and min(box[2:]) > 0, "box", box, "x, y, width and height, these above 0")
-    return [*map(float, box)]
+    return [float(x) for x in box or ()]
 
 
 def retuned(document: Diagram, address: str, value: Any) -> Diagram:

@@ -5,6 +5,7 @@ files relative to itself. A request that says it comes from elsewhere is refused
 """
 
 import asyncio
+import contextlib
 import hmac
 import json
 import secrets
@@ -123,7 +124,7 @@ class _Outbox:
             if len(self._events) > self._most:
                 kept = [each for each in self._events if each["event"] != "samples"]
                 self._events = deque(kept)
-        if not self._loop.is_closed():
+        with contextlib.suppress(RuntimeError):  # the server has ended
             self._loop.call_soon_threadsafe(self._there.set)
 
     async def drain(self, send: Callable[[str], Any]) -> None:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from motorgrad._errors import check
+from motorgrad.lab import _subsystem
 from motorgrad.lab._diagram import Diagram, End, Node
 from motorgrad.lab.blocks._boundary import Inlet, Outlet
 from motorgrad.lab.blocks._constant import Constant
@@ -13,52 +14,29 @@ BELOW = 70.0  # between one inlet and the next
 
 
 def group(scope: Diagram, document: Diagram, names: list[str], name: str | None) -> None:
-    """Make a subsystem of blocks. Each keeps its id, and with it its random numbers and its state."""
-    check(names, "names", names, "at least one")
+    """Make a subsystem of blocks, in their middle. Each keeps its id, and with it its random numbers and its state."""
     for each in names:
         boundary = isinstance(scope.nodes[each].block, Inlet | Outlet)
         check(not boundary, "names", each, "no inlet or outlet: these stay in their diagram")
-    inside, inner = set(names), Diagram(scope.tick)
-    for each in scope.nodes:
-        if each in inside:
-            inner.nodes[each] = scope.nodes[each]
-    places = scope.layout.get("positions", {})
-    own = {each: place for each, place in places.items() if each in inside}
-    entering = {t: s for t, s in scope.wires.items() if t[0] in inside and s[0] not in inside}
-    leaving = {t: s for t, s in scope.wires.items() if s[0] in inside and t[0] not in inside}
-    inner.wires = {t: s for t, s in scope.wires.items() if t[0] in inside and s[0] in inside}
-    outer = {t: s for t, s in scope.wires.items() if t[0] not in inside and s[0] not in inside}
-    rest = {each: node for each, node in scope.nodes.items() if each not in inside}
-    scope.nodes, scope.wires = rest, outer
     title = fresh_name(scope, "subsystem") if name is None else name
-    scope.add(title, inner, "")
+    made = _subsystem.group(scope, names, title)
+    scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
+    inner: Any = made.nodes[title].block
     scope.nodes[title] = Node(inner, "")
-
+    places = scope.layout.get("positions", {})
+    own = {each: place for each, place in places.items() if each in names}
     left, right, top = _extent(own)
-    inlets: dict[End, str] = {}
-    for target, source in entering.items():
-        if source not in inlets:
-            port = scope.nodes[source[0]].block.outputs[source[1]]
-            inlets[source] = fresh_name(inner, target[1])
-            inlet = Inlet(shape=port.shape, kind=port.kind)
-            inner.add(inlets[source], inlet, fresh_id(document, inlets[source]))
-            own[inlets[source]] = [left - ASIDE, top + BELOW * (len(inlets) - 1)]
-        inner.wires[target] = (inlets[source], "y")
-        scope.wires[title, inlets[source]] = source
-    outlets: dict[End, str] = {}
-    for target, source in leaving.items():
-        if source not in outlets:
-            port = inner.nodes[source[0]].block.outputs[source[1]]
-            outlets[source] = fresh_name(inner, source[1])
-            inner.add(outlets[source], Outlet(port.shape, port.kind), fresh_id(document, outlets[source]))
-            inner.wires[outlets[source], "u"] = source
-            own[outlets[source]] = [right + ASIDE, top + BELOW * (len(outlets) - 1)]
-        scope.wires[target] = (title, outlets[source])
-    placed = {each: place for each, place in places.items() if each not in inside}
-    if any(each in places for each in inside):
+    for kind, across in ((Inlet, left - ASIDE), (Outlet, right + ASIDE)):
+        added = [each for each, node in inner.nodes.items() if isinstance(node.block, kind)]
+        for number, each in enumerate(added):
+            inner.nodes[each] = Node(inner.nodes[each].block, fresh_id(document, each))
+            own[each] = [across, top + BELOW * number]
+    scope.wires = made.wires
+    placed = {each: place for each, place in places.items() if each not in names}
+    if any(each in places for each in names):
         inner.layout = {"positions": own}
         placed[title] = [(left + right) / 2, top]
-    if placed or "positions" in scope.layout:
+    if "positions" in scope.layout:
         scope.layout = scope.layout | {"positions": placed}
 
 
