@@ -1,6 +1,7 @@
 """The editor in a browser, used by mouse and by keyboard."""
 
 import json
+import math
 import re
 
 import pytest
@@ -161,6 +162,7 @@ def test_copies_groups_aligns_and_takes_apart(opened):
     editor.press("Control+a", "Control+c", "Control+v")
     editor.wait(lambda: len(session.diagram.nodes) == 6)
     assert session.diagram.wires["gain 2", "u"] == ("sine 2", "y")
+    expect(editor.block("gain 2")).to_have_class(re.compile("selected"))
     editor.press("Alt+ArrowLeft")
     editor.wait(lambda: len({session.diagram.layout["positions"][f"{n} 2"][0] for n in ("sine", "gain", "scope")}) == 1)
     editor.press("Delete")
@@ -193,7 +195,7 @@ def test_goes_back_forks_and_compares(opened):
     editor.button("One tick").click()
     editor.wait(lambda: editor.tick == 51)
     editor.play_until(head)
-    expect(editor.page.get_by_label("compare")).to_be_checked()
+    expect(editor.page.get_by_role("checkbox", name="compare")).to_be_checked()
     editor.page.get_by_label("branch", exact=True).select_option("main")
     editor.wait(lambda: editor.tick == head)
     # what the first branch has is otherwise in the document now
@@ -291,18 +293,21 @@ def test_five_hundred_blocks_without_stutter(opened, record_property):
     editor = opened(grid(500))
     page = editor.page
     expect(editor.block("gain 262")).to_be_visible()
-    page.evaluate(f"window.frames_seen = ({FRAMES})(2500)")
     box = editor.block("gain 262").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 4
     page.mouse.move(x, y)
     page.mouse.down()
-    for i in range(60):
-        page.mouse.move(x + 2 * i, y + i)
+    page.mouse.move(x + 4, y, steps=4)
+    page.evaluate(f"() => {{ ({FRAMES})(3000).then(frames => window.seen = frames) }}")
+    for i in range(2000):
+        if page.evaluate("window.seen"):
+            break
+        page.mouse.move(x + 50 * math.sin(i / 9), y + i % 90)
     page.mouse.up()
-    frames = page.evaluate("window.frames_seen")
+    frames = page.evaluate("window.seen")
     record_property("frames per second", frames)
-    print(f"{frames:.0f} frames per second while a block is dragged, of 500")
-    assert frames >= 10  # of a software renderer on shared cores; 30 and more on a screen
+    print(f"{frames:.0f} frames per second while one of 500 blocks is dragged")
+    assert frames >= 10  # with software drawing on shared cores; 30 and more on a screen
     editor.wait(lambda: editor.server.session.diagram.layout["positions"]["gain 262"] != [2400.0, 1100.0])
 
 

@@ -53,6 +53,17 @@ export function Canvas() {
     setWires((before) => wiresOf(scope, at, problems, before));
   }, [scope, at, problems]);
 
+  const choose = useUi((ui) => ui.choose);
+  useEffect(() => {
+    if (!choose?.every((name) => nodes.some((node) => node.id === name))) return;
+    const chosen = new Set(choose);
+    const mark = <T extends { id: string; selected?: boolean }>(one: T): T =>
+      !!one.selected === chosen.has(one.id) ? one : { ...one, selected: chosen.has(one.id) };
+    useUi.setState({ choose: null });
+    setNodes((before) => before.map(mark));
+    setWires((before) => before.map((wire) => (wire.selected ? { ...wire, selected: false } : wire)));
+  }, [choose, nodes]);
+
   const valid = useCallback((wire: Connection | WireType) => misfitAt(scopeNow(), ...addresses(wire)) === null, []);
   const connect = useCallback(
     (wire: Connection) => {

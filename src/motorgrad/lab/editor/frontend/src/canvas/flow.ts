@@ -25,7 +25,7 @@ const same = (a: unknown[], b: unknown[]): boolean => a.length === b.length && a
  * dragged to. */
 export function nodesOf(scope: Scope, at: string[], problems: Problem[], before: AnyNode[], moving: boolean): AnyNode[] {
   const old = new Map(before.map((node) => [node.id, node]));
-  const where = placed(scope);
+  const where = placed(scope, at.join("/"));
   const wired = new Map<string, string[]>();
   for (const target of Object.keys(scope.wires)) {
     const [name, port] = ends(target);

@@ -34,16 +34,21 @@ export function automaticLayout(scope: Scope, names: string[] = Object.keys(scop
   return found;
 }
 
-const made = new WeakMap<object, Positions>();
+/** Where blocks without a place were shown, by diagram: they stay there while others come and go. */
+const shown = new Map<string, Positions>();
 
-/** Where blocks stand: where they were put, and the others by an automatic layout below these. */
-export function placed(scope: Scope): Positions {
-  const known = made.get(scope);
-  if (known) return known;
+/** Forget where blocks were shown: another document was opened. */
+export const forgetPlaces = (): void => shown.clear();
+
+/** Where the blocks of the diagram at a path stand: where they were put, and the others by an automatic layout below
+ * these. */
+export function placed(scope: Scope, path: string): Positions {
   const all: Positions = {};
+  const known = shown.get(path) ?? {};
   const loose: string[] = [];
   for (const [name, block] of Object.entries(scope.nodes)) {
-    if (block.position) all[name] = block.position;
+    const place = block.position ?? known[name];
+    if (place) all[name] = place;
     else loose.push(name);
   }
   if (loose.length) {
@@ -52,6 +57,6 @@ export function placed(scope: Scope): Positions {
     const left = lowest.length ? Math.min(...Object.values(all).map(([x]) => x)) : 0;
     for (const [name, [x, y]] of Object.entries(automaticLayout(scope, loose))) all[name] = [x + left, y + shift];
   }
-  made.set(scope, all);
+  shown.set(path, all);
   return all;
 }

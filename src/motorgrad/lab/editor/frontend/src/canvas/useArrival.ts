@@ -19,7 +19,7 @@ export function useArrival(context: Context, there: boolean): void {
     if (show === null || !there) return;
     const timer = window.setTimeout(() => {
       useUi.setState({ show: null });
-      select(context, [show]);
+      select([show]);
       void context.flow.fitView({ nodes: [{ id: show }], maxZoom: 1, minZoom: 0.6, duration: 200 });
       document.querySelector<HTMLElement>(`.timlab .react-flow__node[data-id="${CSS.escape(show)}"]`)?.focus();
     }, 60);

@@ -14,7 +14,7 @@ export async function add(context: Context, type: string, position: [number, num
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "add", at: useUi.getState().at, type, fields, position }))) return;
   const names = Object.keys(scopeNow().nodes).filter((name) => !before.has(name));
-  window.setTimeout(() => select(context, names), 0);
+  select(names);
 }
 
 /** What the canvas does with blocks of the palette and files that are dropped on it, and with the keyboard's focus. */
@@ -35,7 +35,7 @@ export function useDropped(context: Context) {
     },
     onFocus: (event: FocusEvent) => {
       const id = (event.target as HTMLElement).closest?.<HTMLElement>(".react-flow__node")?.dataset.id;
-      if (id && (event.target as HTMLElement).matches(":focus-visible")) select(context, [id]);
+      if (id && (event.target as HTMLElement).matches(":focus-visible")) select([id]);
     },
   };
 }

@@ -5,8 +5,21 @@ import type { Context } from "./command";
 import { select, selection } from "./selection";
 
 const FORMAT = "motorgrad diagram";
+interface Fragment {
+  [part: string]: Value | undefined;
+  layout?: { positions?: Record<string, [number, number]> };
+}
+
 let held: Value = null;
 let times = 0;
+
+/** What was never put anywhere is copied with the place where it is seen. */
+function withPlaces(fragment: Fragment, { flow }: Context): Value {
+  const names = new Set(Object.keys(fragment.blocks as object));
+  const seen = flow.getNodes().filter((node) => names.has(node.id));
+  const positions = Object.fromEntries(seen.map(({ id, position }) => [id, [position.x, position.y]]));
+  return { ...fragment, layout: { ...fragment.layout, positions } } as Value;
+}
 
 /** Keep the selected blocks as a document, here and for other windows. */
 export async function copy(context: Context): Promise<boolean> {
@@ -14,7 +27,7 @@ export async function copy(context: Context): Promise<boolean> {
   if (!names.length) return false;
   const answer = await context.ask({ op: "fragment", at: useUi.getState().at, names });
   if (!answer) return false;
-  held = answer.fragment as Value;
+  held = withPlaces(answer.fragment as Fragment, context);
   times = 0;
   try {
     await navigator.clipboard.writeText(JSON.stringify(held, null, 1));
@@ -39,11 +52,10 @@ export async function paste(context: Context): Promise<void> {
   const fragment = (await other()) ?? held;
   if (!fragment) return toast("Nothing was copied", true);
   times += 1;
-  const layout = (fragment as { layout?: { positions?: Record<string, [number, number]> } }).layout;
-  const places = Object.values(layout?.positions ?? {});
+  const places = Object.values((fragment as Fragment).layout?.positions ?? {});
   const corner = (i: 0 | 1) => (places.length ? Math.min(...places.map((place) => place[i])) : 0);
   const position = [corner(0) + 40 * times, corner(1) + 40 * times];
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "paste", at: useUi.getState().at, fragment, position }))) return;
-  select(context, Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
+  select(Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
 }

@@ -20,7 +20,7 @@ async function group(context: Context): Promise<void> {
   if (!names.length) return toast("Select the blocks that are to be a subsystem", true);
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "group", at: here(), names }))) return;
-  select(context, Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
+  select(Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
 }
 
 async function ungroup(context: Context): Promise<void> {
@@ -82,7 +82,7 @@ export const editCommands: Command[] = [
   { label: "Paste", group: "Edit", keys: ["Mod+V"], run: paste },
   { label: "Duplicate", group: "Edit", keys: ["Mod+D"], run: async (context) => (await copy(context)) && paste(context) },
   { label: "Delete", group: "Edit", keys: ["Delete", "Backspace"], run: remove },
-  { label: "Select all", group: "Edit", keys: ["Mod+A"], run: (context) => select(context, Object.keys(scopeNow().nodes)) },
+  { label: "Select all", group: "Edit", keys: ["Mod+A"], run: () => select(Object.keys(scopeNow().nodes)) },
   { label: "Connect…", group: "Edit", keys: ["C"], run: () => openDialog("connect") },
   { label: "Rename", group: "Edit", keys: ["F2"], run: rename },
   { label: "Add a comment", group: "Edit", keys: ["M"], run: comment },

@@ -1,4 +1,5 @@
 import { REMARK } from "../canvas/flow";
+import { useUi } from "../ui/ui";
 import type { Context } from "./command";
 
 /** What is selected on the canvas: blocks by name, comments by id, wires by their target. */
@@ -23,12 +24,8 @@ export function selection({ flow }: Context): Selection {
   };
 }
 
-/** Select these blocks and nothing else. */
-export function select({ flow }: Context, names: string[]): void {
-  const chosen = new Set(names);
-  flow.setNodes((nodes) => nodes.map((node) => (node.selected === chosen.has(node.id) ? node : { ...node, selected: chosen.has(node.id) })));
-  flow.setEdges((edges) => edges.map((edge) => (edge.selected ? { ...edge, selected: false } : edge)));
-}
+/** Select these blocks and nothing else; those that are not there yet when they come. */
+export const select = (names: string[]): void => useUi.setState({ choose: names });
 
 /** Where a new block goes: the middle of what is seen, beside what is there already. */
 export function freePlace({ flow }: Context): [number, number] {

@@ -27,7 +27,7 @@ export function Given({ type }: { type: string }) {
         {fields.map((field) => (
           <div key={field.name} className="field">
             <label htmlFor={`given-${field.name}`}>{field.name}</label>
-            <input id={`given-${field.name}`} autoFocus onChange={(event) => setTexts({ ...texts, [field.name]: event.target.value })} />
+            <input id={`given-${field.name}`} data-first onChange={(event) => setTexts({ ...texts, [field.name]: event.target.value })} />
             <p className="help">{prose(field.help ?? "")}</p>
           </div>
         ))}

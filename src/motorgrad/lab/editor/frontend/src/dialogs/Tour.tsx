@@ -44,7 +44,7 @@ export function Tour() {
         <button type="button" className="plain" disabled={step === 0} onClick={() => setStep(step - 1)}>
           Back
         </button>
-        <button type="button" className="primary" autoFocus onClick={() => (final ? openDialog("gallery") : setStep(step + 1))}>
+        <button type="button" className="primary" data-first onClick={() => (final ? openDialog("gallery") : setStep(step + 1))}>
           {final ? "Open the gallery" : "Next"}
         </button>
       </footer>

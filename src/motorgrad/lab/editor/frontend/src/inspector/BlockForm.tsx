@@ -35,7 +35,7 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
     [ask, at, declaration, name, path],
   );
   const rename = async (to: string) => {
-    if (to && to !== name && (await ask({ op: "rename", at, name, to }))) window.setTimeout(() => select(context, [to]), 0);
+    if (to && to !== name && (await ask({ op: "rename", at, name, to }))) select([to]);
   };
   const watch = (address: string) =>
     ask({ op: "watch", addresses: watched.includes(address) ? watched.filter((each) => each !== address) : [...watched, address] });

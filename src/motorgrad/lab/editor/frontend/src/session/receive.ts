@@ -1,4 +1,5 @@
 import { keepBranches, takeSamples } from "../run/traces";
+import { forgetPlaces } from "../canvas/layout";
 import { toast, useUi } from "../ui/ui";
 import type { Message } from "./session";
 import { type Document, useDocument, useRun } from "./store";
@@ -35,6 +36,7 @@ export function receive(message: Message): void {
       });
       break;
     case "document":
+      forgetPlaces();
       useDocument.setState((old) => ({ ...flags(message), opened: old.opened + 1, scopes: flat(message.view as View) }));
       stay();
       break;

@@ -9,6 +9,7 @@ export function Modal({ label, children, wide, bare }: { label: string; children
     const dialog = own.current;
     const before = document.activeElement as HTMLElement | null;
     dialog?.showModal();
+    dialog?.querySelector<HTMLElement>("[data-first]")?.focus();
     return () => before?.focus?.();
   }, []);
   return (

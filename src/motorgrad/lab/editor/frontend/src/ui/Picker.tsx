@@ -41,7 +41,7 @@ export function Picker({ label, choices, hint }: { label: string; choices: Choic
   return (
     <Modal label={label} bare>
       <input
-        autoFocus
+        data-first
         className="picker-input"
         role="combobox"
         aria-label={label}

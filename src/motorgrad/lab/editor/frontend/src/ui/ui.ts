@@ -14,7 +14,9 @@ export interface Ui {
   inspector: boolean;
   dock: boolean;
   toasts: { id: number; text: string; bad: boolean }[];
-  /** Blocks to be shown in the middle, once. */
+  /** Blocks to be selected, as soon as they are there. */
+  choose: string[] | null;
+  /** A block to be shown in the middle, once. */
   show: string | null;
   /** A type of block that cannot be added before some of its fields are given. */
   adding: string | null;
@@ -39,6 +41,7 @@ export const useUi = create<Ui>(() => ({
   inspector: wide,
   dock: true,
   toasts: [],
+  choose: null,
   show: null,
   adding: null,
 }));
