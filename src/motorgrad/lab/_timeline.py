@@ -71,8 +71,13 @@ class Timeline:
     def __setitem__(self, address: str, value: Any) -> None:
         """Set a parameter from now on; another future than the one that was known begins."""
         self.run[address] = value
-        self._log = [*self._log[: self._made], Change(self.tick, address, copy.deepcopy(value))]
+        self.forget()
+        self._log.append(Change(self.tick, address, copy.deepcopy(value)))
         self._made += 1
+
+    def forget(self) -> None:
+        """Forget what is known of the time after now: what follows may become another future."""
+        self._log = self._log[: self._made]
         self._snapshots = {tick: kept for tick, kept in self._snapshots.items() if tick <= self.tick}
         self.end = self.tick
 

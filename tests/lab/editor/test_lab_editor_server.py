@@ -1,5 +1,6 @@
 """The server: who is let in, what is served, and connections that come and go; and the command that starts it."""
 
+import asyncio
 import http.client
 import json
 import re
@@ -14,6 +15,7 @@ from websockets.sync.client import connect
 from motorgrad import lab
 from motorgrad.cli import main
 from motorgrad.lab.editor import Server, Session
+from motorgrad.lab.editor._server import _Outbox
 
 TIMEOUT = 60
 
@@ -148,6 +150,31 @@ def test_tabs_share_the_session_and_one_that_goes_disturbs_none(server):
         hear_out(three)
     assert ask(one, client="one", sequence=12, op="undo")["event"] == "done"
     one.close()
+
+
+def test_a_slow_client_is_not_sent_a_pile_of_samples(server):
+    """It hears of all that was done, and in the end what was seen as a whole."""
+    loop = asyncio.new_event_loop()
+    heard, again = [], []
+
+    async def listen():
+        outbox = _Outbox(loop, again.append, most=10)
+        for number in range(50):
+            outbox.put({"event": "samples", "number": number})
+            outbox.put({"event": "changed", "number": number})
+        sender = asyncio.create_task(outbox.drain(hear))
+        while len(again) < 1:
+            await asyncio.sleep(0.01)
+        sender.cancel()
+
+    async def hear(text):
+        heard.append(json.loads(text))
+
+    loop.run_until_complete(asyncio.wait_for(listen(), TIMEOUT))
+    loop.close()
+    assert [event["number"] for event in heard if event["event"] == "changed"] == list(range(50))
+    assert sum(event["event"] == "samples" for event in heard) <= 10
+    assert len(again) == 1
 
 
 def test_a_port_that_is_taken_is_refused_by_number(server):

@@ -1,98 +1,104 @@
-"""One course of events: where it came from, what was changed in it, and states to go back to."""
+"""One course of events: where it came from, how far it went, and what was seen in it."""
 
-import dataclasses
 from typing import Any
 
-from motorgrad.lab._files import loads
-from motorgrad.lab._state import State
-from motorgrad.lab.editor._program import Program, digest, size_of
+import numpy as np
+
+from motorgrad.lab._record import Record
+from motorgrad.lab._run import Run
+from motorgrad.lab._timeline import Change, Timeline
+from motorgrad.lab.editor._program import Program, Values, digest, size_of
 from motorgrad.lab.editor._traces import Traces
 
 KEPT = 256  # states of a branch; with more, every other one goes
 LARGEST = 256 * 2**20  # bytes of them
 FORMAT = "motorgrad log"
+Part = dict[str, Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class Change:
-    """A parameter that has another value from a tick on."""
+class Onward:
+    """A timeline of a run that cannot go back."""
 
-    tick: int
-    address: str
-    value: Any
+    def __init__(self, run: Run):
+        self.run, self.log, self.snapshots = run, (), (run.tick,)
+
+    @property
+    def tick(self) -> int:
+        return self.run.tick
+
+    @property
+    def end(self) -> int:
+        return self.run.tick
+
+    def __setitem__(self, address: str, value: Any) -> None:
+        self.run[address] = value
+        self.log = (*self.log, Change(self.tick, address, value))
+
+    def advance(self, ticks: int) -> Record:
+        return self.run.advance(ticks)
 
 
 class Branch:
-    """A branch of a run, from the tick `start` to the tick `head`.
+    """A branch of a run, which begins where its timeline is.
 
-    **Arguments:** its name; the program that moves it; the tick and the state in which it begins, `None` where states
-    cannot be kept; the branch it comes from.
+    **Arguments:** its name; the program; the branch it comes from; whether the diagram was edited in between; its
+    timeline, by default a new one of the program's run.
     """
 
     def __init__(
-        self, name: str, program: Program, start: int, state: State | None, parent: "Branch | None", edited: bool
+        self, name: str, program: Program, parent: "Branch | None", edited: bool, timeline: Timeline | None = None
     ):
         self.name, self.program, self.parent, self.edited = name, program, parent, edited
-        self.start = self.head = start
-        self.changes: list[Change] = []
-        self.taken = 0 if parent is None else sum(change.tick <= start for change in parent.changes)
-        """How many of the parent's changes came before it."""
-        self.states: dict[int, State] = {} if state is None else {start: state}
+        self.timeline = timeline or _timeline(program)
+        self.start = self.timeline.tick
+        self.past: list[Part] = [] if parent is None else parent.past
+        """What the log has before this diagram."""
+        if parent is not None and edited:
+            self.past = parent.parts()
+        self._inherited = len(self.timeline.log)
         self.traces = Traces(program)
-        self._spacing = 1
-
-    def keep(self, tick: int, state: State) -> None:
-        """Keep a state; of too many, every other one goes."""
-        self.states[tick] = state
-        while len(self.states) > 2 and (len(self.states) > KEPT or len(self.states) * size_of(state) > LARGEST):
-            ticks = sorted(self.states)
-            self.states = {tick: self.states[tick] for tick in ticks[::2]}
-            self._spacing *= 2
-
-    def wants(self, tick: int) -> bool:
-        """Whether a state at this tick, the latest so far, should be kept."""
-        return bool(self.states) and tick - max(self.states) >= self._spacing
-
-    def before(self, tick: int) -> State:
-        """The last state that is kept at or before a tick."""
-        return self.states[max(kept for kept in self.states if kept <= tick)]
-
-    def at(self, tick: int) -> list[Change]:
-        """The changes at a tick."""
-        return [change for change in self.changes if change.tick == tick]
-
-    def next_change(self, tick: int) -> int | None:
-        """The first tick after this one at which something changes."""
-        return min((change.tick for change in self.changes if change.tick > tick), default=None)
+        self._known = {placed.path for placed in self.run.plan.blocks}
 
     @property
-    def line(self) -> list["Branch"]:
-        """This branch and all before it, the first first."""
-        return [*([] if self.parent is None else self.parent.line), self]
+    def run(self) -> Run:
+        run = self.timeline.run
+        assert isinstance(run, Run)
+        return run
 
-    def values_at(self, tick: int) -> dict[str, Any]:
-        """What has been set, by address, since the diagram was compiled, at a tick of this branch."""
-        return self.values_of(sum(change.tick <= tick for change in self.changes))
+    @property
+    def first(self) -> int:
+        """The first tick that its timeline can go back to."""
+        return min(self.timeline.snapshots)
 
-    def values_of(self, count: int) -> dict[str, Any]:
-        """As `values_at`, after so many of its changes."""
-        found = {} if self.parent is None or self.edited else self.parent.values_of(self.taken)
-        return found | {change.address: change.value for change in self.changes[:count]}
+    def put(self, values: Values) -> None:
+        """Set parameters from now on; of blocks that do not run, such as inlets with a wire, nothing is set."""
+        for address, value in values.items():
+            if address.rpartition(".")[0] in self._known:
+                self.timeline[address] = value
 
-    def log(self, tick: int, state: State | None) -> dict[str, Any]:
-        """All that the state at a tick follows from, as plain data, and a digest of it."""
-        parts = []
-        line = self.line
-        for branch, following in zip(line, [*line[1:], None], strict=True):
-            until = len(branch.changes) if following is None else following.taken
-            fresh = branch.parent is None or branch.edited
-            changes = [dataclasses.asdict(change) for change in branch.changes[:until] if change.tick <= tick]
-            if fresh:
-                parts.append({"from": branch.start, "diagram": branch.program.text, "changes": changes})
-            else:
-                parts[-1]["changes"] += changes
-        own = {"format": FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": parts, "tick": tick}
-        return own | {"digest": None if state is None else digest(state)}
+    def otherwise(self, values: Values) -> Values:
+        """Those of its parameters that are not these values, to single precision."""
+        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self._known}
+        return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
+
+    def use(self, program: Program) -> None:
+        """Go on with the same diagram compiled otherwise."""
+        program.run.restore(self.run.state)
+        self.run.close()
+        self.program, self.timeline.run = program, program.run
+
+    def parts(self) -> list[Part]:
+        """The diagrams that its present follows from, each with the changes that were made in it."""
+        changes = [change._asdict() for change in self.timeline.log if change.tick <= self.timeline.tick]
+        first = self.past[-1]["until"] if self.past else 0
+        own = {"from": first, "until": self.timeline.tick, "diagram": self.program.text, "changes": changes}
+        return [*self.past, own]
+
+    def log(self) -> dict[str, Any]:
+        """All that its state follows from, as plain data, and a digest of it."""
+        own = {"format": FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": self.parts()}
+        state = None if self.program.fixed else digest(self.run.state)
+        return own | {"tick": self.timeline.tick, "digest": state}
 
     def summary(self) -> dict[str, Any]:
         """What clients show of it."""
@@ -100,12 +106,14 @@ class Branch:
             "name": self.name,
             "parent": None if self.parent is None else self.parent.name,
             "start": self.start,
-            "head": self.head,
+            "head": self.timeline.end,
             "edited": self.edited,
-            "changes": [dataclasses.asdict(change) for change in self.changes],
+            "changes": [change._asdict() for change in self.timeline.log[self._inherited :]],
         }
 
 
-def diagram_of(log: dict[str, Any]) -> Any:
-    """The last diagram of a log."""
-    return loads(log["parts"][-1]["diagram"])
+def _timeline(program: Program) -> Any:
+    """The timeline of a program's run: the larger its states, the fewer are kept."""
+    if program.fixed is not None:
+        return Onward(program.run)
+    return Timeline(program.run, 1, max(4, min(KEPT, LARGEST // max(1, size_of(program.run.state)))))

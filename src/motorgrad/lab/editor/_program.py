@@ -20,7 +20,7 @@ Values = dict[str, Any]
 
 
 class Program:
-    """A diagram in motion, which several branches take turns to use.
+    """A diagram compiled, with a `run` of it at tick 0.
 
     **Arguments:** the diagram; the seeds; the outputs to record. **Raises** `DiagramError` for a diagram that cannot
     run.
@@ -31,21 +31,8 @@ class Program:
         self.diagram, self.seeds, self.watch = diagram, seeds, watch
         there = outputs(diagram) if watch else []
         self.run = Run(diagram, seeds, watch=[address for address in watch if address in there])
-        self.known = {placed.path for placed in self.run.plan.blocks}
-        """The paths of its blocks."""
         self.fixed = next((f"{path}: {why}" for path, why in self.run.no_restore.items()), None)
         """Why it cannot go back in time, if it cannot."""
-
-    def put(self, values: Values) -> None:
-        """Set parameters by address; of blocks that do not run, such as inlets with a wire, nothing is set."""
-        for address, value in values.items():
-            if address.rpartition(".")[0] in self.known:
-                self.run[address] = value
-
-    def otherwise(self, values: Values) -> Values:
-        """Those of its parameters that are not these values, to single precision."""
-        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self.known}
-        return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
 
 def signature(diagram: Diagram) -> Any:

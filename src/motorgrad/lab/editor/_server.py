@@ -96,7 +96,7 @@ class Server:
 
     async def _talk(self, connection: WebSocket) -> None:
         await connection.accept()
-        outbox = _Outbox(asyncio.get_running_loop())
+        outbox = _Outbox(asyncio.get_running_loop(), self.session.resend)
         end = self.session.listen(outbox.put)
         sender = asyncio.create_task(outbox.drain(connection.send_text))
         try:
@@ -110,10 +110,11 @@ class Server:
 
 
 class _Outbox:
-    """Events on their way to one client. Of a client that is slow, old samples are left out, not kept."""
+    """Events on their way to one client. For one that is slow samples are not piled up: they are left out, and once it
+    has heard the rest, all that was seen is sent in few points."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, most: int = 300):
-        self._loop, self._most = loop, most
+    def __init__(self, loop: asyncio.AbstractEventLoop, resend: Callable[[Callable[..., None]], None], most: int = 300):
+        self._loop, self._resend, self._most, self._behind = loop, resend, most, False
         self._events: deque[dict[str, Any]] = deque()
         self._lock, self._there = threading.Lock(), asyncio.Event()
 
@@ -122,8 +123,8 @@ class _Outbox:
         with self._lock:
             self._events.append(event)
             if len(self._events) > self._most:
-                kept = [each for each in self._events if each["event"] != "samples"]
-                self._events = deque(kept)
+                self._events = deque(each for each in self._events if each["event"] != "samples")
+                self._behind = True
         with contextlib.suppress(RuntimeError):  # the server has ended
             self._loop.call_soon_threadsafe(self._there.set)
 
@@ -137,6 +138,9 @@ class _Outbox:
                     event = self._events.popleft() if self._events else None
                 if event is not None:
                     await send(json.dumps(event, ensure_ascii=False, allow_nan=False))
+            if self._behind:
+                self._behind = False
+                self._resend(self.put)
 
 
 class _Guard:

@@ -113,6 +113,10 @@ class Session:
             else:
                 done()
 
+    def resend(self, send: Send) -> None:
+        """Tell one client again how the run stands, and what was seen in it."""
+        self._runner.welcome(send)
+
     def close(self, keep: bool = True) -> None:
         """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
         self._aside.shutdown(cancel_futures=True)

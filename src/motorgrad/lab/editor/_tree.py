@@ -8,8 +8,9 @@ from motorgrad._errors import check, unknown
 from motorgrad.lab._diagram import Diagram, numbered
 from motorgrad.lab._files import loads
 from motorgrad.lab._run import MOST_SEEDS, MOST_TICKS
-from motorgrad.lab.editor._branch import FORMAT, Branch, Change
-from motorgrad.lab.editor._program import Program, Values, digest, outputs, parameters
+from motorgrad.lab._timeline import Timeline
+from motorgrad.lab.editor._branch import FORMAT, Branch
+from motorgrad.lab.editor._program import Program, Values, outputs, parameters
 
 Event = dict[str, Any]
 MOST = 64  # branches
@@ -50,7 +51,7 @@ class Tree:
 
     @property
     def tick(self) -> int:
-        return self._now.program.run.tick if self._now else 0
+        return self._now.timeline.tick if self._now else 0
 
     @property
     def step(self) -> float:
@@ -60,7 +61,7 @@ class Tree:
     @property
     def warm(self) -> bool:
         """Whether what moves it was compiled before."""
-        return self.now.program.run.compilations > 0
+        return self.now.run.compilations > 0
 
     @property
     def signature(self) -> Any:
@@ -71,7 +72,8 @@ class Tree:
         """Where the run is."""
         if self._now is None:
             return {"branch": None, "tick": 0, "time": 0.0, "head": 0}
-        return {"branch": self.now.name, "tick": self.tick, "time": self.tick * self.step, "head": self.now.head}
+        head = self.now.timeline.end
+        return {"branch": self.now.name, "tick": self.tick, "time": self.tick * self.step, "head": head}
 
     def summary(self) -> Event:
         """All that clients show beside."""
@@ -125,14 +127,14 @@ class Tree:
         if not self.stale:
             return
         old = self._now
-        if old.program.fixed is not None or (old.parent is None and old.head == 0):
+        if old.program.fixed is not None or (old.parent is None and old.timeline.end == 0):
             self.begin()
             return
         program = self._compiled(self.diagram)
         if program.fixed is not None:
             self.begin()
             return
-        self._fresh = program.run.adopt(old.program.run.state)
+        self._fresh = program.run.adopt(old.run.state)
         self.stale, self._values = False, parameters(self.diagram)
         self._grow("edit", program, old, edited=True)
 
@@ -144,69 +146,62 @@ class Tree:
                 raise unknown("output", address, known)
         self._watch = list(dict.fromkeys(addresses))
         if self._now is not None:
-            self._look(self.now)
+            self._look()
 
     def retune(self, values: Values) -> None:
         """Take in the parameters of the document that changed."""
         changed = {a: value for a, value in values.items() if a not in self._values or self._values[a] != value}
         self._values = values
-        changed = {a: value for a, value in changed.items() if a.rpartition(".")[0] in self.now.program.known}
         if not changed:
             return
-        if self.tick < self.now.head or any(change.tick > self.tick for change in self.now.changes):
+        timeline = self.now.timeline
+        if self.tick < timeline.end or (timeline.log and timeline.log[-1].tick > self.tick):
             self.fork(self.now.name, None, None)  # what was to come stays, in its own branch
-        self.now.program.put(changed)
-        self.now.changes += [Change(self.tick, address, value) for address, value in changed.items()]
+        self.now.put(changed)
 
     def advance(self, ticks: int) -> None:
-        """Make ticks, with the changes that are known to come."""
-        branch, run = self.now, self.now.program.run
-        stop = run.tick + ticks
+        """Make ticks, as they were made where they are known."""
+        branch, timeline = self.now, self.now.timeline
+        stop = self.tick + ticks
         check(stop <= MOST_TICKS, "ticks", stop, f"at most {MOST_TICKS:,}")
-        while run.tick < stop:
-            self._apply(branch)
-            ends = [stop, branch.next_change(run.tick) or stop, *([branch.head] if run.tick < branch.head else [])]
-            new = run.tick >= branch.head
-            if not self.warm:
-                self._say(compiling=True)
-            record = run.advance(min(ends) - run.tick)
-            if not new:
-                continue
-            branch.head = run.tick
-            if branch.wants(run.tick):
-                branch.keep(run.tick, run.state)
-            signals = branch.traces.take(record)
+        if not self.warm:
+            self._say(compiling=True)
+        if self.tick < timeline.end:
+            timeline.advance(min(stop, timeline.end) - self.tick)
+        if self.tick < stop:
+            signals = branch.traces.take(timeline.advance(stop - self.tick))
             if signals:
                 self._tell({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
-        self._apply(branch)
 
     def go(self, name: str, tick: int) -> None:
         """Go to a tick that was made: by the last state before it, and from there as it went."""
-        branch = self._named(name)
-        check(0 <= tick <= branch.head, "tick", tick, f"a whole number in 0 … {branch.head}, where {name!r} has been")
-        while tick < branch.start:
+        branch, end = self._named(name), self._named(name).timeline.end
+        check(0 <= tick <= end, "tick", tick, f"a whole number in 0 … {end}, where {name!r} has been")
+        check(branch.program.fixed is None, "scrub", name, f"a run that can go back; {branch.program.fixed}")
+        while tick < branch.first:
             assert branch.parent is not None
             branch = branch.parent
-        check(branch.program.fixed is None, "scrub", name, f"a run that can go back; {branch.program.fixed}")
-        if branch is not self._now or tick != self.tick:
-            self._settle(branch)
-            branch.program.run.restore(branch.before(tick))
-            self._travel(tick)
-        self._apply(branch)
+        self._now = branch
+        if branch.program.watch != self._watch:
+            self._look()
+        nearest = max(known for known in branch.timeline.snapshots if known <= tick)
+        if tick < self.tick or nearest > self.tick:
+            branch.timeline.seek(nearest)
+        self._travel(tick)
 
     def fork(self, name: str, tick: int | None, to: str | None) -> None:
         """A new branch, at a tick of one; it is the one that moves then."""
-        parent = self._named(name)
         check(len(self._branches) < MOST, "branches", len(self._branches), f"at most {MOST}: forget some")
         check(to is None or (to and to not in self._branches), "name", to, "a new one")
-        if tick is None:
-            tick = self.tick if parent is self._now else parent.head
-        if parent is not self._now or tick != self.tick:
+        parent = self._named(name)
+        check(parent.program.fixed is None, "fork", name, f"a run that can be saved; {parent.program.fixed}")
+        if tick is not None:
             self.go(name, tick)
             check(self.tick == tick, "fork", name, "left alone until it is there")
-        parent = self.now
-        check(parent.program.fixed is None, "fork", name, f"a run that can be saved; {parent.program.fixed}")
-        self._grow(to or parent.name, parent.program, parent)
+            parent = self.now
+        timeline = parent.timeline.fork()
+        timeline.forget()
+        self._grow(to or parent.name, parent.program, parent, timeline=timeline)
 
     def prune(self, name: str) -> None:
         """Forget a branch."""
@@ -216,16 +211,13 @@ class Tree:
         check(not below, "branch", name, f"one without branches of its own; it has {', '.join(below)}")
         if branch is self._now:
             assert branch.parent is not None
-            self.go(branch.parent.name, branch.start)
+            self._now = branch.parent
+        branch.run.close()
         del self._branches[name]
 
     def log(self, name: str | None) -> Event:
-        """All that a branch's numbers follow from, up to where it is now, or to its head."""
-        branch = self.now if name is None else self._named(name)
-        if branch is self._now:
-            state = None if branch.program.fixed else branch.program.run.state
-            return branch.log(self.tick, state)
-        return branch.log(branch.head, None)
+        """All that a branch's numbers follow from, up to where it is now."""
+        return (self.now if name is None else self._named(name)).log()
 
     def replay(self, log: Event) -> Event:
         """Run a log again. **Returns** `branch`, `tick`, and whether it `matches` the log's digest bit for bit."""
@@ -233,23 +225,28 @@ class Tree:
         parts = log["parts"]
         self.diagram, self._seeds = loads(parts[0]["diagram"]), log["seeds"]
         self.begin()
-        for part, following in zip(parts, [*parts[1:], None], strict=True):
+        for part in parts:
             if part is not parts[0]:
                 self.diagram, self.stale = loads(part["diagram"]), True
                 self.ready()
-            self.now.changes = [Change(**change) for change in part["changes"]]
-            end = log["tick"] if following is None else following["from"]
-            self._travel(end)
-            check(self.tick == end, "replay", self.tick, f"left alone until tick {end}")
-        self._values |= self.now.values_at(self.tick)
-        fixed = self.now.program.fixed is not None
-        matches = None if fixed or log["digest"] is None else digest(self.now.program.run.state) == log["digest"]
+            for change in part["changes"]:
+                self._reach(change["tick"])
+                self.now.timeline[change["address"]] = change["value"]
+                self._values[change["address"]] = change["value"]
+            self._reach(part["until"])
+        again = self.now.log()["digest"]
+        matches = None if again is None or log["digest"] is None else again == log["digest"]
         return {"branch": self.now.name, "tick": self.tick, "matches": matches}
 
     def close(self) -> None:
         """Let simulators go."""
-        for program in {id(branch.program): branch.program for branch in self._branches.values()}.values():
-            program.run.close()
+        for branch in self._branches.values():
+            branch.run.close()
+
+    def _reach(self, tick: int) -> None:
+        """Advance to a tick. **Raises** `ValueError` if something else is asked for meanwhile."""
+        self._travel(tick)
+        check(self.tick == tick, "replay", self.tick, f"left alone until tick {tick}")
 
     def _travel(self, to: int) -> None:
         """Advance to a tick, unless something else is asked for meanwhile."""
@@ -260,31 +257,23 @@ class Tree:
             if time.perf_counter() - start < LOOK:
                 ticks *= 2
 
-    def _grow(self, like: str, program: Program, parent: Branch | None, edited: bool = False) -> None:
+    def _grow(
+        self,
+        like: str,
+        program: Program,
+        parent: Branch | None,
+        edited: bool = False,
+        timeline: Timeline | None = None,
+    ) -> None:
         name = next(each for each in numbered(like) if each not in self._branches)
-        run = program.run
-        state = None if program.fixed is not None else run.state
-        self._now = self._branches[name] = Branch(name, program, run.tick, state, parent, edited)
+        self._now = self._branches[name] = Branch(name, program, parent, edited, timeline)
+        self._tell({"event": "samples", "branch": name, "fresh": True, "signals": {}})
 
-    def _settle(self, branch: Branch) -> None:
-        """Let another branch move. Of the one before, where it ends is kept."""
-        old = self.now
-        if self.tick == old.head and old.program.fixed is None:
-            old.states[old.head] = old.program.run.state
-        self._now = branch
-        if branch.program.watch != self._watch:
-            self._look(branch)
-
-    def _look(self, branch: Branch) -> None:
-        """Have a branch record what is watched now: compiled again, in the same state."""
-        old = branch.program
-        check(old.fixed is None, "watch", branch.name, f"asked for before it runs; {old.fixed}")
-        branch.program = self._compiled(old.diagram)
-        branch.program.run.restore(old.run.state)
-
-    def _apply(self, branch: Branch) -> None:
-        """What changes at this tick."""
-        branch.program.put({change.address: change.value for change in branch.at(self.tick)})
+    def _look(self) -> None:
+        """Have the branch that moves record what is watched now."""
+        old = self.now.program
+        check(old.fixed is None, "watch", self.now.name, f"asked for before it runs; {old.fixed}")
+        self.now.use(self._compiled(old.diagram))
 
     def _compiled(self, diagram: Diagram) -> Program:
         self._say(compiling=True)
@@ -297,25 +286,30 @@ class Tree:
 
     def _overrides(self) -> Values:
         """The parameters of the run that are otherwise in the document."""
-        return {} if self._now is None or self.stale else self._now.program.otherwise(self._values)
+        return {} if self._now is None or self.stale else self._now.otherwise(self._values)
 
 
 def checked_log(log: Any) -> Event:
     """A log, seen to be one. **Raises** `ValueError` that says what is wrong with it."""
     check(isinstance(log, dict) and log.get("format") == FORMAT, "format", log.get("format"), f"{FORMAT!r}")
     check(log.get("version") == 1, "version", log.get("version"), "1, which this release reads")
-    seeds, parts, tick = log.get("seeds"), log.get("parts"), log.get("tick")
+    seeds, parts = log.get("seeds"), log.get("parts")
+    tick: Any = log.get("tick")
     check(isinstance(seeds, list) and seeds, "seeds", seeds, "a list of integers")
     check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "a whole number from 0")
     check(isinstance(parts, list) and parts, "parts", parts, "a list of at least one part")
-    start = 0
+    now = 0
     for part in parts or ():
         check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
-        check(isinstance(part.get("from"), int) and start <= part["from"] <= tick, "from", part.get("from"), "in order")
+        check(part.get("from") == now, "from", part.get("from"), f"{now}, where the part before ends")
+        last: Any = part.get("until")
+        check(isinstance(last, int) and now <= last <= tick, "until", last, f"a whole number in {now} … {tick}")
         check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
-        start = part["from"]
         for change in part["changes"]:
             known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}
-            check(known and isinstance(change["tick"], int), "change", change, "a tick, an address and a value")
-    check(parts[0]["from"] == 0, "from", parts[0]["from"], "0 in the first part")  # type: ignore[index]
+            at: Any = change["tick"] if known else None
+            check(isinstance(at, int) and now <= at <= last, "change", change, "in order, with tick, address and value")
+            now = at
+        now = last
+    check(now == tick, "tick", tick, f"{now}, where the last part ends")
     return {"digest": None, **log}
