@@ -39,10 +39,15 @@ export const BlockNode = memo(function BlockNode({ data, selected }: NodeProps<B
         <strong>{name}</strong>
         <span className="block-face">
           {kind(name, view.type)}
-          {face && <em>{face}</em>}
+          {face && !kind(name, view.type) && <em>{face}</em>}
         </span>
         {problems.length > 0 && (
-          <span className={wrong ? "badge" : "badge soft"} role="img" aria-label={`problem: ${messages}`} title={messages}>
+          <span
+            className={wrong ? "badge" : "badge soft"}
+            role="img"
+            aria-label={`problem: ${messages}`}
+            title={messages}
+          >
             !
           </span>
         )}
@@ -60,7 +65,16 @@ export const BlockNode = memo(function BlockNode({ data, selected }: NodeProps<B
         />
       ))}
       {view.outputs.map((port, row) => (
-        <PortRow key={port.name} block={name} port={port} row={row} side="output" wired wanting={false} problem={undefined} />
+        <PortRow
+          key={port.name}
+          block={name}
+          port={port}
+          row={row}
+          side="output"
+          wired
+          wanting={false}
+          problem={undefined}
+        />
       ))}
     </div>
   );

@@ -10,7 +10,12 @@ export function Breadcrumbs() {
         diagram
       </button>
       {at.map((name, depth) => (
-        <button key={depth} type="button" aria-current={depth === at.length - 1 ? "location" : undefined} onClick={() => enter(at.slice(0, depth + 1))}>
+        <button
+          key={depth}
+          type="button"
+          aria-current={depth === at.length - 1 ? "location" : undefined}
+          onClick={() => enter(at.slice(0, depth + 1))}
+        >
           {name}
         </button>
       ))}

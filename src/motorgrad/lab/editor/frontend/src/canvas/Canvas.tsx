@@ -72,18 +72,31 @@ export function Canvas() {
     },
     [ask, at],
   );
-  const begin = useCallback((_: unknown, { nodeId, handleId, handleType }: { nodeId: string | null; handleId: string | null; handleType: HandleType | null }) => {
-    const block = scopeNow().nodes[nodeId ?? ""];
-    const side = handleType === "target" ? "input" : "output";
-    const port = block && portOf(side === "input" ? block.inputs : block.outputs, handleId ?? "");
-    if (port && nodeId) useConnecting.setState({ from: { block: nodeId, port, side } });
-  }, []);
+  const begin = useCallback(
+    (
+      _: unknown,
+      {
+        nodeId,
+        handleId,
+        handleType,
+      }: { nodeId: string | null; handleId: string | null; handleType: HandleType | null },
+    ) => {
+      const block = scopeNow().nodes[nodeId ?? ""];
+      const side = handleType === "target" ? "input" : "output";
+      const port = block && portOf(side === "input" ? block.inputs : block.outputs, handleId ?? "");
+      if (port && nodeId) useConnecting.setState({ from: { block: nodeId, port, side } });
+    },
+    [],
+  );
   const end = useCallback((_: unknown, state: FinalConnectionState) => {
     useConnecting.setState({ from: null });
     const { fromHandle: from, toHandle: to } = state;
     if (!from || !to || state.isValid || from === to || from.nodeId + from.id! === to.nodeId + to.id!) return;
     const [source, target] = from.type === "source" ? [from, to] : [to, from];
-    const why = from.type === to.type ? "A wire leads from an output to an input" : misfitAt(scopeNow(), `${source.nodeId}.${source.id}`, `${target.nodeId}.${target.id}`);
+    const why =
+      from.type === to.type
+        ? "A wire leads from an output to an input"
+        : misfitAt(scopeNow(), `${source.nodeId}.${source.id}`, `${target.nodeId}.${target.id}`);
     if (why) toast(why, true);
   }, []);
   const moved = useCallback(
@@ -129,7 +142,9 @@ export function Canvas() {
         onNodeDragStop={moved}
         onSelectionDragStart={() => (moving.current = true)}
         onSelectionDragStop={(event, those) => moved(event, null, those)}
-        onNodeDoubleClick={(_, node) => node.type === "block" && node.data.view.type === "diagram" && enter([...at, node.id])}
+        onNodeDoubleClick={(_, node) =>
+          node.type === "block" && node.data.view.type === "diagram" && enter([...at, node.id])
+        }
         onSelectionChange={select}
         onlyRenderVisibleElements
         snapToGrid

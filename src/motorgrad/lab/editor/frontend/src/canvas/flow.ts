@@ -23,7 +23,13 @@ const same = (a: unknown[], b: unknown[]): boolean => a.length === b.length && a
 
 /** The nodes of a diagram. Those that did not change stay the same objects, with what is selected and where they are
  * dragged to. */
-export function nodesOf(scope: Scope, at: string[], problems: Problem[], before: AnyNode[], moving: boolean): AnyNode[] {
+export function nodesOf(
+  scope: Scope,
+  at: string[],
+  problems: Problem[],
+  before: AnyNode[],
+  moving: boolean,
+): AnyNode[] {
   const old = new Map(before.map((node) => [node.id, node]));
   const where = placed(scope, at.join("/"));
   const wired = new Map<string, string[]>();
@@ -107,9 +113,19 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
     const wide = !!port?.shape.length;
     const problem = wrong.get(`${pathOf(at, name)}.${targetHandle}`) ?? null;
     const title = `${from} → ${target}`;
-    const below = [beneath(scope, source, "outputs", sourceHandle), beneath(scope, name, "inputs", targetHandle)] as [number, number];
+    const below = [beneath(scope, source, "outputs", sourceHandle), beneath(scope, name, "inputs", targetHandle)] as [
+      number,
+      number,
+    ];
     const known = old.get(target);
-    if (known && same(known.data?.below ?? [], below) && known.data?.title === title && known.data.wide === wide && known.data.problem === problem) return known;
+    if (
+      known &&
+      same(known.data?.below ?? [], below) &&
+      known.data?.title === title &&
+      known.data.wide === wide &&
+      known.data.problem === problem
+    )
+      return known;
     return {
       ...(known && { selected: known.selected }),
       id: target,

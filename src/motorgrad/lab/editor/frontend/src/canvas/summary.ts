@@ -21,5 +21,7 @@ export function summary(block: BlockView, declaration: Declaration | undefined):
   if (!field) return "";
   const value = block.fields[field.name];
   if (value === undefined || value === null || value === "") return "";
-  return field.choices?.length || field.name === "value" ? shortly(value) : `${field.name.replaceAll("_", " ")} ${shortly(value)}`;
+  return field.choices?.length || field.name === "value"
+    ? shortly(value)
+    : `${field.name.replaceAll("_", " ")} ${shortly(value)}`;
 }

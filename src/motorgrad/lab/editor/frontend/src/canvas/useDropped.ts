@@ -10,7 +10,12 @@ import { GRID } from "./geometry";
 export const DRAGGED = "application/x-timlab-block";
 
 /** Add a block, and select it. */
-export async function add(context: Context, type: string, position: [number, number], fields: object = {}): Promise<void> {
+export async function add(
+  context: Context,
+  type: string,
+  position: [number, number],
+  fields: object = {},
+): Promise<void> {
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "add", at: useUi.getState().at, type, fields, position }))) return;
   const names = Object.keys(scopeNow().nodes).filter((name) => !before.has(name));

@@ -5,6 +5,12 @@ import { fileCommands } from "./file";
 import { runCommands } from "./run";
 import { viewCommands } from "./view";
 
-export const COMMANDS: Command[] = [...fileCommands, ...editCommands, ...arrangeCommands, ...runCommands, ...viewCommands];
+export const COMMANDS: Command[] = [
+  ...fileCommands,
+  ...editCommands,
+  ...arrangeCommands,
+  ...runCommands,
+  ...viewCommands,
+];
 
 export const byKeys = new Map(COMMANDS.flatMap((command) => (command.keys ?? []).map((keys) => [keys, command])));

@@ -67,16 +67,43 @@ async function layout(context: Context): Promise<void> {
   requestAnimationFrame(() => void context.flow.fitView({ maxZoom: 1, padding: 0.1, duration: 200 }));
 }
 
-const command = (label: string, run: Command["run"], keys?: string[]): Command => ({ label, group: "Arrange", run, keys });
+const command = (label: string, run: Command["run"], keys?: string[]): Command => ({
+  label,
+  group: "Arrange",
+  run,
+  keys,
+});
 
 export const arrangeCommands: Command[] = [
   command("Automatic layout", layout, ["L"]),
-  command("Align left", align((box, all) => [least(all, (b) => b.x), box.y]), ["Alt+ArrowLeft"]),
-  command("Align right", align((box, all) => [most(all, (b) => b.x + b.width) - box.width, box.y]), ["Alt+ArrowRight"]),
-  command("Align tops", align((box, all) => [box.x, least(all, (b) => b.y)]), ["Alt+Shift+ArrowUp"]),
-  command("Align bottoms", align((box, all) => [box.x, most(all, (b) => b.y + b.height) - box.height]), ["Alt+Shift+ArrowDown"]),
-  command("Align middles", align((box, all) => [box.x, all[0]!.y + all[0]!.height / 2 - box.height / 2])),
-  command("Align centres", align((box, all) => [all[0]!.x + all[0]!.width / 2 - box.width / 2, box.y])),
+  command(
+    "Align left",
+    align((box, all) => [least(all, (b) => b.x), box.y]),
+    ["Alt+ArrowLeft"],
+  ),
+  command(
+    "Align right",
+    align((box, all) => [most(all, (b) => b.x + b.width) - box.width, box.y]),
+    ["Alt+ArrowRight"],
+  ),
+  command(
+    "Align tops",
+    align((box, all) => [box.x, least(all, (b) => b.y)]),
+    ["Alt+Shift+ArrowUp"],
+  ),
+  command(
+    "Align bottoms",
+    align((box, all) => [box.x, most(all, (b) => b.y + b.height) - box.height]),
+    ["Alt+Shift+ArrowDown"],
+  ),
+  command(
+    "Align middles",
+    align((box, all) => [box.x, all[0]!.y + all[0]!.height / 2 - box.height / 2]),
+  ),
+  command(
+    "Align centres",
+    align((box, all) => [all[0]!.x + all[0]!.width / 2 - box.width / 2, box.y]),
+  ),
   command("Distribute across", distribute("x", "width"), ["Alt+H"]),
   command("Distribute down", distribute("y", "height"), ["Alt+V"]),
 ];

@@ -80,7 +80,12 @@ export const editCommands: Command[] = [
   { label: "Cut", group: "Edit", keys: ["Mod+X"], run: async (context) => (await copy(context)) && remove(context) },
   { label: "Copy", group: "Edit", keys: ["Mod+C"], run: copy },
   { label: "Paste", group: "Edit", keys: ["Mod+V"], run: paste },
-  { label: "Duplicate", group: "Edit", keys: ["Mod+D"], run: async (context) => (await copy(context)) && paste(context) },
+  {
+    label: "Duplicate",
+    group: "Edit",
+    keys: ["Mod+D"],
+    run: async (context) => (await copy(context)) && paste(context),
+  },
   { label: "Delete", group: "Edit", keys: ["Delete", "Backspace"], run: remove },
   { label: "Select all", group: "Edit", keys: ["Mod+A"], run: () => select(Object.keys(scopeNow().nodes)) },
   { label: "Connect…", group: "Edit", keys: ["C"], run: () => openDialog("connect") },

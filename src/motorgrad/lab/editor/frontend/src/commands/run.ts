@@ -16,12 +16,14 @@ export function togglePlay({ ask }: Context): unknown {
   return state === "playing" || state === "compiling" ? ask({ op: "pause" }) : ask({ op: "play", speed });
 }
 
-const faster = (by: 1 | -1) => ({ ask }: Context): unknown => {
-  const order = [null, 10, 2, 1, 0.5, 0.1];
-  const now = order.indexOf(useRun.getState().speed);
-  const next = Math.max(0, Math.min(order.length - 1, (now < 0 ? 3 : now) - by));
-  return ask({ op: "speed", speed: order[next] });
-};
+const faster =
+  (by: 1 | -1) =>
+  ({ ask }: Context): unknown => {
+    const order = [null, 10, 2, 1, 0.5, 0.1];
+    const now = order.indexOf(useRun.getState().speed);
+    const next = Math.max(0, Math.min(order.length - 1, (now < 0 ? 3 : now) - by));
+    return ask({ op: "speed", speed: order[next] });
+  };
 
 export const fork = ({ ask }: Context): unknown => {
   const { branch, tick } = useRun.getState();

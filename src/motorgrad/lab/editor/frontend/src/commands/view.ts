@@ -20,7 +20,12 @@ export const viewCommands: Command[] = [
   { label: "Add a block…", group: "View", keys: ["/", "A"], run: searchPalette },
   { label: "All commands…", group: "View", keys: ["Mod+K"], run: () => openDialog("commands") },
   { label: "Go to a block…", group: "View", keys: ["Mod+F"], run: () => openDialog("find") },
-  { label: "Show everything", group: "View", keys: ["F"], run: ({ flow }) => flow.fitView({ maxZoom: 1, padding: 0.1, duration: 200 }) },
+  {
+    label: "Show everything",
+    group: "View",
+    keys: ["F"],
+    run: ({ flow }) => flow.fitView({ maxZoom: 1, padding: 0.1, duration: 200 }),
+  },
   { label: "Zoom in", group: "View", keys: ["Mod+="], run: ({ flow }) => flow.zoomIn() },
   { label: "Zoom out", group: "View", keys: ["Mod+-"], run: ({ flow }) => flow.zoomOut() },
   { label: "Palette", group: "View", keys: ["1"], run: toggle("palette") },

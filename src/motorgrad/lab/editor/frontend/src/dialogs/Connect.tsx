@@ -37,5 +37,11 @@ export function Connect() {
     };
   });
   all.sort((a, b) => a.order - b.order);
-  return <Picker label="Connect" hint={selected.length ? `From or to ${selected.join(", ")}` : "From where to where?"} choices={all} />;
+  return (
+    <Picker
+      label="Connect"
+      hint={selected.length ? `From or to ${selected.join(", ")}` : "From where to where?"}
+      choices={all}
+    />
+  );
 }

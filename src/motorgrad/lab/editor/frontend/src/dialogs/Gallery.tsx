@@ -17,7 +17,13 @@ export function Gallery() {
       <p className="quiet">Each learns when you press play. Opening one can be undone.</p>
       <div className="cards">
         {gallery.map(({ name, title, comment }) => (
-          <button key={name} type="button" className="card" aria-label={`Open ${title || name}`} onClick={() => void open(name)}>
+          <button
+            key={name}
+            type="button"
+            className="card"
+            aria-label={`Open ${title || name}`}
+            onClick={() => void open(name)}
+          >
             <strong>{title || name}</strong>
             <span>{prose(comment)}</span>
           </button>

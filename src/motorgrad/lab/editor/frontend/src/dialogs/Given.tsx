@@ -19,7 +19,9 @@ export function Given({ type }: { type: string }) {
       <form
         onSubmit={(event) => {
           event.preventDefault();
-          const given = Object.fromEntries(fields.map((field) => [field.name, fromText(texts[field.name] ?? "", field)]));
+          const given = Object.fromEntries(
+            fields.map((field) => [field.name, fromText(texts[field.name] ?? "", field)]),
+          );
           done();
           void add(context, type, freePlace(context), given);
         }}
@@ -27,7 +29,11 @@ export function Given({ type }: { type: string }) {
         {fields.map((field) => (
           <div key={field.name} className="field">
             <label htmlFor={`given-${field.name}`}>{field.name}</label>
-            <input id={`given-${field.name}`} data-first onChange={(event) => setTexts({ ...texts, [field.name]: event.target.value })} />
+            <input
+              id={`given-${field.name}`}
+              data-first
+              onChange={(event) => setTexts({ ...texts, [field.name]: event.target.value })}
+            />
             <p className="help">{prose(field.help ?? "")}</p>
           </div>
         ))}

@@ -24,7 +24,13 @@ export function Save() {
           void ask({ op: "save", file, over }).then((answer) => answer && openDialog(null));
         }}
       >
-        <input data-first aria-label="file name" value={file} onChange={(event) => setFile(event.target.value)} onFocus={(event) => event.target.select()} />
+        <input
+          data-first
+          aria-label="file name"
+          value={file}
+          onChange={(event) => setFile(event.target.value)}
+          onFocus={(event) => event.target.select()}
+        />
         <button type="submit" className="primary">
           Save
         </button>

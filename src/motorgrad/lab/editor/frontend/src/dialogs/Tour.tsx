@@ -23,7 +23,10 @@ const STEPS: [title: string, text: string][] = [
     "Go back in time",
     "Pull the time slider to the left, change something and press Fork: a new branch begins there, and the scope shows both.",
   ],
-  ["Take something apart", "The gallery has the systems of the thesis. Each learns when you press play, and says what to try."],
+  [
+    "Take something apart",
+    "The gallery has the systems of the thesis. Each learns when you press play, and says what to try.",
+  ],
 ];
 
 /** The first steps, one after the other. */
@@ -44,7 +47,12 @@ export function Tour() {
         <button type="button" className="plain" disabled={step === 0} onClick={() => setStep(step - 1)}>
           Back
         </button>
-        <button type="button" className="primary" data-first onClick={() => (final ? openDialog("gallery") : setStep(step + 1))}>
+        <button
+          type="button"
+          className="primary"
+          data-first
+          onClick={() => (final ? openDialog("gallery") : setStep(step + 1))}
+        >
           {final ? "Open the gallery" : "Next"}
         </button>
       </footer>

@@ -26,8 +26,8 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
   const path = pathOf(at, name);
   const set = useCallback(
     async (field: string, value: Value) => {
-      const live = declaration?.fields.find((each) => each.name === field)?.role === "parameter";
-      const operation = live
+      const isLive = declaration?.fields.find((each) => each.name === field)?.role === "parameter";
+      const operation = isLive
         ? { op: "parameter", address: `${path}.${field}`, value }
         : { op: "set", at, name, field, value };
       return (await ask(operation)) !== null;
@@ -38,8 +38,14 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
     if (to && to !== name && (await ask({ op: "rename", at, name, to }))) select([to]);
   };
   const watch = (address: string) =>
-    ask({ op: "watch", addresses: watched.includes(address) ? watched.filter((each) => each !== address) : [...watched, address] });
-  const fields = (declaration?.fields ?? []).filter((field) => !ELSEWHERE.has(field.name));
+    ask({
+      op: "watch",
+      addresses: watched.includes(address) ? watched.filter((each) => each !== address) : [...watched, address],
+    });
+  const live = (field: { role?: string }) => (field.role === "parameter" ? 0 : 1);
+  const fields = (declaration?.fields ?? [])
+    .filter((field) => !ELSEWHERE.has(field.name))
+    .sort((a, b) => live(a) - live(b));
   const schedule = (declaration?.fields ?? []).filter((field) => SCHEDULE.has(field.name));
   const own = problems.filter((problem) => problem.path === path);
   const noteOf = (field: string) => {
@@ -47,7 +53,13 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
     return other === undefined ? undefined : `in this branch ${toText(other)}`;
   };
   const row = (field: (typeof fields)[number]) => (
-    <FieldRow key={`${path}.${field.name}`} field={field} value={view.fields[field.name] ?? null} onSet={set} note={noteOf(field.name)} />
+    <FieldRow
+      key={`${path}.${field.name}`}
+      field={field}
+      value={view.fields[field.name] ?? null}
+      onSet={set}
+      note={noteOf(field.name)}
+    />
   );
   return (
     <form className="form" onSubmit={(event) => event.preventDefault()} aria-label={`form of ${name}`}>
@@ -75,7 +87,11 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
           <legend>Look at</legend>
           {view.outputs.map((port) => (
             <label key={port.name} className="check" title={port.help}>
-              <input type="checkbox" checked={watched.includes(`${path}.${port.name}`)} onChange={() => void watch(`${path}.${port.name}`)} />
+              <input
+                type="checkbox"
+                checked={watched.includes(`${path}.${port.name}`)}
+                onChange={() => void watch(`${path}.${port.name}`)}
+              />
               {port.name} <span className="quiet">{describe(port)}</span>
             </label>
           ))}

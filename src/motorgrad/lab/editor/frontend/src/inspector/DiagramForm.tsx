@@ -5,7 +5,15 @@ import { useScope } from "../session/useScope";
 import { useUi } from "../ui/ui";
 import { FieldRow } from "./FieldRow";
 
-const field = (name: string, type: string, help: string, unit = ""): Field => ({ name, type, help, unit, required: false, default: null, role: "setting" });
+const field = (name: string, type: string, help: string, unit = ""): Field => ({
+  name,
+  type,
+  help,
+  unit,
+  required: false,
+  default: null,
+  role: "setting",
+});
 
 const TEXTS = [field("title", "str", ""), field("comment", "str", "")];
 const TIMES = [

@@ -36,7 +36,13 @@ export const FieldRow = memo(function FieldRow({ field, value, onSet, note }: Pr
   };
   const title = field.name.replaceAll("_", " ");
   const id = `field-${field.name}`;
-  const hint = [field.help && prose(field.help), field.unit && `in ${field.unit}`, field.role === "parameter" && field.allowed].filter(Boolean).join("; ");
+  const hint = [
+    field.help && prose(field.help),
+    field.unit && `in ${field.unit}`,
+    field.role === "parameter" && field.allowed,
+  ]
+    .filter(Boolean)
+    .join("; ");
   const common = { id, "aria-label": field.name, "aria-invalid": !!wrong, title: hint };
   const keys = (event: React.KeyboardEvent) => {
     if (event.key === "Enter" && !(form === "long" && !event.ctrlKey)) void give();
@@ -58,11 +64,35 @@ export const FieldRow = memo(function FieldRow({ field, value, onSet, note }: Pr
           ))}
         </select>
       ) : form === "check" ? (
-        <input {...common} type="checkbox" checked={value === true} onChange={(event) => void onSet(field.name, event.target.checked)} />
+        <input
+          {...common}
+          type="checkbox"
+          checked={value === true}
+          onChange={(event) => void onSet(field.name, event.target.checked)}
+        />
       ) : form === "long" || (form === "data" && text.length > 28) ? (
-        <textarea {...common} rows={Math.min(10, 2 + text.split("\n").length)} spellCheck={false} value={text} onChange={(event) => setText(event.target.value)} onBlur={() => void give()} onKeyDown={keys} />
+        <textarea
+          {...common}
+          rows={Math.min(10, 2 + text.split("\n").length)}
+          spellCheck={false}
+          value={text}
+          onChange={(event) => setText(event.target.value)}
+          onBlur={() => void give()}
+          onKeyDown={keys}
+        />
       ) : (
-        <input {...common} type="text" inputMode={form === "number" ? "decimal" : "text"} spellCheck={false} autoComplete="off" value={text} placeholder={field.type.includes("None") ? "none" : ""} onChange={(event) => setText(event.target.value)} onBlur={() => void give()} onKeyDown={keys} />
+        <input
+          {...common}
+          type="text"
+          inputMode={form === "number" ? "decimal" : "text"}
+          spellCheck={false}
+          autoComplete="off"
+          value={text}
+          placeholder={field.name === "shape" ? "one number" : "none"}
+          onChange={(event) => setText(event.target.value)}
+          onBlur={() => void give()}
+          onKeyDown={keys}
+        />
       )}
       {field.role === "parameter" && typeof value === "number" && form === "number" && (
         <Slider field={field} value={value} onSet={(next) => void onSet(field.name, next)} />

@@ -10,18 +10,30 @@ export function Freeze({ path, view }: { path: string; view: BlockView }) {
   const units = Array.isArray(frozen) ? Math.max(groups, frozen.length) : groups;
   const isFrozen = (unit: number) => (Array.isArray(frozen) ? frozen[unit] === true : frozen === true);
   const all = Array.isArray(frozen) ? frozen.every((each) => each === true) : frozen === true;
-  const freeze = (on: boolean, unit?: number) => ask({ op: "freeze", address: path, on, ...(unit !== undefined && { unit }) });
+  const freeze = (on: boolean, unit?: number) =>
+    ask({ op: "freeze", address: path, on, ...(unit !== undefined && { unit }) });
   return (
     <fieldset>
       <legend>Freeze</legend>
       <label className="check">
-        <input type="checkbox" checked={all} aria-label="freeze all" onChange={(event) => void freeze(event.target.checked)} />
+        <input
+          type="checkbox"
+          checked={all}
+          aria-label="freeze all"
+          onChange={(event) => void freeze(event.target.checked)}
+        />
         all that it has learnt
       </label>
       {units > 1 && (
         <div className="chips">
           {Array.from({ length: units }, (_, unit) => (
-            <button key={unit} type="button" aria-pressed={isFrozen(unit)} aria-label={`freeze unit ${unit}`} onClick={() => void freeze(!isFrozen(unit), unit)}>
+            <button
+              key={unit}
+              type="button"
+              aria-pressed={isFrozen(unit)}
+              aria-label={`freeze unit ${unit}`}
+              onClick={() => void freeze(!isFrozen(unit), unit)}
+            >
               {unit}
             </button>
           ))}

@@ -10,22 +10,30 @@ export function formOf(field: Field, value: Value): Form {
     return field.kind === "bool" ? "check" : "number";
   }
   if (field.type === "bool") return "check";
-  if (field.type === "str") return typeof value === "string" && (value.includes("\n") || field.name === "settings" || field.name === "xml") ? "long" : "text";
+  if (field.name === "comment") return "long";
+  if (field.type === "str")
+    return typeof value === "string" && (value.includes("\n") || field.name === "settings" || field.name === "xml")
+      ? "long"
+      : "text";
   if (field.type === "int" || field.type === "float") return "number";
   return "data";
 }
 
 /** A value as it is written in a form. */
 export function toText(value: Value): string {
-  if (value === null || value === undefined) return "";
+  if (value === null || value === undefined || (Array.isArray(value) && !value.length)) return "";
   return typeof value === "string" ? value : JSON.stringify(value).replaceAll(",", ", ");
 }
 
 /** What was written: numbers, lists of them, true, false, null; a list of words may do without brackets and quotes.
  * Throws where it is none of these. */
 export function fromText(text: string, field: Field): Value {
-  const trimmed = text.trim().replace(/^\((.*)\)$/s, "[$1]").replace(/,\s*\]/g, "]");
-  if (trimmed === "" || trimmed === "None") return field.type.includes("None") ? null : field.type.startsWith("tuple") ? [] : "";
+  const trimmed = text
+    .trim()
+    .replace(/^\((.*)\)$/s, "[$1]")
+    .replace(/,\s*\]/g, "]");
+  if (trimmed === "" || trimmed === "None")
+    return field.type.includes("None") ? null : field.type.startsWith("tuple") ? [] : "";
   const special: Record<string, Value> = { True: true, False: false };
   if (trimmed in special) return special[trimmed]!;
   try {

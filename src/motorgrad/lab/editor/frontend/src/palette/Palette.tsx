@@ -7,6 +7,21 @@ import { useUi } from "../ui/ui";
 import { PaletteItem } from "./PaletteItem";
 import { found } from "./search";
 
+const ORDER = [
+  "sources",
+  "mathematics",
+  "dynamics",
+  "sinks",
+  "learning",
+  "bodies and worlds",
+  "vectors",
+  "nonlinear",
+  "logic",
+  "subsystems",
+];
+const placeOf = (category: string) => (ORDER.includes(category) ? ORDER.indexOf(category) : ORDER.length);
+const inOrder = ([a]: [string, unknown], [b]: [string, unknown]) => placeOf(a) - placeOf(b);
+
 /** All types of blocks, by heading or by search. Drag one to the canvas, or press Enter. */
 export function Palette() {
   const context = useContextOfCommands();
@@ -55,15 +70,17 @@ export function Palette() {
         {Object.keys(declarations).length === 0 && <p className="quiet pad">Loading…</p>}
         {hits?.length === 0 && <p className="quiet pad">Nothing answers to “{text}”.</p>}
         {!hits &&
-          Object.entries(categories).map(([category, names]) => (
-            <details key={category} open>
-              <summary>{category}</summary>
-              {names.map((name) => {
-                const declaration = declarations[name];
-                return declaration && <PaletteItem key={name} declaration={declaration} chosen={false} onAdd={put} />;
-              })}
-            </details>
-          ))}
+          Object.entries(categories)
+            .sort(inOrder)
+            .map(([category, names]) => (
+              <details key={category} open>
+                <summary>{category}</summary>
+                {names.map((name) => {
+                  const declaration = declarations[name];
+                  return declaration && <PaletteItem key={name} declaration={declaration} chosen={false} onAdd={put} />;
+                })}
+              </details>
+            ))}
       </div>
     </aside>
   );

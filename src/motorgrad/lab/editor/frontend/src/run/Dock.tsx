@@ -9,7 +9,7 @@ import { goTo } from "../inspector/Problems";
 import { useHeight } from "./useHeight";
 
 const WINDOW = 10;
-const SHOWN = new Set(["lines", "portrait", "raster", "histogram"]);
+const SHOWN = new Set(["lines", "portrait", "raster", "histogram", "map"]);
 
 /** Below the canvas: time, and all that shows something. */
 export function Dock() {

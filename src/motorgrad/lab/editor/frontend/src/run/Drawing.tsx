@@ -2,6 +2,7 @@ import { useEffect, useRef } from "react";
 import { useRun } from "../session/store";
 import { useDark } from "../ui/useDark";
 import { histogram } from "./histogram";
+import { map } from "./map";
 import { portrait } from "./portrait";
 import { raster } from "./raster";
 import type { Source } from "./sources";
@@ -21,9 +22,11 @@ export interface Sheet {
   /** The first and the last tick that are shown. */
   span: [number, number];
   tick: number;
+  /** The tick at which the run stands. */
+  now: number;
 }
 
-const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram };
+const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram, map };
 
 interface Props {
   source: Source;
@@ -51,10 +54,22 @@ export function Drawing({ source, branches, window: seconds, tick }: Props) {
       context.setTransform(scale, 0, 0, scale, 0, 0);
       context.clearRect(0, 0, width, height);
       context.font = "11px system-ui, sans-serif";
-      const { branch } = useRun.getState();
+      const { branch, tick: now } = useRun.getState();
       const span = spanOf(seconds, tick);
       const [ink, line] = [style.getPropertyValue("--quiet"), style.getPropertyValue("--line")];
-      PICTURES[source.drawing]?.(source, { context, width, height, dark, ink, line, branch, branches: names.split("\n"), span, tick });
+      PICTURES[source.drawing]?.(source, {
+        context,
+        width,
+        height,
+        dark,
+        ink,
+        line,
+        branch,
+        branches: names.split("\n"),
+        span,
+        tick,
+        now,
+      });
     };
     draw();
     return onMoving(draw);

@@ -27,7 +27,12 @@ export function LogPanel() {
         </button>
         <label className="file-button">
           Replay…
-          <input type="file" accept=".json" aria-label="log to replay" onChange={(event) => event.target.files?.[0] && void replay(event.target.files[0])} />
+          <input
+            type="file"
+            accept=".json"
+            aria-label="log to replay"
+            onChange={(event) => event.target.files?.[0] && void replay(event.target.files[0])}
+          />
         </label>
       </div>
       {branch?.parent && (

@@ -15,7 +15,14 @@ export function RunControls() {
   const problems = useDocument((document) => document.problems.length);
   const busy = state === "playing" || state === "compiling";
   const known = SPEEDS.some(([, each]) => each === speed);
-  const words = state === "compiling" ? "compiling…" : achieved !== null && busy ? `${achieved.toPrecision(2)} ×` : stale ? "changed" : "";
+  const words =
+    state === "compiling"
+      ? "compiling…"
+      : achieved !== null && busy
+        ? `${achieved.toPrecision(2)} ×`
+        : stale
+          ? "changed"
+          : "";
   return (
     <div className="run-controls" role="group" aria-label="run">
       <button
@@ -31,7 +38,13 @@ export function RunControls() {
       </button>
       <IconButton icon="tick" label="One tick" keys="." onClick={() => ask({ op: "tick", n: 1 })} />
       <IconButton icon="reset" label="Reset" keys="0" onClick={() => ask({ op: "reset" })} />
-      <select aria-label="speed" value={String(speed)} onChange={(event) => void ask({ op: "speed", speed: event.target.value === "null" ? null : Number(event.target.value) })}>
+      <select
+        aria-label="speed"
+        value={String(speed)}
+        onChange={(event) =>
+          void ask({ op: "speed", speed: event.target.value === "null" ? null : Number(event.target.value) })
+        }
+      >
         {!known && <option value={String(speed)}>{speed} ×</option>}
         {SPEEDS.map(([label, each]) => (
           <option key={label} value={String(each)}>

@@ -17,7 +17,14 @@ export function Seeds() {
   return (
     <label className="seeds" title="Seeds that run side by side; to change it is to begin again">
       seeds
-      <input inputMode="numeric" aria-label="seeds" value={text} onChange={(event) => setText(event.target.value)} onBlur={give} onKeyDown={(event) => event.key === "Enter" && give()} />
+      <input
+        inputMode="numeric"
+        aria-label="seeds"
+        value={text}
+        onChange={(event) => setText(event.target.value)}
+        onBlur={give}
+        onKeyDown={(event) => event.key === "Enter" && give()}
+      />
     </label>
   );
 }

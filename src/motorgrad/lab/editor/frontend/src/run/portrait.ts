@@ -9,7 +9,10 @@ export function portrait(source: Source, sheet: Sheet): void {
   const paths = sheet.branches.flatMap((branch) => {
     const [x, y] = source.signals.map(({ address }) => lineage(branch, address));
     if (!x || !y) return [];
-    const from = Math.max(0, x.ticks.findIndex((tick) => tick >= sheet.span[0]));
+    const from = Math.max(
+      0,
+      x.ticks.findIndex((tick) => tick >= sheet.span[0]),
+    );
     return (x.columns.rows ?? []).map((column, i) => ({
       x: column.slice(from),
       y: (y.columns.rows?.[i] ?? []).slice(from),
@@ -17,7 +20,8 @@ export function portrait(source: Source, sheet: Sheet): void {
       other: branch !== sheet.branch,
     }));
   });
-  const given = (name: string) => (Array.isArray(source.fields[name]) ? (source.fields[name] as [number, number]) : null);
+  const given = (name: string) =>
+    Array.isArray(source.fields[name]) ? (source.fields[name] as [number, number]) : null;
   const across = given("across") ?? extent(paths.flatMap((path) => path.x));
   const up = given("up") ?? extent(paths.flatMap((path) => path.y));
   const at = axes(sheet, across, up);

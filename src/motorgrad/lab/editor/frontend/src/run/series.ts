@@ -30,7 +30,15 @@ function lowerBound(list: number[], wanted: number): number {
 const name = (label: string, column: number, columns: number): string => (columns > 1 ? `${label}[${column}]` : label);
 
 /** The lines of all branches between two ticks; those of other branches than the present one are broken and faint. */
-export function drawn(source: Source, branches: string[], present: string | null, span: [number, number], tick: number, dark: boolean, join: Join): Drawn {
+export function drawn(
+  source: Source,
+  branches: string[],
+  present: string | null,
+  span: [number, number],
+  tick: number,
+  dark: boolean,
+  join: Join,
+): Drawn {
   const series: uPlot.Series[] = [{ label: "time" }];
   const bands: uPlot.Band[] = [];
   const tables: uPlot.AlignedData[] = [];
@@ -48,7 +56,14 @@ export function drawn(source: Source, branches: string[], present: string | null
       for (let column = 0; column < columns; column += 1, place += 1) {
         const stroke = lineColour(place, dark);
         const title = name(label, column, main.length) + (branches.length > 1 ? ` · ${branch}` : "");
-        const line: uPlot.Series = { label: title, stroke: other ? `${stroke}99` : stroke, width: other ? 1 : 1.5, dash: other ? [5, 4] : undefined, points: { show: false }, spanGaps: true };
+        const line: uPlot.Series = {
+          label: title,
+          stroke: other ? `${stroke}99` : stroke,
+          width: other ? 1 : 1.5,
+          dash: other ? [5, 4] : undefined,
+          points: { show: false },
+          spanGaps: true,
+        };
         table.push(main[column]!.slice(from, to));
         series.push(line);
         key += `${title}|`;
@@ -61,7 +76,15 @@ export function drawn(source: Source, branches: string[], present: string | null
   return { key: `${key}${dark}${series.length}`, series, bands, data };
 }
 
-function addBand(trace: Trace, column: number, [from, to]: [number, number], stroke: string, table: (number | null)[][], series: uPlot.Series[], bands: uPlot.Band[]): void {
+function addBand(
+  trace: Trace,
+  column: number,
+  [from, to]: [number, number],
+  stroke: string,
+  table: (number | null)[][],
+  series: uPlot.Series[],
+  bands: uPlot.Band[],
+): void {
   for (const part of ["high", "low"] as const) {
     table.push(trace.columns[part]![column]!.slice(from, to));
     series.push({ label: part, stroke: "transparent", width: 0, points: { show: false }, spanGaps: true });

@@ -27,6 +27,7 @@ export function sourcesOf(scopes: Record<string, Scope>, watched: string[]): Sou
       found.push({ path, drawing, signals, fields: node.fields });
     }
   }
-  for (const address of watched) found.push({ path: address, drawing: "lines", signals: [{ address, label: address }], fields: {} });
+  for (const address of watched)
+    found.push({ path: address, drawing: "lines", signals: [{ address, label: address }], fields: {} });
   return found;
 }

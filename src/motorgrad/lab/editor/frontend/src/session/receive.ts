@@ -37,7 +37,11 @@ export function receive(message: Message): void {
       break;
     case "document":
       forgetPlaces();
-      useDocument.setState((old) => ({ ...flags(message), opened: old.opened + 1, scopes: flat(message.view as View) }));
+      useDocument.setState((old) => ({
+        ...flags(message),
+        opened: old.opened + 1,
+        scopes: flat(message.view as View),
+      }));
       stay();
       break;
     case "changed":

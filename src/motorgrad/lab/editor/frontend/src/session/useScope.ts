@@ -9,5 +9,4 @@ export function useScope(): Scope {
 }
 
 /** As `useScope`, at the moment of asking. */
-export const scopeNow = (): Scope =>
-  useDocument.getState().scopes[useUi.getState().at.join("/")] ?? emptyScope;
+export const scopeNow = (): Scope => useDocument.getState().scopes[useUi.getState().at.join("/")] ?? emptyScope;

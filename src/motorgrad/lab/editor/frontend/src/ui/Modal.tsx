@@ -3,7 +3,17 @@ import { useUi } from "./ui";
 import { IconButton } from "./IconButton";
 
 /** A window over the editor. Escape, and a click beside it, close it. */
-export function Modal({ label, children, wide, bare }: { label: string; children: ReactNode; wide?: boolean; bare?: boolean }) {
+export function Modal({
+  label,
+  children,
+  wide,
+  bare,
+}: {
+  label: string;
+  children: ReactNode;
+  wide?: boolean;
+  bare?: boolean;
+}) {
   const own = useRef<HTMLDialogElement>(null);
   useEffect(() => {
     const dialog = own.current;

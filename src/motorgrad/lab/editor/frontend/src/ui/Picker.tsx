@@ -19,7 +19,9 @@ export function Picker({ label, choices, hint }: { label: string; choices: Choic
   const [place, setPlace] = useState(0);
   const list = useRef<HTMLUListElement>(null);
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-  const hits = choices.filter((choice) => words.every((word) => choice.label.toLowerCase().includes(word))).slice(0, MOST);
+  const hits = choices
+    .filter((choice) => words.every((word) => choice.label.toLowerCase().includes(word)))
+    .slice(0, MOST);
   useEffect(() => {
     list.current?.children[place]?.scrollIntoView({ block: "nearest" });
   }, [place]);

@@ -9,7 +9,11 @@ export function Toasts() {
         <p key={id} role={bad ? "alert" : undefined} className={bad ? "bad" : ""}>
           {text}
           {bad && (
-            <button type="button" aria-label="Dismiss" onClick={() => useUi.setState({ toasts: toasts.filter((each) => each.id !== id) })}>
+            <button
+              type="button"
+              aria-label="Dismiss"
+              onClick={() => useUi.setState({ toasts: toasts.filter((each) => each.id !== id) })}
+            >
               ×
             </button>
           )}

@@ -17,11 +17,23 @@ export function Toolbar() {
   const layout = arrangeCommands.find(({ label }) => label === "Automatic layout")!;
   return (
     <header className="toolbar" role="toolbar" aria-label="toolbar">
-      <IconButton icon="left" label="Palette" keys="1" pressed={palette} onClick={() => useUi.setState({ palette: !palette })} />
+      <IconButton
+        icon="left"
+        label="Palette"
+        keys="1"
+        pressed={palette}
+        onClick={() => useUi.setState({ palette: !palette })}
+      />
       <div className="title">
         <strong>{title || file || "Untitled"}</strong>
         <small role="status" aria-label="state of the file">
-          {linked ? (file === null ? "not in a file yet" : saved ? `${file}, saved` : `${file}, changed`) : "connection lost, trying again…"}
+          {linked
+            ? file === null
+              ? "not in a file yet"
+              : saved
+                ? `${file}, saved`
+                : `${file}, changed`
+            : "connection lost, trying again…"}
         </small>
       </div>
       <div className="group">
@@ -32,7 +44,13 @@ export function Toolbar() {
       </div>
       <div className="group">
         <IconButton icon="undo" label="Undo" keys="Ctrl+Z" disabled={!canUndo} onClick={() => ask({ op: "undo" })} />
-        <IconButton icon="redo" label="Redo" keys="Ctrl+Shift+Z" disabled={!canRedo} onClick={() => ask({ op: "redo" })} />
+        <IconButton
+          icon="redo"
+          label="Redo"
+          keys="Ctrl+Shift+Z"
+          disabled={!canRedo}
+          onClick={() => ask({ op: "redo" })}
+        />
         <IconButton icon="layout" label="Automatic layout" keys="L" onClick={() => layout.run(context)} />
       </div>
       <RunControls />
@@ -40,8 +58,20 @@ export function Toolbar() {
         <IconButton icon="search" label="Commands" keys="Ctrl+K" onClick={() => openDialog("commands")} />
         <IconButton icon="theme" label="Light or dark" keys="T" onClick={toggleTheme} />
         <IconButton icon="help" label="Keyboard shortcuts" keys="?" onClick={() => openDialog("shortcuts")} />
-        <IconButton icon="bottom" label="Scopes" keys="3" pressed={dock} onClick={() => useUi.setState({ dock: !dock })} />
-        <IconButton icon="right" label="Inspector" keys="2" pressed={inspector} onClick={() => useUi.setState({ inspector: !inspector })} />
+        <IconButton
+          icon="bottom"
+          label="Scopes"
+          keys="3"
+          pressed={dock}
+          onClick={() => useUi.setState({ dock: !dock })}
+        />
+        <IconButton
+          icon="right"
+          label="Inspector"
+          keys="2"
+          pressed={inspector}
+          onClick={() => useUi.setState({ inspector: !inspector })}
+        />
       </div>
     </header>
   );

@@ -1,6 +1,7 @@
 import { create } from "zustand";
 
-export type Dialog = null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python";
+export type Dialog =
+  null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python";
 export type Theme = "system" | "light" | "dark";
 
 /** What this client looks at. */
