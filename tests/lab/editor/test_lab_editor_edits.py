@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from motorgrad import lab
 from motorgrad.lab import gallery
 from motorgrad.lab._plan import plan
-from motorgrad.lab.editor import _protocol as ask
+from motorgrad.lab.editor import _messages
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
 from motorgrad.lab.editor._program import leaves
@@ -27,7 +27,7 @@ def plain(value):
 
 def operation(op, **fields):
     """An operation as it comes over the wire."""
-    return ask.operation({"op": op, **plain(fields)})
+    return _messages.operation({"op": op, **plain(fields)})
 
 
 def paths(diagram, at=()):
@@ -200,5 +200,5 @@ def test_parameters_and_single_units_by_address():
 def test_what_cannot_be_is_refused_by_name(change, message):
     diagram = gallery.example("chain")
     with pytest.raises(ValueError, match=message):
-        edited(diagram, ask.operation(change))
+        edited(diagram, _messages.operation(change))
     assert diagram == gallery.example("chain")

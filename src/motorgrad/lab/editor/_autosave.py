@@ -17,6 +17,7 @@ from filelock import FileLock, Timeout
 from motorgrad._errors import check, unknown
 from motorgrad.lab import _files
 from motorgrad.lab._diagram import Diagram
+from motorgrad.lab.editor import _messages
 from motorgrad.lab.editor import _protocol as ask
 
 FORMAT = "motorgrad journal"
@@ -42,7 +43,7 @@ class Journal:
         if self._stream is None:
             self._begin(before)
         plain = isinstance(operation, ask.Edit | ask.ParameterEdit | ask.Freeze)
-        self._write({"do": ask.table(operation)} if plain else {"diagram": _files.dumps(after)})
+        self._write({"do": _messages.table(operation)} if plain else {"diagram": _files.dumps(after)})
 
     def saved(self, file: Path) -> None:
         """Forget what is written: the work is in its file."""
@@ -76,7 +77,9 @@ class Journal:
         head, lines = _lines(self._other(id))
         diagram = _files.loads(head["diagram"])
         for line in lines:
-            diagram = _files.loads(line["diagram"]) if "diagram" in line else replay(diagram, ask.operation(line["do"]))
+            diagram = (
+                _files.loads(line["diagram"]) if "diagram" in line else replay(diagram, _messages.operation(line["do"]))
+            )
         return diagram
 
     def drop(self, id: str) -> None:

@@ -7,12 +7,12 @@ import numpy as np
 from motorgrad.lab._record import Record
 from motorgrad.lab._run import Run
 from motorgrad.lab._timeline import Change, Timeline
+from motorgrad.lab.editor._log import FORMAT
 from motorgrad.lab.editor._program import Program, Values, digest, size_of
 from motorgrad.lab.editor._traces import Traces
 
 KEPT = 256  # states of a branch; with more, every other one goes
 LARGEST = 256 * 2**20  # bytes of them
-FORMAT = "motorgrad log"
 Part = dict[str, Any]
 
 

@@ -1,8 +1,9 @@
 """What clients ask of a session, and what it tells them. All are JSON objects, one to a message.
 
 **Operations**, from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`; the classes below
-say which there are, and their fields. `at` is a list of names of subsystems, `[]` for the outermost diagram; an
-`address` is `"block.port"` or `"block.parameter"`, of blocks in subsystems `"subsystem/block.port"`.
+and those of `_run_protocol` say which there are, and their fields. `at` is a list of names of subsystems, `[]` for the
+outermost diagram; an `address` is `"block.port"` or `"block.parameter"`, of blocks in subsystems
+`"subsystem/block.port"`.
 
 **Events**, to clients; `"event"` has the name.
 
@@ -19,16 +20,10 @@ say which there are, and their fields. `at` is a list of names of subsystems, `[
 """
 
 import dataclasses
-import json
-import types
-import typing
 from typing import Any, ClassVar
-
-from motorgrad._errors import check, choice
 
 Path = list[str]
 Point = tuple[float, float]
-LARGEST = 50_000_000  # characters of a message
 
 
 @dataclasses.dataclass(frozen=True)
@@ -253,182 +248,3 @@ class Files(Operation):
     """Ask for the names of the diagrams in the session's folder."""
 
     op: ClassVar[str] = "files"
-
-
-@dataclasses.dataclass(frozen=True)
-class Play(Operation):
-    """Run: at a `speed` of so many simulated seconds in one, or as quickly as possible without."""
-
-    op: ClassVar[str] = "play"
-    speed: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Speed(Operation):
-    """Another speed."""
-
-    op: ClassVar[str] = "speed"
-    speed: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Pause(Operation):
-    """Stop after the tick that is being made."""
-
-    op: ClassVar[str] = "pause"
-
-
-@dataclasses.dataclass(frozen=True)
-class Tick(Operation):
-    """Make `n` ticks, and pause."""
-
-    op: ClassVar[str] = "tick"
-    n: int = 1
-
-
-@dataclasses.dataclass(frozen=True)
-class Reset(Operation):
-    """Begin again at tick 0 with the diagram as it stands, and forget all branches."""
-
-    op: ClassVar[str] = "reset"
-
-
-@dataclasses.dataclass(frozen=True)
-class Seeds(Operation):
-    """Begin again with so many seeds, 0 … n − 1, or with this list of them."""
-
-    op: ClassVar[str] = "seeds"
-    n: int | list[int]
-
-
-@dataclasses.dataclass(frozen=True)
-class Watch(Operation):
-    """Look also at these outputs; those that were watched before and are not in the list are no longer."""
-
-    op: ClassVar[str] = "watch"
-    addresses: list[str]
-
-
-@dataclasses.dataclass(frozen=True)
-class Scrub(Operation):
-    """Go to a tick that a branch has made; what follows it stays."""
-
-    op: ClassVar[str] = "scrub"
-    branch: str
-    tick: int
-
-
-@dataclasses.dataclass(frozen=True)
-class Fork(Operation):
-    """Begin a new branch at a tick of another, by default where that is."""
-
-    op: ClassVar[str] = "fork"
-    branch: str
-    tick: int | None = None
-    name: str | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Prune(Operation):
-    """Forget a branch."""
-
-    op: ClassVar[str] = "prune"
-    branch: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Log(Operation):
-    """Ask for the log of a branch, by default of the present one: all that its numbers follow from."""
-
-    op: ClassVar[str] = "log"
-    branch: str | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Replay(Operation):
-    """Run a log again, as a new set of branches, and see whether the end is the same bit for bit."""
-
-    op: ClassVar[str] = "replay"
-    log: dict[str, Any]
-
-
-def _all(kind: type[Operation]) -> dict[str, type[Operation]]:
-    found = {} if "op" not in vars(kind) else {kind.op: kind}
-    for below in kind.__subclasses__():
-        found |= _all(below)
-    return found
-
-
-OPERATIONS = _all(Operation)
-
-
-def read(text: str) -> tuple[str, int, Operation]:
-    """A message as client, sequence and operation. **Raises** `ValueError` that names the field that is wrong."""
-    check(len(text) <= LARGEST, "message", text, f"at most {LARGEST:,} characters")
-    try:
-        data = json.loads(text, parse_constant=_refuse)
-    except RecursionError:
-        raise ValueError("message: has too many lists within each other") from None
-    check(isinstance(data, dict), "message", data, "a JSON object")
-    client, sequence = data.pop("client", None), data.pop("sequence", None)
-    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a text of 1 … 100 characters")
-    check(_fits(int, sequence) and sequence >= 0, "sequence", sequence, "a whole number from 0")
-    return client, sequence, operation(data)
-
-
-def operation(data: dict[str, Any]) -> Operation:
-    """The operation that a table describes."""
-    data = dict(data)
-    op = data.pop("op", None)
-    choice("op", op, OPERATIONS)
-    kind = OPERATIONS[op]
-    hints = typing.get_type_hints(kind)
-    fields = {field.name: field for field in dataclasses.fields(kind)}
-    for name, value in data.items():
-        choice(f"field of {op}", name, fields)
-        check(_fits(hints[name], value), f"{op}: {name}", value, _words(hints[name]))
-    for name, field in fields.items():
-        given = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
-        check(given or name in data, f"{op}: {name}", None, "given")
-    return kind(**data)
-
-
-def table(operation: Operation) -> dict[str, Any]:
-    """The inverse of `operation`."""
-    return {"op": operation.op, **dataclasses.asdict(operation)}
-
-
-def _refuse(constant: str) -> None:
-    raise ValueError(f"message: has {constant}: must have finite numbers")
-
-
-def _fits(hint: Any, value: Any) -> bool:
-    """Whether a value of JSON is of a type."""
-    if hint is Any:
-        return True
-    if isinstance(hint, types.UnionType):
-        return any(_fits(part, value) for part in typing.get_args(hint))
-    origin, parts = typing.get_origin(hint), typing.get_args(hint)
-    if origin is list:
-        return isinstance(value, list) and all(_fits(parts[0], each) for each in value)
-    if origin is tuple:
-        return isinstance(value, list) and len(value) == len(parts) and all(map(_fits, parts, value))
-    if origin is dict:
-        return isinstance(value, dict) and all(_fits(parts[1], each) for each in value.values())
-    if hint in (int, float):
-        number = isinstance(value, int) or (hint is float and isinstance(value, float))
-        return number and not isinstance(value, bool) and abs(value) < 2**63
-    return isinstance(value, hint)
-
-
-def _words(hint: Any) -> str:
-    """A type in words that complete "must be …"."""
-    if isinstance(hint, types.UnionType):
-        return " or ".join(_words(part) for part in typing.get_args(hint))
-    origin, parts = typing.get_origin(hint), typing.get_args(hint)
-    if origin is tuple:
-        return f"a list of {len(parts)} numbers"
-    if origin is list:
-        return f"a list, each {_words(parts[0])}"
-    plain = {str: "a text", int: "a whole number", float: "a finite number", bool: "true or false", dict: "a table"}
-    return "null" if hint is type(None) else plain.get(origin or hint, "a value")

@@ -17,15 +17,11 @@ from typing import Any
 from motorgrad._errors import check
 from motorgrad.lab._diagram import Diagram
 from motorgrad.lab._problems import DiagramError
-from motorgrad.lab.editor import _protocol as ask
+from motorgrad.lab.editor import _run_protocol as run
 from motorgrad.lab.editor._program import parameters, signature
+from motorgrad.lab.editor._protocol import Operation
 from motorgrad.lab.editor._tree import Tree
 
-RUN = (
-    *(ask.Play, ask.Speed, ask.Pause, ask.Tick, ask.Reset, ask.Seeds, ask.Watch),
-    *(ask.Scrub, ask.Fork, ask.Prune, ask.Log, ask.Replay),
-)
-"""The operations that the run performs."""
 FRAME = 1 / 30  # seconds
 Event = dict[str, Any]
 Done = Callable[[Exception | None], None]
@@ -41,7 +37,7 @@ class Runner:
     def __init__(self, diagram: Diagram, tell: Callable[[Event], None]):
         self._tell = tell
         self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
-        self._newest: ask.Operation | None = None
+        self._newest: Operation | None = None
         self._tree = Tree(diagram, self._tell, self._say, self._commands.empty)
         self._playing, self._until = False, None
         self._finish: list[Done] = []
@@ -54,7 +50,7 @@ class Runner:
         self._thread = threading.Thread(target=self._live, name="motorgrad-lab-run", daemon=True)
         self._thread.start()
 
-    def put(self, operation: ask.Operation, done: Done, answer: Callable[[Event], None]) -> None:
+    def put(self, operation: Operation, done: Done, answer: Callable[[Event], None]) -> None:
         """Have an operation performed; `done` hears when it was, or why not."""
 
         def perform() -> None:
@@ -107,43 +103,43 @@ class Runner:
         except queue.Empty:
             return self._frame
 
-    def _perform(self, operation: ask.Operation, done: Done, answer: Callable[[Event], None]) -> bool:
+    def _perform(self, operation: Operation, done: Done, answer: Callable[[Event], None]) -> bool:
         """Do it. **Returns** whether it is done at once."""
         tree = self._tree
         match operation:
-            case ask.Play():
+            case run.Play():
                 self._go(operation.speed)
                 return True
-            case ask.Tick():
+            case run.Tick():
                 check(operation.n >= 1, "n", operation.n, "a whole number from 1")
                 self._go(None, operation.n)
                 self._finish.append(done)
                 return False
-            case ask.Speed():
+            case run.Speed():
                 self._speed = _checked(operation.speed)
                 self._rebase()
-            case ask.Pause():
+            case run.Pause():
                 self._pause()
-            case ask.Reset():
+            case run.Reset():
                 self._pause()
                 tree.begin()
-            case ask.Seeds():
+            case run.Seeds():
                 self._pause()
                 tree.reseed(operation.n)
-            case ask.Watch():
+            case run.Watch():
                 tree.watch_at(operation.addresses)
-            case ask.Scrub():
+            case run.Scrub():
                 self._pause()
-                if self._newest is operation or not isinstance(self._newest, ask.Scrub):
+                if self._newest is operation or not isinstance(self._newest, run.Scrub):
                     tree.go(operation.branch, operation.tick)
-            case ask.Fork():
+            case run.Fork():
                 tree.fork(operation.branch, operation.tick, operation.name)
                 self._rebase()
-            case ask.Prune():
+            case run.Prune():
                 tree.prune(operation.branch)
-            case ask.Log():
+            case run.Log():
                 answer({"event": "log", "log": tree.log(operation.branch)})
-            case ask.Replay():
+            case run.Replay():
                 self._pause()
                 self._tell({"event": "replayed", **tree.replay(operation.log)})
         self._say(whole=True)

@@ -17,13 +17,15 @@ from motorgrad.lab._plan import problems
 from motorgrad.lab._problems import DiagramError
 from motorgrad.lab._python import to_python
 from motorgrad.lab.editor import _protocol as ask
+from motorgrad.lab.editor import _run_protocol as run
 from motorgrad.lab.editor._autosave import Journal
 from motorgrad.lab.editor._declarations import declarations
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
 from motorgrad.lab.editor._folder import Folder
-from motorgrad.lab.editor._runner import RUN, Runner
-from motorgrad.lab.editor._tree import checked_log
+from motorgrad.lab.editor._log import checked_log
+from motorgrad.lab.editor._messages import read
+from motorgrad.lab.editor._runner import Runner
 from motorgrad.lab.editor._views import difference, view
 
 Event = dict[str, Any]
@@ -82,7 +84,7 @@ class Session:
     def handle(self, text: str, answer: Send) -> None:
         """Do what a message asks. The answer may come later, from another thread."""
         try:
-            client, sequence, operation = ask.read(text)
+            client, sequence, operation = read(text)
         except ValueError as error:
             answer(_refused(text, error))
             return
@@ -102,9 +104,9 @@ class Session:
                 answer(_answer(own, error))
 
             try:
-                if isinstance(operation, ask.Replay):
+                if isinstance(operation, run.Replay):
                     self._take_up(operation)
-                if isinstance(operation, RUN):
+                if isinstance(operation, run.RUN):
                     self._runner.put(operation, done, answer)
                     return
                 self._do(operation, answer)
@@ -175,8 +177,9 @@ class Session:
             self._journal.note(before, self._document.diagram, operation)
         except OSError as error:
             self._tell({"event": "error", "message": f"autosave: {error}"})
-        self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
-        self._look()
+        if not isinstance(operation, ask.Move | ask.Comment):  # these change nothing that runs
+            self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
+            self._look()
 
     def _opened(self, operation: ask.Open) -> tuple[Diagram, Path | None]:
         given = [name for name in ("text", "gallery", "file") if getattr(operation, name) is not None]
@@ -206,7 +209,7 @@ class Session:
         answer(self._recoverable())
         self._runner.welcome(answer)
 
-    def _take_up(self, operation: ask.Replay) -> None:
+    def _take_up(self, operation: run.Replay) -> None:
         """Make the diagram that a log ends with the document."""
         part = checked_log(operation.log)["parts"][-1]
         diagram = _files.loads(part["diagram"])

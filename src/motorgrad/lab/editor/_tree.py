@@ -9,7 +9,8 @@ from motorgrad.lab._diagram import Diagram, numbered
 from motorgrad.lab._files import loads
 from motorgrad.lab._run import MOST_SEEDS, MOST_TICKS
 from motorgrad.lab._timeline import Timeline
-from motorgrad.lab.editor._branch import FORMAT, Branch
+from motorgrad.lab.editor._branch import Branch
+from motorgrad.lab.editor._log import checked_log
 from motorgrad.lab.editor._program import Program, Values, outputs, parameters
 
 Event = dict[str, Any]
@@ -287,29 +288,3 @@ class Tree:
     def _overrides(self) -> Values:
         """The parameters of the run that are otherwise in the document."""
         return {} if self._now is None or self.stale else self._now.otherwise(self._values)
-
-
-def checked_log(log: Any) -> Event:
-    """A log, seen to be one. **Raises** `ValueError` that says what is wrong with it."""
-    check(isinstance(log, dict) and log.get("format") == FORMAT, "format", log.get("format"), f"{FORMAT!r}")
-    check(log.get("version") == 1, "version", log.get("version"), "1, which this release reads")
-    seeds, parts = log.get("seeds"), log.get("parts")
-    tick: Any = log.get("tick")
-    check(isinstance(seeds, list) and seeds, "seeds", seeds, "a list of integers")
-    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "a whole number from 0")
-    check(isinstance(parts, list) and parts, "parts", parts, "a list of at least one part")
-    now = 0
-    for part in parts or ():
-        check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
-        check(part.get("from") == now, "from", part.get("from"), f"{now}, where the part before ends")
-        last: Any = part.get("until")
-        check(isinstance(last, int) and now <= last <= tick, "until", last, f"a whole number in {now} … {tick}")
-        check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
-        for change in part["changes"]:
-            known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}
-            at: Any = change["tick"] if known else None
-            check(isinstance(at, int) and now <= at <= last, "change", change, "in order, with tick, address and value")
-            now = at
-        now = last
-    check(now == tick, "tick", tick, f"{now}, where the last part ends")
-    return {"digest": None, **log}
