@@ -1,5 +1,6 @@
 """The editor in a browser, used by mouse and by keyboard."""
 
+import contextlib
 import json
 import math
 import re
@@ -7,6 +8,7 @@ import re
 import pytest
 
 import motorgrad.lab as lab
+from motorgrad.lab import gallery
 from browser import CHROMIUM, Editor, needs, served, sync_api
 
 expect = sync_api.expect
@@ -24,16 +26,16 @@ def chromium():
 @pytest.fixture
 def opened(chromium, tmp_path):
     """A page on a diagram: `opened(diagram)`."""
-    import contextlib
-
     with contextlib.ExitStack() as stack:
         used = []
 
-        def open(diagram=None, **options):
+        def open(diagram=None, before=lambda page: None):
             server = stack.enter_context(served(tmp_path, diagram))
-            context = chromium.new_context(viewport={"width": 1360, "height": 860}, **options)
+            context = chromium.new_context(viewport={"width": 1360, "height": 860})
             stack.callback(context.close)
-            editor = Editor(context.new_page()).open(server.url)
+            page = context.new_page()
+            before(page)
+            editor = Editor(page).open(server.url)
             editor.server = server
             used.append(editor)
             return editor
@@ -241,12 +243,12 @@ def test_opens_a_file_and_the_gallery(opened):
     expect(editor.block("gain")).to_be_visible()
     editor.press("g")
     cards = editor.dialog.get_by_role("button", name=re.compile("^Open "))
-    assert cards.count() == len(lab.gallery.GALLERY)
+    assert cards.count() == len(gallery.GALLERY)
     cards.first.click()
     editor.wait(lambda: len(editor.server.session.diagram.nodes) > 5)
 
 
-def test_two_tabs_share_a_session_and_a_lost_link_comes_back(opened):
+def test_two_tabs_share_a_session(opened):
     editor = opened(wave())
     other = Editor(editor.page.context.new_page()).open(editor.server.url)
     other.block("gain").click()
@@ -255,6 +257,24 @@ def test_two_tabs_share_a_session_and_a_lost_link_comes_back(opened):
     editor.block("gain").click()
     expect(editor.field("gain")).to_have_value("3")
     assert not other.faults
+
+
+def test_a_lost_link_comes_back_and_no_edit_is_lost(opened):
+    links = []
+
+    def route(page):
+        page.route_web_socket("**/socket", lambda link: links.append((link, link.connect_to_server())))
+
+    editor = opened(wave(), before=route)
+    editor.block("gain").click()
+    links[0][0].close()
+    expect(editor.page.get_by_label("state of the file")).to_contain_text("connection lost")
+    editor.field("gain").fill("7")
+    editor.field("gain").press("Enter")
+    editor.wait(lambda: editor.server.session.diagram.nodes["gain"].block.gain == 7.0)
+    expect(editor.page.get_by_label("state of the file")).not_to_contain_text("connection lost")
+    expect(editor.field("gain")).to_have_value("7")
+    assert len(links) == 2
 
 
 def test_a_narrow_window_has_all_in_reach(opened):

@@ -19,7 +19,7 @@ export function RunControls() {
     state === "compiling"
       ? "compiling…"
       : achieved !== null && busy
-        ? `${achieved.toPrecision(2)} ×`
+        ? `${Number(achieved.toPrecision(2)).toLocaleString("en")} ×`
         : stale
           ? "changed"
           : "";

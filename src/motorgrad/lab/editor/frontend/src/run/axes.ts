@@ -52,3 +52,10 @@ export function axes(sheet: Sheet, [left, right]: [number, number], [bottom, top
   }
   return { x, y };
 }
+
+/** Keep what follows within the axes. */
+export function clip({ context, width, height }: Sheet): void {
+  context.beginPath();
+  context.rect(MARGIN.left, MARGIN.top, width - MARGIN.left - MARGIN.right, height - MARGIN.top - MARGIN.bottom);
+  context.clip();
+}

@@ -1,10 +1,11 @@
-import { axes, extent } from "./axes";
+import { axes, clip, extent } from "./axes";
 import { lineColour } from "./colours";
 import type { Sheet } from "./Drawing";
 import { lineage } from "./lineage";
 import type { Source } from "./sources";
 
 const LEAST_FORCE = 1e-9;
+const TRAIL = 200; // samples of the path
 
 /** The last row of a signal of the first seed. */
 function last(sheet: Sheet, address: string | undefined): number[] {
@@ -25,7 +26,11 @@ export function map(source: Source, sheet: Sheet): void {
   const numbers = last(sheet, address("parameters"));
   const count = last(sheet, address("units"))[0] || units;
   const place = lineage(sheet.branch ?? "", address("place") ?? "");
-  const path = shown.map((axis) => place?.columns.rows?.[axis] ?? []) as [(number | null)[], (number | null)[]];
+  const end = (place?.ticks.findLastIndex((tick) => tick <= sheet.now) ?? -1) + 1;
+  const path = shown.map((axis) => place?.columns.rows?.[axis]?.slice(Math.max(0, end - TRAIL), end) ?? []) as [
+    (number | null)[],
+    (number | null)[],
+  ];
   const ellipses = Array.from({ length: numbers.length ? Math.min(count, units) : 0 }, (_, unit) => ({
     unit,
     centre: shown.map((axis) => numbers[unit * observed + axis]!) as [number, number],
@@ -37,6 +42,8 @@ export function map(source: Source, sheet: Sheet): void {
     Array.isArray(source.fields[name]) ? (source.fields[name] as [number, number]) : null;
   const at = axes(sheet, given("across") ?? span(0), given("up") ?? span(1));
   const { context, dark, ink } = sheet;
+  context.save();
+  clip(sheet);
   context.strokeStyle = ink;
   context.globalAlpha = 0.35;
   context.beginPath();
@@ -56,6 +63,7 @@ export function map(source: Source, sheet: Sheet): void {
     const force = forces?.[unit];
     if (force) arrow(context, x, y, (30 * force[0]) / longest, (-30 * force[1]) / longest);
   }
+  context.restore();
 }
 
 function arrow(context: CanvasRenderingContext2D, x: number, y: number, dx: number, dy: number): void {
