@@ -1,10 +1,11 @@
 import react from "@vitejs/plugin-react";
 import { defineConfig } from "vite";
+import { licences } from "./licences";
 
 // Two builds of the same component: a page for the server, and one module for notebooks.
 export default defineConfig(({ mode }) => ({
   base: "./",
-  plugins: [react()],
+  plugins: [react(), licences()],
   define: mode === "widget" ? { "process.env.NODE_ENV": '"production"' } : {},
   build: {
     outDir: "../static",

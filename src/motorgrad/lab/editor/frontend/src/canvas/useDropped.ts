@@ -1,6 +1,6 @@
 import type { DragEvent, FocusEvent } from "react";
 import { type Context } from "../commands/command";
-import { select } from "../commands/selection";
+import { select, selectWire } from "../commands/selection";
 import { scopeNow } from "../session/useScope";
 import { openText } from "../dialogs/openText";
 import { useUi } from "../ui/ui";
@@ -40,6 +40,8 @@ export function useDropped(context: Context) {
     },
     onFocus: (event: FocusEvent) => {
       const id = (event.target as HTMLElement).closest?.<HTMLElement>(".react-flow__node")?.dataset.id;
+      const wire = (event.target as HTMLElement).closest?.<HTMLElement>(".react-flow__edge")?.dataset.id;
+      if (wire && (event.target as HTMLElement).matches(":focus-visible")) selectWire(context, wire);
       if (id && (event.target as HTMLElement).matches(":focus-visible")) select([id]);
     },
   };

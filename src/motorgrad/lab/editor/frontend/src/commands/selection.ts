@@ -27,6 +27,14 @@ export function selection({ flow }: Context): Selection {
 /** Select these blocks and nothing else; those that are not there yet when they come. */
 export const select = (names: string[]): void => useUi.setState({ choose: names });
 
+/** Select a wire and nothing else. */
+export function selectWire({ flow }: Context, id: string): void {
+  flow.setNodes((nodes) => nodes.map((node) => (node.selected ? { ...node, selected: false } : node)));
+  flow.setEdges((edges) =>
+    edges.map((edge) => (!!edge.selected === (edge.id === id) ? edge : { ...edge, selected: edge.id === id })),
+  );
+}
+
 /** Where a new block goes: the middle of what is seen, beside what is there already. */
 export function freePlace({ flow }: Context): [number, number] {
   const pane = document.querySelector(".timlab .react-flow")?.getBoundingClientRect();

@@ -31,9 +31,9 @@ export function Connect() {
       id: `${source}→${target}`,
       label: `${source} → ${target}`,
       refused,
-      note: held === source ? "there already" : held ? `in place of ${held}` : "",
+      note: held === source ? "there already: Enter takes it out" : held ? `in place of ${held}` : "",
       order: (refused ? 8 : 0) + (held ? 4 : 0) + (isOwn ? 2 : 0) + (outgoing ? 0 : 1),
-      pick: () => ask({ op: "connect", at, source, target }),
+      pick: () => ask(held === source ? { op: "disconnect", at, target } : { op: "connect", at, source, target }),
     };
   });
   all.sort((a, b) => a.order - b.order);
