@@ -163,6 +163,10 @@ class Run:
         }
         return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], self._carry)
 
+    def wait(self) -> None:
+        """Wait until the ticks are made: where no sink sees them, `advance` may come back before."""
+        jax.block_until_ready(self._carry)
+
     def look(self) -> Record:
         """What the sinks would see at the next tick, of which nothing moves.
 

@@ -1,5 +1,6 @@
 """One course of events: where it came from, how far it went, and what was seen in it."""
 
+import time
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,9 @@ from motorgrad.lab.editor._log import FORMAT
 from motorgrad.lab.editor._program import Program, Values, digest, size_of
 from motorgrad.lab.editor._traces import Traces
 
-KEPT = 256  # states of a branch; with more, every other one goes
+EVERY = 16  # ticks from one state that is kept to the next, at first
+COST = 1e-3  # seconds; where a state takes longer, they lie farther apart
+KEPT = 128  # states of a branch; with more, every other one goes, and so on
 LARGEST = 256 * 2**20  # bytes of them
 Part = dict[str, Any]
 
@@ -113,7 +116,11 @@ class Branch:
 
 
 def _timeline(program: Program) -> Any:
-    """The timeline of a program's run: the larger its states, the fewer are kept."""
+    """The timeline of a program's run. The larger its states, the fewer are kept; the longer one takes, the farther
+    they lie apart."""
     if program.fixed is not None:
         return Onward(program.run)
-    return Timeline(program.run, 1, max(4, min(KEPT, LARGEST // max(1, size_of(program.run.state)))))
+    start = time.perf_counter()
+    state = program.run.state
+    every = EVERY * max(1, round((time.perf_counter() - start) / COST))
+    return Timeline(program.run, every, max(4, min(KEPT, LARGEST // max(1, size_of(state)))))

@@ -173,6 +173,7 @@ class Tree:
             signals = branch.traces.take(timeline.advance(stop - self.tick))
             if signals:
                 self._tell({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
+        branch.run.wait()
 
     def go(self, name: str, tick: int) -> None:
         """Go to a tick that was made: by the last state before it, and from there as it went."""
