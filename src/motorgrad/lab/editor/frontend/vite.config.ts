@@ -1,6 +1,6 @@
 import react from "@vitejs/plugin-react";
 import { defineConfig } from "vite";
-import { licences } from "./licences";
+import { licences } from "./licences.ts";
 
 // Two builds of the same component: a page for the server, and one module for notebooks.
 export default defineConfig(({ mode }) => ({
