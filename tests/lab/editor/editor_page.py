@@ -43,8 +43,8 @@ def served(folder: Path, diagram: Diagram | None = None) -> Iterator[Server]:
 class Editor:
     """The editor, as someone in front of it uses it."""
 
-    def __init__(self, page: Any):
-        self.page = page
+    def __init__(self, page: Any, server: Server):
+        self.page, self.server = page, server
         self.faults: list[str] = []
         page.on("pageerror", lambda error: self.faults.append(str(error)))
         page.on("requestfailed", lambda request: self.faults.append(f"{request.url}: {request.failure}"))
