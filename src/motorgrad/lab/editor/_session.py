@@ -1,5 +1,6 @@
 """One piece of work: a diagram, its history and its run, which any number of clients look at and change."""
 
+import atexit
 import concurrent.futures
 import json
 import secrets
@@ -62,6 +63,7 @@ class Session:
         self._problems: Event = {"event": "problems", "revision": -1, "list": []}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
         self._runner = Runner(self._document.diagram, self._tell)
+        atexit.register(self.close)  # compiled code must not run when the interpreter is taken down
         self._look()
 
     @property
@@ -121,6 +123,7 @@ class Session:
 
     def close(self, keep: bool = True) -> None:
         """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
+        atexit.unregister(self.close)
         self._aside.shutdown(cancel_futures=True)
         self._runner.close()
         with self._lock:

@@ -1,6 +1,9 @@
 """The editor in a cell of a notebook: anywidget carries the same messages as the WebSocket does."""
 
 import json
+import queue
+import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,8 +30,10 @@ class Editor(anywidget.AnyWidget):
     def __init__(self, session: Session):
         super().__init__()
         self.session = session
-        self._end = session.listen(self._tell)
+        self._events: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._end = session.listen(self._events.put)
         self.on_msg(self._hear)
+        _thread()(target=self._tell, name="motorgrad-lab-widget", daemon=True).start()
 
     @property
     def diagram(self) -> Diagram:
@@ -36,19 +41,28 @@ class Editor(anywidget.AnyWidget):
         return self.session.diagram
 
     def close(self) -> None:
-        """End the session; the cell shows nothing more."""
+        """End the session; the cell shows nothing more. Unsaved work is offered again by the next session."""
         if self._end is not None:
             self._end()
-            self.session.close(keep=False)
+            self.session.close()
             self._end = None
+            self._events.put(None)
         super().close()
 
-    def _tell(self, event: dict[str, Any]) -> None:
-        self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
+    def _tell(self) -> None:
+        """Send events on, one after the other, from whatever threads they come."""
+        while (event := self._events.get()) is not None:
+            self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
 
     def _hear(self, widget: Any, content: Any, buffers: Any) -> None:
         if isinstance(content, str):
-            self.session.handle(content, self._tell)
+            self.session.handle(content, self._events.put)
+
+
+def _thread() -> Any:
+    """The kind of thread that may talk to the notebook: marimo has its own."""
+    marimo = sys.modules.get("marimo")
+    return marimo.Thread if marimo is not None and marimo.running_in_notebook() else threading.Thread
 
 
 def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> Editor:
