@@ -25,7 +25,7 @@ def leg_controller() -> Diagram:
         "here: two units learn it, from where both legs are and which of them stand. Paid is how fast the body "
         "goes, the mean of what standing legs push; a leg at its end brakes, and while none stands the body has "
         "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is "
-        "back and the other has come down. One seed in thirty keeps a leg down for ever. Change the table of "
+        "back and the other has come down. One seed in twenty keeps a leg down for ever. Change the table of "
         "velocities while it runs, or what a fall costs in 'paid'.",
     )
     legs = (LEGS,)
