@@ -15,11 +15,14 @@ import { useDocument } from "./session/store";
 import type { Transport } from "./session/transport";
 import { Toasts } from "./ui/Toasts";
 import { Toolbar } from "./ui/Toolbar";
+import { setRoot } from "./ui/root";
 import { useUi } from "./ui/ui";
 import { useDark } from "./ui/useDark";
 import "@xyflow/react/dist/style.css";
 import "uplot/dist/uPlot.min.css";
 import "./style/index.css";
+
+const NARROW = 900; // pixels, below which panels begin closed
 
 interface Props {
   transport: Transport;
@@ -53,8 +56,20 @@ function Frame({ whole }: { whole: boolean }) {
   const dark = useDark();
   const { palette, inspector, dock } = useUi();
   useKeys(root, whole);
+  useEffect(() => {
+    if ((root.current?.clientWidth ?? 0) < NARROW) useUi.setState({ palette: false, inspector: false });
+  }, []);
   return (
-    <div ref={root} className={`timlab ${dark ? "dark" : "light"} ${whole ? "whole" : "cell"}`} tabIndex={-1}>
+    <div
+      ref={(element) => {
+        root.current = element;
+        setRoot(element);
+      }}
+      className={`timlab ${dark ? "dark" : "light"} ${whole ? "whole" : "cell"}`}
+      tabIndex={-1}
+      // In JupyterLab keys would act on cells as well.
+      data-lm-suppress-shortcuts={whole ? undefined : true}
+    >
       <Toolbar />
       <div className="middle">
         {palette && <Palette />}

@@ -41,7 +41,7 @@ export const PortRow = memo(function PortRow({ block, port, row, side, wired, wa
         aria-label={`${side} ${port.name} of ${block}`}
         title={title}
       />
-      <span className={`port-name ${side}`} style={{ top: top - 9 }} title={title}>
+      <span className={`port-name of-${side}`} style={{ top: top - 9 }} title={title}>
         {port.name}
         {port.shape.length > 0 && <small>{shapeLabel(port)}</small>}
       </span>

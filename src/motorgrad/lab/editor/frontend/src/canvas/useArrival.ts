@@ -2,6 +2,7 @@ import { useEffect } from "react";
 import { select } from "../commands/selection";
 import type { Context } from "../commands/command";
 import { useDocument } from "../session/store";
+import { find } from "../ui/root";
 import { useUi } from "../ui/ui";
 
 /** Show a whole diagram when it is opened, and a block when it is asked for. */
@@ -21,7 +22,7 @@ export function useArrival(context: Context, there: boolean): void {
       useUi.setState({ show: null });
       select([show]);
       void context.flow.fitView({ nodes: [{ id: show }], maxZoom: 1, minZoom: 0.6, duration: 200 });
-      document.querySelector<HTMLElement>(`.timlab .react-flow__node[data-id="${CSS.escape(show)}"]`)?.focus();
+      find(`.react-flow__node[data-id="${CSS.escape(show)}"]`)?.focus();
     }, 60);
     return () => window.clearTimeout(timer);
   }, [show, there]); // eslint-disable-line

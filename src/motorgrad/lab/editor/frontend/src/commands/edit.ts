@@ -1,5 +1,6 @@
 import { scopeNow } from "../session/useScope";
 import { enter, openDialog, toast, useUi } from "../ui/ui";
+import { find } from "../ui/root";
 import type { Command, Context } from "./command";
 import { copy, paste } from "./clipboard";
 import { freePlace, select, selection } from "./selection";
@@ -40,13 +41,13 @@ function openInner(context: Context): void {
   if (name && scopeNow().nodes[name]?.type === "diagram") enter([...here(), name]);
   else if (name) {
     useUi.setState({ inspector: true });
-    requestAnimationFrame(() => document.querySelector<HTMLElement>(".timlab .inspector input")?.focus());
+    requestAnimationFrame(() => find(".inspector input")?.focus());
   }
 }
 
 function rename(): void {
   useUi.setState({ inspector: true });
-  requestAnimationFrame(() => document.querySelector<HTMLInputElement>(".timlab .name-field")?.select());
+  requestAnimationFrame(() => find<HTMLInputElement>(".name-field")?.select());
 }
 
 const step = (dx: number, dy: number) => (context: Context) => {

@@ -1,4 +1,5 @@
 import { REMARK } from "../canvas/flow";
+import { find } from "../ui/root";
 import { useUi } from "../ui/ui";
 import type { Context } from "./command";
 
@@ -37,7 +38,7 @@ export function selectWire({ flow }: Context, id: string): void {
 
 /** Where a new block goes: the middle of what is seen, beside what is there already. */
 export function freePlace({ flow }: Context): [number, number] {
-  const pane = document.querySelector(".timlab .react-flow")?.getBoundingClientRect();
+  const pane = find(".react-flow")?.getBoundingClientRect();
   const middle = flow.screenToFlowPosition({
     x: (pane?.left ?? 0) + (pane?.width ?? 800) / 2,
     y: (pane?.top ?? 0) + (pane?.height ?? 600) / 2,

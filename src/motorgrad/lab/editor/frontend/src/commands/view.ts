@@ -1,4 +1,5 @@
 import { openDialog, setTheme, useUi } from "../ui/ui";
+import { find } from "../ui/root";
 import type { Command } from "./command";
 
 /** Whether dark colours are shown now. */
@@ -11,7 +12,7 @@ export const toggleTheme = (): void => setTheme(isDark() ? "light" : "dark");
 
 export function searchPalette(): void {
   useUi.setState({ palette: true });
-  requestAnimationFrame(() => document.querySelector<HTMLInputElement>(".timlab .palette input")?.focus());
+  requestAnimationFrame(() => find<HTMLInputElement>(".palette input")?.focus());
 }
 
 const toggle = (part: "palette" | "inspector" | "dock") => () => useUi.setState((ui) => ({ [part]: !ui[part] }));

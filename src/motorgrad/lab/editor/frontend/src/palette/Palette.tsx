@@ -3,6 +3,7 @@ import { add } from "../canvas/useDropped";
 import { freePlace } from "../commands/selection";
 import { useContextOfCommands } from "../commands/useKeys";
 import { useDocument } from "../session/store";
+import { find } from "../ui/root";
 import { useUi } from "../ui/ui";
 import { PaletteItem } from "./PaletteItem";
 import { found } from "./search";
@@ -35,7 +36,7 @@ export function Palette() {
     const needed = declarations[type]?.fields.some((field) => field.required);
     if (needed) useUi.setState({ adding: type });
     else void add(context, type, freePlace(context));
-    if (window.innerWidth <= 700) useUi.setState({ palette: false });
+    if (window.innerWidth <= 820) useUi.setState({ palette: false });
   };
   const press = (event: KeyboardEvent) => {
     if (event.key === "ArrowDown" || event.key === "ArrowUp") {
@@ -46,7 +47,7 @@ export function Palette() {
       put(hits[chosen].name);
     } else if (event.key === "Escape") {
       setText("");
-      document.querySelector<HTMLElement>(".timlab .react-flow__pane")?.focus();
+      find(".react-flow__pane")?.focus();
       (event.target as HTMLElement).blur();
     }
   };

@@ -1,4 +1,5 @@
 import { type ReactNode, useEffect, useRef } from "react";
+import { focused } from "./root";
 import { useUi } from "./ui";
 import { IconButton } from "./IconButton";
 
@@ -17,7 +18,7 @@ export function Modal({
   const own = useRef<HTMLDialogElement>(null);
   useEffect(() => {
     const dialog = own.current;
-    const before = document.activeElement as HTMLElement | null;
+    const before = focused();
     dialog?.showModal();
     dialog?.querySelector<HTMLElement>("[data-first]")?.focus();
     return () => before?.focus?.();

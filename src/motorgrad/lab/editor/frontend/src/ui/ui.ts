@@ -31,15 +31,13 @@ const stored = (): Theme => {
   }
 };
 
-const wide = typeof window !== "undefined" && window.innerWidth > 900;
-
 export const useUi = create<Ui>(() => ({
   at: [],
   selected: [],
   dialog: null,
   theme: stored(),
-  palette: wide,
-  inspector: wide,
+  palette: true,
+  inspector: true,
   dock: true,
   toasts: [],
   choose: null,
