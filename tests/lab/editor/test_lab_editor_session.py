@@ -219,3 +219,22 @@ def test_work_that_is_not_wanted_is_dropped_and_saved_work_leaves_no_journal(sta
     after.do("save", file="kept")
     after.session.close()
     assert not list((tmp_path / "states").glob("*.journal*"))
+
+
+def test_opening_another_diagram_loses_no_unsaved_work_and_no_file(start, tmp_path):
+    lab.save(lab.Diagram(title="Mine"), tmp_path / "mine.json")
+    client = Client(start())
+    client.do("add", at=[], type="gain")
+    client.do("open", file="mine.json")
+    client.session.close()
+    after = Client(start(file=tmp_path / "mine.json"))
+    (found,) = after.last("recoverable")["list"]
+    after.do("recover", id=found["id"])
+    assert list(after.session.diagram.nodes) == ["gain"]
+    assert "has none yet" in after.ask("save")["message"]  # it was no work on that file
+    assert lab.load(tmp_path / "mine.json").title == "Mine"
+    after.session.close()  # and again it is not saved
+    again = Client(start())
+    (found,) = again.last("recoverable")["list"]
+    again.do("recover", id=found["id"])
+    assert list(again.session.diagram.nodes) == ["gain"]

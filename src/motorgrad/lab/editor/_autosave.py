@@ -45,9 +45,9 @@ class Journal:
         plain = isinstance(operation, ask.Edit | ask.ParameterEdit | ask.Freeze)
         self._write({"do": _messages.table(operation)} if plain else {"diagram": _files.dumps(after)})
 
-    def saved(self, file: Path) -> None:
-        """Forget what is written: the work is in its file."""
-        self._end()
+    def follow(self, file: Path | None, keep: bool) -> None:
+        """Go on with another document, of this file; what is written is kept, to be recovered, or forgotten."""
+        self.close(keep)
         self._file = file
 
     def others(self) -> list[dict[str, Any]]:
@@ -72,15 +72,15 @@ class Journal:
             )
         return sorted(found, key=lambda each: -each["changed"])
 
-    def recovered(self, id: str, replay: Replay) -> Diagram:
-        """The diagram as a journal has it at its end: as far as its last whole line."""
+    def recovered(self, id: str, replay: Replay) -> tuple[Diagram, str | None]:
+        """The diagram as a journal has it at its end, as far as its last whole line; and the file it is of."""
         head, lines = _lines(self._other(id))
         diagram = _files.loads(head["diagram"])
         for line in lines:
             diagram = (
                 _files.loads(line["diagram"]) if "diagram" in line else replay(diagram, _messages.operation(line["do"]))
             )
-        return diagram
+        return diagram, head.get("file")
 
     def drop(self, id: str) -> None:
         """Delete what another session left."""

@@ -31,7 +31,7 @@ class Document:
         self._before: list[Version] = []
         self._after: list[Version] = []
         self._last: tuple[Any, float] = (None, 0.0)
-        self._saved = diagram
+        self._saved: Diagram | None = diagram
 
     @property
     def diagram(self) -> Diagram:
@@ -39,7 +39,7 @@ class Document:
 
     @property
     def saved(self) -> bool:
-        return self._saved is self.diagram or self._saved == self.diagram
+        return self._saved is not None and (self._saved is self.diagram or self._saved == self.diagram)
 
     def put(self, diagram: Diagram, key: Any = None, time: float = 0.0) -> None:
         """Another version of the diagram. Those with the same `key`, soon after each other, count as one change."""
@@ -47,10 +47,10 @@ class Document:
         self._step(Version(diagram, self.now.file), bool(together and self._before))
         self._last = key, time
 
-    def open(self, diagram: Diagram, file: Path | None) -> None:
-        """Another document in place of this one."""
+    def open(self, diagram: Diagram, file: Path | None, saved: bool = True) -> None:
+        """Another document in place of this one; `saved` says whether it is somewhere else too."""
         self._step(Version(diagram, file), False)
-        self._saved = diagram
+        self._saved = diagram if saved else None
 
     def mark_saved(self, file: Path) -> None:
         """Note that the file is as the diagram is now."""

@@ -151,6 +151,7 @@ class Session:
     def _change(self, operation: ask.Operation) -> None:
         """Change the document, write that down, and tell everyone."""
         document, before = self._document, self._document.diagram
+        file, saved = document.now.file, document.saved
         match operation:
             case ask.Undo():
                 document.undo()
@@ -161,17 +162,24 @@ class Session:
             case ask.Open():
                 document.open(*self._opened(operation))
             case ask.Recover():
-                document.put(self._journal.recovered(operation.id, changed))
+                diagram, own = self._journal.recovered(operation.id, changed)
+                if own == (str(file) if file else None) and saved:
+                    document.put(diagram)
+                else:
+                    document.open(diagram, None, saved=False)
             case ask.ParameterEdit():
                 document.put(changed(before, operation), operation.address, time.time())
             case _:
                 document.put(changed(before, operation))
+        whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
+        if whole or document.now.file != file:  # unsaved work on the one before can be recovered later too
+            self._journal.follow(document.now.file, keep=not saved)
         self._written(before, operation)
         if isinstance(operation, ask.Recover):
             self._journal.drop(operation.id)
+        if whole:
             self._tell(self._recoverable())
         scopes = list(difference(before, document.diagram))
-        whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
         self._tell(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
 
     def _written(self, before: Diagram, operation: ask.Operation) -> None:
@@ -200,7 +208,7 @@ class Session:
             raise ValueError("file: must be given: the diagram has none yet")
         path = self._folder.save(self._document.diagram, name, operation.over)
         self._document.mark_saved(path)
-        self._journal.saved(path)
+        self._journal.follow(path, keep=False)
         self._tell({"event": "saved", **self._document.flags})
 
     def _welcome(self, operation: ask.Hello, answer: Send) -> None:
@@ -218,8 +226,9 @@ class Session:
         diagram = _files.loads(part["diagram"])
         for change in part["changes"]:
             diagram = retuned(diagram, change["address"], change["value"])
-        before = self._document.diagram
+        before, saved = self._document.diagram, self._document.saved
         self._document.open(diagram, None)
+        self._journal.follow(None, keep=not saved)
         self._written(before, operation)
         self._tell(self._whole())
 
