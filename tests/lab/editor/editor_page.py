@@ -43,7 +43,7 @@ def served(folder: Path, diagram: Diagram | None = None) -> Iterator[Server]:
 class Editor:
     """The editor, as someone in front of it uses it."""
 
-    def __init__(self, page: Any, server: Server):
+    def __init__(self, page: Any, server: Any = None):
         self.page, self.server = page, server
         self.faults: list[str] = []
         page.on("pageerror", lambda error: self.faults.append(str(error)))

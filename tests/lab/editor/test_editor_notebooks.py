@@ -10,7 +10,6 @@ import sys
 import time
 
 import pytest
-
 from editor_page import CHROMIUM, Editor, needs, sync_api
 
 CELL = """from motorgrad import lab
@@ -54,7 +53,7 @@ def driven(url, begin):
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1360, "height": 900})
-        editor = Editor(page, None)
+        editor = Editor(page)
         page.goto(url)
         begin(page)
         sync_api.expect(editor.wire("sine.y", "scope.u")).to_be_attached(timeout=START)
