@@ -216,7 +216,8 @@ def test_a_broken_diagram_does_not_play_and_says_where(client):
     client.do("undo")
     client.do("play", speed=1.0)
     client.do("disconnect", at=[], target="level.u")  # while it plays
-    client.until(lambda event: event["event"] == "run" and event["state"] == "paused")
+    while client.run()["state"] != "paused":
+        time.sleep(0.01)
     assert client.ask("tick", n=1)["path"] == "level"
 
 

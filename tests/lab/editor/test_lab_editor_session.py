@@ -87,7 +87,7 @@ def test_who_is_up_to_date_is_not_sent_the_document_again(start):
 
 def test_declarations_have_all_that_forms_and_palettes_need(start):
     client = Client(start())
-    told = client.until(lambda event: event["event"] == "declarations")
+    told = client.wait(lambda event: event["event"] == "declarations")
     assert set(told["blocks"]) == {*lab.BLOCKS, "diagram"}
     assert {name for names in told["categories"].values() for name in names} == set(told["blocks"])
     rate = next(field for field in told["blocks"]["ascent"]["fields"] if field["name"] == "rate")
