@@ -181,6 +181,24 @@ def test_copies_groups_aligns_and_takes_apart(opened):
     assert session.diagram.wires["gain", "u"] == ("sine", "y")
 
 
+def test_writes_comments_and_takes_wires_out(opened):
+    editor = opened(wave())
+    session = editor.server.session
+    editor.press("m")
+    note = editor.page.get_by_label("comment", exact=True).filter(has_text="Comment")
+    expect(note).to_be_visible()
+    note.dblclick()
+    editor.page.keyboard.press("Control+a")
+    editor.page.keyboard.type("Turn the gain.")
+    editor.press("Escape")
+    editor.wait(lambda: [c["text"] for c in session.diagram.layout["comments"].values()] == ["Turn the gain."])
+    editor.wire("gain.y", "scope.u").focus()
+    editor.press("Tab", "Shift+Tab", "Delete")
+    editor.wait(lambda: ("scope", "u") not in session.diagram.wires)
+    editor.press("Control+z")
+    expect(editor.wire("gain.y", "scope.u")).to_be_attached()
+
+
 def test_goes_back_forks_and_compares(opened):
     editor = opened(wave())
     editor.page.get_by_label("speed").select_option("10 ×")
