@@ -1,5 +1,7 @@
 """Decisions that nothing periodic follows: skipping what has nothing to do changes nothing that is learnt."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,7 +40,7 @@ def agent(task, improve=IMPROVE):
 
 def stepper(complete=False, mode="learn"):
     """An engine of two hoppers; `complete`, one that settles every decision with everything that might follow."""
-    found = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
+    found: Any = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
     if complete:
         found._settle_resting = found._settle
     return found
@@ -179,7 +181,7 @@ def test_one_piece_computes_the_same_and_is_compiled_as_one_call():
         return carry, jnp.sum(carry, keepdims=True) + jnp.concatenate([x, carry])
 
     x = jnp.linspace(0, 1, 300)
-    whole = in_one_piece(function)
+    whole: Any = in_one_piece(function)
     text = whole.lower(jnp.zeros(300), x).compile().as_text()
     main = text[text.index("ENTRY") :]
     assert "xla_cpu_small_call" in main
