@@ -38,7 +38,7 @@ def agent(task, improve=IMPROVE):
     return Agent(hyperplanes(task), Gae(CRITIC, 0.9, improve), sgd(1.0), metric, average=WeightAverage(2))
 
 
-def stepper(complete=False, mode="learn"):
+def stepper(complete=False, mode: Any = "learn"):
     """An engine of two hoppers; `complete`, one that settles every decision with everything that might follow."""
     found: Any = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
     if complete:
