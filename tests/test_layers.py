@@ -27,8 +27,9 @@ BELOW = {
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
-    "benchmarks": {"environments", "training", "tasks"} | DYNAMICS | LEARNING,
-    "_commands": {"benchmarks", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
+    "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
+    "benchmarks": {"environments", "lab", "training", "tasks"} | DYNAMICS | LEARNING,
+    "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},
 }

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import motorgrad
+from motorgrad.lab import BLOCKS, parameters_of
+from tools.block_pages import slug
 
 ROOT = Path(__file__).parents[1]
 pytest.importorskip("mkdocs_jupyter", reason="the site needs motorgrad[docs]")
@@ -43,6 +45,14 @@ def test_the_api_has_every_public_name(site):
         names = [name for name in module.__all__ if not ismodule(getattr(module, name))]  # a module has its own page
         missing += [f"{room}.{name}" for name in names if f'id="motorgrad.{room}.{name}"' not in page]
     assert not missing
+
+
+def test_every_block_has_a_page_with_its_parameters(site):
+    pages = {path.stem: path.read_text(encoding="utf-8") for path in (site / "lab" / "blocks").glob("*.html")}
+    for name, kind in BLOCKS.items():
+        page = pages[slug(name)]
+        assert all(f"<code>{parameter}</code>" in page for parameter in parameters_of(kind)), name
+        assert f">{name}</a>" in pages["index"]
 
 
 def test_formulas_are_drawn_without_a_script(site):

@@ -1,8 +1,10 @@
-"""What the documentation site needs beside its pages: API pages, two pages from the root, and formulas as MathML."""
+"""What the documentation site needs beside its pages: pages of the API and of TimLab's blocks, pages from the root, and
+formulas as MathML."""
 
 # pyright: reportMissingImports=false
 # (mkdocs and latex2mathml are of the extra `docs`)
 import re
+import sys
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -12,15 +14,30 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))  # MkDocs runs this file by itself
+
+from tools.block_pages import block_pages, navigation  # noqa: E402
+
 ROOMS = ["policies", "learning", "worlds", "worlds.oracle", "bodies", "tasks", "training", "environments", "sim"]
-ROOMS += ["experiments", "search"]
+ROOMS += ["experiments", "search", "lab"]
 FROM_ROOT = {"README.md": "readme.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the blocks' pages where the navigation says "Blocks"."""
+    for section in config.nav or []:
+        for name, entries in section.items():
+            if name == "TimLab":
+                entries.append({"Blocks": navigation()})
+    return config
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add a page of the API for each room, and the pages that stand at the root of the repository."""
+    """Add a page of the API for each room, one for each block, and the pages at the root of the repository."""
+    for path, text in block_pages().items():
+        files.append(File.generated(config, path, content=text))
     for room in ROOMS:
         text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n"
         files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))

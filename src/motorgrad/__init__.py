@@ -20,7 +20,7 @@ from motorgrad._gymnasium_ids import register_with_gymnasium
 
 __version__ = "0.1.0"
 
-_ROOMS = ("bodies", "environments", "experiments", "learning", "policies", "sim", "tasks", "training", "worlds")
+_ROOMS = ("bodies", "environments", "experiments", "lab", "learning", "policies", "sim", "tasks", "training", "worlds")
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
@@ -38,6 +38,7 @@ __all__ = [
     "environments",
     "evaluate",
     "experiments",
+    "lab",
     "learning",
     "load",
     "make",
@@ -51,7 +52,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from motorgrad import bodies, environments, experiments, learning, policies, sim, tasks, training, worlds
+    from motorgrad import bodies, environments, experiments, lab, learning, policies, sim, tasks, training, worlds
     from motorgrad.learning import Agent
     from motorgrad.tasks import make
     from motorgrad.training import Run, evaluate, load, resume, train

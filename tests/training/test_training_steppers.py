@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from training_examples import assert_differ, assert_same, learner, one_of_each_kind, reborn
 
+from motorgrad._random import BLOCK, draw_block
 from motorgrad.tasks import TASKS
 from motorgrad.training import stepper_of
-from motorgrad.training._random import BLOCK, draw_block
 
 SEEDS = [3, 0, 11]
 MORE, AMONG = [5, 3, 11, 8, 0], [1, 4, 2]  # others with them, and where they are then

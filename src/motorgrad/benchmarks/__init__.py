@@ -12,6 +12,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._body import body_row, simulated_row
     from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
     from motorgrad.benchmarks._index import index_row
+    from motorgrad.benchmarks._lab import compile_row, discrete_row, peer_row
+    from motorgrad.benchmarks._lab_learning import beside_training_row, learning_diagram_row
     from motorgrad.benchmarks._learning import learning_rows
     from motorgrad.benchmarks._particle import local_learning_row, particle_row
     from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
@@ -40,6 +42,16 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
+    for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):
+        wanted = "≥ 1,000,000" if blocks == 100 else ""
+        yield peer_row(blocks, 100 if quick else ticks, 2 if quick else peer, pairs, "≥ 100")
+        yield discrete_row(blocks, 100 if quick else 2 * ticks, pairs, wanted)
+    for name, ticks in (("linear-recruitment", 4_000), ("particle", 2_000)):
+        wanted = "≥ 1,000,000" if name == "linear-recruitment" else ""
+        yield learning_diagram_row(name, 16 if quick else 1000, 50 if quick else ticks, pairs, wanted)
+    yield beside_training_row("linear-recruitment", 16 if quick else 1000, 50 if quick else 4_000, pairs)
+    yield compile_row(10 if quick else 100, True)
+    yield compile_row(10 if quick else 500, False, "≤ 5")
     yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
     yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
     yield memory_row("≤ 1.5")

@@ -13,6 +13,7 @@ from motorgrad.tasks._hopper import Flight, Hopper
 from motorgrad.tasks._host_task import HostBatch, HostTask
 from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
 from motorgrad.tasks._mirror import Mirror
+from motorgrad.tasks._outcome import Outcome, outcome
 from motorgrad.tasks._particle import FallingParticle
 from motorgrad.tasks._particle_navigation import ParticleNavigation
 from motorgrad.tasks._particle_orbit import ParticleOrbit
@@ -50,6 +51,7 @@ __all__ = [
     "LinearRecruitment",
     "March",
     "Mirror",
+    "Outcome",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
@@ -67,6 +69,7 @@ __all__ = [
     "find_synergies",
     "from_gymnasium",
     "make",
+    "outcome",
     "region_reward",
     "spacing_error",
     "synergy_matrix",

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
-from motorgrad.tasks import Task
+from motorgrad.tasks import Task, outcome
 
 Mode = Literal["learn", "sample", "mode"]
 """Learn; or act by a frozen policy, sampled or taking the most probable action."""
@@ -110,29 +110,18 @@ class Cycle:
 
         `resting`: without `Agent.improve`, which at this decision has nothing to do, as `rest` has said.
         """
-        memory, reward, terminated = self.task.reward(cycle.memory, state, cycle.action)
-        truncated: Any = self.task.truncated(memory, state)
-        for flag, name in ((terminated, "terminated"), (truncated, "truncated")):
-            if flag is not False and not self.task.episodic:
-                raise TypeError(f"task {self.task.name!r} reports `{name}`, so its class must say `episodic = True`")
-        memory, observation = self.task.observe(memory, state, observe)
-        elapsed = cycle.elapsed
-        if elapsed is not None:
-            elapsed = elapsed + 1
-            over = elapsed >= (self.task.episode_limit or 0)
-            truncated = over if truncated is False else truncated | over
-        if terminated is not False and truncated is not False:
-            truncated = truncated & ~terminated
+        led = outcome(self.task, cycle.memory, state, cycle.action, observe, cycle.elapsed)
         agent = cycle.agent
         ended: Any = False
-        for flag in (terminated, truncated, diverged):
+        for flag in (led.terminated, led.truncated, diverged):
             if flag is not False:
                 ended = flag if ended is False else ended | flag
         if self.mode == "learn":
-            agent = self.agent.reinforce(agent, reward, observation, terminated, truncated, diverged)
+            told = (led.reward, led.observation, led.terminated, led.truncated, diverged)
+            agent = self.agent.reinforce(agent, *told)
             agent = agent if resting else self.agent.improve(agent, ended, diverged)
-        tally = self._count(cycle.tally, memory, state, reward, ended, diverged)
-        return CycleState(agent, memory, observation, cycle.action, elapsed, tally), ended
+        tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
+        return CycleState(agent, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
 
     @property
     def rests(self) -> bool:

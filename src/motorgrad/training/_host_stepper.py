@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._compiler import in_one_piece
+from motorgrad._random import BLOCK, draw_block
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import HostTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
-from motorgrad.training._random import BLOCK, draw_block
 from motorgrad.training._stepper import Record, Stepper, fits
 
 Numbers = dict[str, Float[Array, " size"]]

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
+from motorgrad._random import BLOCK, draw_places
 from motorgrad.learning import AgentState, IndexedAgent
 from motorgrad.policies import Policy
 from motorgrad.training._cycle import CycleState
-from motorgrad.training._random import BLOCK, draw_places
 from motorgrad.training._world_stepper import Carry, WorldStepper
 
 LAST: Any = -1

@@ -12,11 +12,11 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad._random import key_of
 from motorgrad.learning import Agent, AgentState, Episodic, Estimator, LinearCritic
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
-from motorgrad.training._random import key_of
 
 Record = dict[str, np.ndarray]
 """What happened since the last record, by name; every array has a leading axis of seeds."""

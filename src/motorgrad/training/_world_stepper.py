@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._compiler import loop_options
+from motorgrad._random import BLOCK, draw_block, key_of
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import CycleState, Mode
-from motorgrad.training._random import BLOCK, draw_block, key_of
 from motorgrad.training._stepper import Record, Stepper, fits, seeds_first, seeds_last
 from motorgrad.worlds import World
 

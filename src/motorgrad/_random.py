@@ -17,9 +17,10 @@ BLOCK = 128
 """Decisions whose numbers are drawn together: few enough that a thousand seeds' stay in the cache."""
 
 
-def key_of(seed: Int[Array, ""] | int, purpose: str) -> jax.Array:
-    """The key of a seed for one purpose, such as `"policy"` or `"world"`."""
-    return jax.random.fold_in(jax.random.key(seed), zlib.crc32(purpose.encode()))
+def key_of(seed: Int[Array, ""] | int, purpose: str | Any) -> jax.Array:
+    """The key of a seed for one purpose, such as `"policy"` or `"world"`, or for the 32 bits of its name's CRC."""
+    number = zlib.crc32(purpose.encode()) if isinstance(purpose, str) else purpose
+    return jax.random.fold_in(jax.random.key(seed), number)
 
 
 def draw_block(

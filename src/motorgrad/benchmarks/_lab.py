@@ -1,0 +1,130 @@
+"""Diagrams beside the same ones in PathSim, and how quickly they are compiled."""
+
+import importlib.util
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.lab import Diagram, Gain, Integrator, Run, Sum, UnitDelay
+
+TICK = 0.01
+STIFFNESS, DAMPING, COUPLING = 4.0, 0.3, 0.5
+
+
+def peer_row(blocks: int, ticks: int, peer_ticks: int, pairs: int = 5, wanted: str = "") -> Row:
+    """Ticks per second of a ring of coupled oscillators, by RK4, against PathSim's, where that is installed.
+
+    **Arguments:** how many `blocks`, of which five make an oscillator; the `ticks` that we make at a time, and those
+    that PathSim makes; how many `pairs` of both; what is `wanted`.
+    """
+    run = Run(oscillators(blocks // 5))
+    run.advance(1)  # compiles
+    name = f"diagram of {blocks} blocks, continuous"
+    if importlib.util.find_spec("pathsim") is None:
+        missing = f"{name} (PathSim is not installed: extra peers)"
+        return Row(missing, rate(run, ticks, pairs), None, "ticks/s", None, None, wanted)
+    peer = PathSimOscillators(blocks // 5)
+    ours, other = lambda: run.advance(ticks), lambda: peer.advance(peer_ticks)
+    return in_turn(f"{name} ÷ PathSim", "ticks/s", ticks, ours, other, peer_ticks, pairs, wanted)
+
+
+def discrete_row(blocks: int, ticks: int, runs: int = 5, wanted: str = "") -> Row:
+    """Ticks per second of a diagram of delays, gains and sums."""
+    run = Run(network(blocks))
+    run.advance(1)  # compiles
+    return Row(f"diagram of {blocks} blocks, discrete", rate(run, ticks, runs), None, "ticks/s", None, None, wanted)
+
+
+def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
+    """Seconds from a diagram to its first tick; beside it, where `single`, with every block compiled by itself."""
+    took = []
+    for stacked in (True, False) if single else (True,):
+        diagram = oscillators(blocks // 5)
+        jax.clear_caches()
+        start = time.perf_counter()
+        Run(diagram, stacked=stacked).advance(1)
+        took.append(time.perf_counter() - start)
+    ours, other = took[0], took[1] if single else None
+    unit = "s (other: every block by itself)" if single else "s"
+    return Row(f"diagram of {blocks} blocks, until its first tick", ours, other, unit, None, None, wanted)
+
+
+def rate(run: Run, ticks: int, runs: int) -> float:
+    """Ticks per second, the median of some runs."""
+    found = []
+    for _ in range(runs):
+        began = time.perf_counter()
+        run.advance(ticks)
+        found.append(ticks / (time.perf_counter() - began))
+    return float(np.median(found))
+
+
+def oscillators(number: int) -> Diagram:
+    """A ring of damped oscillators, each coupled to the next: five blocks each."""
+    diagram = Diagram(TICK)
+    for n in range(number):
+        diagram.add(f"sum {n}", Sum("--+"))
+        diagram.add(f"speed {n}", Integrator(0.0))
+        diagram.add(f"place {n}", Integrator(begin(n)))
+        diagram.add(f"spring {n}", Gain(STIFFNESS))
+        diagram.add(f"damper {n}", Gain(DAMPING))
+    for n in range(number):
+        diagram.connect(f"spring {n}", f"sum {n}.u1")
+        diagram.connect(f"damper {n}", f"sum {n}.u2")
+        diagram.connect(f"damper {(n + 1) % number}", f"sum {n}.u3")
+        diagram.connect(f"sum {n}", f"speed {n}")
+        diagram.connect(f"speed {n}", f"place {n}")
+        diagram.connect(f"place {n}", f"spring {n}")
+        diagram.connect(f"speed {n}", f"damper {n}")
+    return diagram
+
+
+def begin(number: int) -> float:
+    """Where an oscillator is at first."""
+    return float(np.cos(number))
+
+
+def network(blocks: int, seed: int = 1) -> Diagram:
+    """Delays, gains and sums, wired at random."""
+    draw = np.random.default_rng(seed)
+    diagram = Diagram(TICK)
+    for n in range(blocks):
+        diagram.add(f"block {n}", (UnitDelay(begin(n)), Gain(0.5), Sum("+-"), Gain(-0.3))[n % 4])
+    for n in range(blocks):
+        for port, declared in diagram.nodes[f"block {n}"].block.inputs.items():
+            last = n if declared.feedthrough else blocks
+            diagram.connect(f"block {draw.integers(last)}", f"block {n}.{port}")
+    return diagram
+
+
+class PathSimOscillators:
+    """The ring of oscillators in PathSim, by its RK4 of fixed step."""
+
+    def __init__(self, number: int):
+        from pathsim import Connection, Simulation
+        from pathsim.blocks import Adder, Amplifier, Integrator
+        from pathsim.solvers import RK4
+
+        sums = [Adder("--+") for _ in range(number)]
+        speeds, self.places = [Integrator(0.0) for _ in range(number)], [Integrator(begin(n)) for n in range(number)]
+        springs, dampers = ([Amplifier(gain) for _ in range(number)] for gain in (STIFFNESS, DAMPING))
+        wires: list[Any] = []
+        for n in range(number):
+            wires += [Connection(springs[n], sums[n][0]), Connection(sums[n], speeds[n])]
+            wires += [Connection(dampers[n], sums[n][1], sums[(n - 1) % number][2])]
+            wires += [Connection(speeds[n], self.places[n], dampers[n]), Connection(self.places[n], springs[n])]
+        blocks = [*sums, *speeds, *self.places, *springs, *dampers]
+        fourth: Any = RK4
+        self._simulation = Simulation(blocks, wires, dt=TICK, Solver=fourth, log=False)
+
+    def advance(self, ticks: int) -> None:
+        """Make so many steps."""
+        for _ in range(ticks):
+            self._simulation.timestep(TICK, adaptive=False)
+
+    def look(self) -> np.ndarray:
+        """Where the oscillators are."""
+        return np.array([float(place.outputs[0]) for place in self.places])

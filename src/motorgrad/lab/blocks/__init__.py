@@ -1,0 +1,1 @@
+"""The blocks, one file each. `motorgrad.lab` gives them away."""

@@ -1,0 +1,71 @@
+"""How sinks draw. This loads matplotlib, so it is itself loaded when first used."""
+
+import io
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, which colour-blind people can tell apart; their yellow is too pale for lines on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+LOOK: Any = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}
+MOST_POINTS = 4000  # of a line; with more, each stretch is drawn by its least and greatest value
+MOST_NAMES = 12  # in a legend
+
+
+class Picture(Figure):
+    """A matplotlib figure that displays itself in a notebook."""
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        with matplotlib.rc_context(LOOK):
+            self.savefig(content, format="png", dpi=110)
+        return content.getvalue()
+
+
+def picture(width: float = 6.5, height: float = 3.0) -> tuple[Picture, Axes]:
+    """An empty figure of so many inches, and its axes."""
+    with matplotlib.rc_context(LOOK):
+        figure = Picture(figsize=(width, height), layout="constrained")
+        return figure, figure.subplots()
+
+
+def draw_series(
+    axes: Axes, times: Float[np.ndarray, " samples"], values: Float[np.ndarray, "seeds samples"], place: int, name: str
+) -> None:
+    """A signal over time: of one seed a line, of more their median and a band between their quartiles."""
+    colour = COLOURS[place % len(COLOURS)]
+    style = ("solid", "dashed", "dotted", "dashdot")[place // len(COLOURS) % 4]
+    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0) if len(values) > 1 else [values[0]] * 3
+    if len(values) > 1:
+        at, least = thinned(times, low)
+        _, most = thinned(times, high)
+        axes.fill_between(at, least, most, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(*thinned(times, middle), color=colour, linestyle=style, linewidth=1.2, label=name)
+
+
+def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A line of at most `MOST_POINTS` points that looks the same: of every stretch the least and the greatest value, in
+    the order in which they came."""
+    if len(times) <= MOST_POINTS:
+        return times, values
+    edges = np.linspace(0, len(times), MOST_POINTS // 2 + 1).astype(int)
+    kept = []
+    for start, stop in itertools.pairwise(edges):
+        part = values[start:stop]
+        kept += sorted({start + int(np.argmin(part)), start + int(np.argmax(part))})
+    return times[kept], values[kept]
+
+
+def finish(axes: Axes, x: str, y: str, seeds: int, names: Sequence[str]) -> None:
+    """Labels, and a legend where names are to be told apart."""
+    axes.set(xlabel=x, ylabel=names[0] if not y and len(names) == 1 else y)
+    if seeds > 1:
+        axes.set_title(f"median and quartiles of {seeds} seeds", loc="left", fontsize=8, color="0.35")
+    if 1 < len(names) <= MOST_NAMES:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)

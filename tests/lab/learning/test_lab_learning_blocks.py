@@ -1,0 +1,163 @@
+"""Parts of learning as blocks, against the functions that they are made of."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from motorgrad import lab, learning, policies
+from motorgrad.lab._stack import stack
+
+SIZE, TICKS = 3, 30
+
+
+def test_traces_are_the_librarys_filters_one_tick_late():
+    made = lab.Diagram(tick=1.0)
+    made.add("score", lab.UniformNoise(shape=(SIZE,)))
+    made.add("chance", lab.UniformNoise(low=0.0, high=1.0))
+    made.add("ended", lab.Expression("u < 0.15"))
+    made.connect("chance", "ended")
+    filters = {
+        "exponential": (lab.EligibilityTrace(0.8, size=SIZE), learning.Exponential(0.8)),
+        "episodic": (lab.EpisodicTrace(size=SIZE), learning.Episodic()),
+        "window": (lab.WindowTrace(4, size=SIZE), learning.Window(4)),
+        "lagged": (lab.LaggedTrace(2.0, 1.0, size=SIZE), learning.LaggedGaussian(2.0, 1.0)),
+    }
+    for name, (block, _) in filters.items():
+        made.add(name, block)
+        made.connect("score", f"{name}.score")
+        made.connect("ended", f"{name}.ended")
+    watch = ["score.y", "ended.y", *(f"{name}.trace" for name in filters)]
+    record = lab.Run(made, 2, watch=watch).advance(TICKS)
+    ended = record["ended.y"][1]
+    assert ended[:-1].any()
+    for name, (_, rule) in filters.items():
+        state = rule.init(jnp.zeros(SIZE))
+        for tick in range(TICKS):
+            np.testing.assert_allclose(record[f"{name}.trace"][1, tick], rule.value(state), rtol=1e-5, atol=1e-6)
+            state = rule.init(jnp.zeros(SIZE)) if ended[tick] else state
+            state = rule.update(state, jnp.asarray(record["score.y"][1, tick]))
+
+
+def test_a_decay_that_is_retuned_acts_at_once_and_compiles_nothing():
+    made = lab.Diagram(tick=1.0)
+    made.add("score", lab.Constant(1.0, (1,)))
+    made.add("trace", lab.EligibilityTrace(0.5))
+    made.connect("score", "trace.score")
+    run = lab.Run(made, 1, watch=["trace.trace"])
+    run.advance(40)
+    run["trace.decay"] = 0.0
+    after = run.advance(3)["trace.trace"][0, :, 0]
+    np.testing.assert_allclose(after, [2.0, 1.0, 1.0], rtol=1e-6)
+    assert run.compilations == 1
+
+
+def test_units_act_score_and_step_as_their_policy():
+    pool = policies.Hyperplanes([[0.5, -1.0], [2.0, 0.1]], [0.3, -0.2])
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.UniformNoise(shape=(2,)))
+    made.add("step", lab.Constant((0.1, 0, 0, 0, 0, -0.1), (6,)))
+    made.add("units", lab.Hyperplanes(2, 2, weights=((0.5, -1.0), (2.0, 0.1)), bias=(0.3, -0.2)))
+    made.add("same", lab.Hyperplanes(2, 2, source="wire", greedy=True))
+    for source, target in (
+        ("seen", "units.observation"),
+        ("step", "units.step"),
+        ("units.parameters", "same.parameters"),
+        ("seen", "same.observation"),
+    ):
+        made.connect(source, target)
+    watch = ["seen.y", *(f"units.{port}" for port in made.nodes["units"].block.outputs), "same.action"]
+    record = lab.Run(made, 3, watch=watch).advance(20)
+    for tick in range(20):
+        moved = jax.tree.map(lambda p: p, pool)
+        moved = policies.Hyperplanes(
+            pool.weights.at[0, 0].add(0.1 * (tick + 1)), pool.bias.at[1].add(-0.1 * (tick + 1))
+        )
+        seen, action = record["seen.y"][1, tick], jnp.asarray(record["units.action"][1, tick])
+        np.testing.assert_allclose(record["units.probability"][1, tick], moved.prob(seen), rtol=1e-4)
+        score = ravel_pytree(moved.score(seen, action))[0]
+        np.testing.assert_allclose(record["units.score"][1, tick], score, rtol=1e-4, atol=1e-5)
+        np.testing.assert_array_equal(record["same.action"][1, tick], moved.mode(seen))
+    assert 0 < record["units.action"].mean() < 1
+
+
+def test_local_units_keep_within_their_limits():
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.Constant(0.0, (1,)))
+    made.add("step", lab.Constant((0.0, 0.5), (2,)))
+    made.add("units", lab.Gaussians(1, 1, width=0.5, limits=(0.1, 2.0)))
+    made.connect("seen", "units.observation")
+    made.connect("step", "units.step")
+    widths = np.exp(lab.Run(made, 1, watch=["units.parameters"]).advance(9)["units.parameters"][0, :, 1])
+    np.testing.assert_allclose(widths[[0, 1, -1]], [0.5 * np.exp(0.5), 0.5 * np.e, 2.0], rtol=1e-5)
+
+
+def test_a_frozen_ascent_learns_nothing_and_goes_on_when_thawed():
+    from motorgrad.lab.gallery import example
+
+    run = lab.Run(example("chain"), 2, watch=["policy.parameters"])
+    run["ascent.frozen"] = True
+    still = run.advance(300)["policy.parameters"]
+    assert np.ptp(still, axis=1).max() == 0
+    run["ascent.frozen"] = False
+    assert np.ptp(run.advance(300)["policy.parameters"], axis=1).max() > 0
+    assert run.compilations == 1
+
+
+def test_weights_decay():
+    made = lab.Diagram(tick=1.0)
+    made.add("units", lab.Hyperplanes(1, 1, weights=2.0, bias=-1.0))
+    made.add("seen", lab.Constant(0.0, (1,)))
+    made.add("none", lab.Constant(0.0, (2,)))
+    made.add("decay", lab.WeightDecay(2, 0.25))
+    for source, target in (
+        ("seen", "units.observation"),
+        ("none", "decay.step"),
+        ("units.parameters", "decay.parameters"),
+        ("decay.step", "units.step"),
+    ):
+        made.connect(source, target)
+    seen = lab.Run(made, 1, watch=["units.parameters"]).advance(4)["units.parameters"][0]
+    np.testing.assert_allclose(seen, [[2, -1], [1.5, -0.75], [1.125, -0.5625], [0.84375, -0.421875]], rtol=1e-6)
+
+
+def test_blocks_of_one_kind_are_evaluated_as_one():
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.Constant(0.1, (1,)))
+    for number in range(20):
+        made.add(f"pool {number}", lab.Motoneurons(2, threshold=number / 20, gain=3.0))
+        made.connect("seen", f"pool {number}.observation")
+    run = lab.Run(made, 1, watch=["pool 3.probability", "pool 4.action", "pool 5.action"])
+    assert sum(len(kind.members) == 20 for kind in stack(run.plan).kinds) == 1
+    record = run.advance(60)
+    expected = 1 / (1 + np.exp(-3 * (0.1 - 0.15)))
+    np.testing.assert_allclose(record["pool 3.probability"][0], np.full((60, 2), expected), rtol=1e-5)
+    assert (record["pool 4.action"] != record["pool 5.action"]).any()
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: lab.Motoneurons(0), "units = 0: must be a whole number"),
+        (lambda: lab.Motoneurons(2, threshold=(1.0, 2.0, 3.0)), "threshold: shape"),
+        (lambda: lab.Motoneurons(2, gain=float("nan")), "gain = nan"),
+        (lambda: lab.Softmax(2, "one"), "observed = 'one'"),
+        (lambda: lab.Gaussians(1, limits=(2.0, 1.0)), "limits"),
+        (lambda: lab.EligibilityTrace(1.5), "decay = 1.5"),
+        (lambda: lab.EligibilityTrace(size=0), "size = 0"),
+        (lambda: lab.WindowTrace(0), "length = 0"),
+        (lambda: lab.WindowTrace("ten"), "length = 'ten'"),
+        (lambda: lab.Ascent(size=4, groups=(3, 2)), "add up to size = 4"),
+        (lambda: lab.Ascent(rate=-1.0), "rate = -1.0"),
+        (lambda: lab.NamedPolicy("tyles"), "did you mean 'tiles'"),
+        (lambda: lab.NamedPolicy("tiles", 2, 4, "copies = 9"), "policy_settings.copies = 9"),
+        (lambda: lab.NamedPolicy("tiles", 2, 4, "width = 'wide'"), "policy_settings.width"),
+        (lambda: lab.Learner(2, 2, "polcy = 'softmax'"), "did you mean 'policy'"),
+        (lambda: lab.Learner(2, 2, "index = true"), "settings.index = True"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(make, told):
+    with pytest.raises(ValueError, match=told) as raised:
+        make()
+    assert "\n" not in str(raised.value)

@@ -1,0 +1,133 @@
+"""Any MuJoCo model as a block, against MuJoCo's own loop."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from motorgrad import bodies, lab
+from motorgrad.lab.blocks.worlds._mujoco import PENDULUM
+
+CART = """
+<mujoco>
+  <option timestep="0.005"/>
+  <worldbody>
+    <body><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom size="0.1"/><site name="tip" pos="0 0 1"/></body>
+  </worldbody>
+  <actuator><motor joint="x"/><motor name="second" joint="x" gear="-2"/></actuator>
+  <sensor><framepos objtype="site" objname="tip"/><jointpos name="place" joint="x"/></sensor>
+  <keyframe><key name="away" qpos="0.5"/></keyframe>
+</mujoco>
+"""
+
+
+def driven(block, ticks, tick, watch, **levels):
+    """A record of the model with constant controls."""
+    diagram = lab.Diagram(tick=tick)
+    diagram.add("model", block)
+    for name, level in levels.items():
+        diagram.add(name, lab.Constant(level))
+        diagram.connect(name, f"model.{name}" if name in block.inputs else "model.actuator 1")
+    return lab.Run(diagram, 2, watch=[f"model.{port}" for port in watch]).advance(ticks)
+
+
+def test_it_moves_as_mujoco_does():
+    record = driven(
+        lab.MujocoModel(CART, keyframe="away"), 30, 0.02, ["place", "sensor 1", "qvel"], one=0.7, second=0.1
+    )
+    model = mujoco.MjModel.from_xml_string(CART)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.ctrl[:] = 0.7, 0.1
+    for tick in range(30):
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(record["model.place"][:, tick], data.sensordata[3], rtol=1e-5)
+        np.testing.assert_allclose(record["model.sensor 1"][1, tick], data.sensordata[:3], rtol=1e-5)
+        np.testing.assert_allclose(record["model.qvel"][0, tick], data.qvel, rtol=1e-4, atol=1e-7)
+        for _ in range(4):
+            mujoco.mj_step(model, data)
+    assert abs(record["model.place"][0, -1] - 0.5) > 0.01
+
+
+def test_ports_are_the_actuators_and_sensors():
+    block = lab.MujocoModel(CART)
+    assert list(block.inputs) == ["actuator 1", "second", "reset"]
+    shapes = {name: port.shape for name, port in block.outputs.items()}
+    assert shapes == {"sensor 1": (3,), "place": (), "qpos": (1,), "qvel": (1,), "diverged": ()}
+    muscles = lab.MujocoModel(bodies.to_mjcf(bodies.Hopper()))
+    assert {"foot_height", "knee_angle"} <= set(muscles.outputs)
+    assert len(muscles.inputs) > len(bodies.Hopper().groups)
+
+
+def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
+    path = tmp_path / "cart.xml"
+    path.write_text(CART)
+    assert lab.MujocoModel(file=str(path)).model.nu == 2
+    path.write_text(CART.replace("<worldbody>", '<asset><mesh name="hull" file="hull.stl"/></asset><worldbody>'))
+    with pytest.raises(ValueError, match=r"cannot read it: .*hull\.stl") as raised:
+        lab.MujocoModel(file=str(path))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"xml": "<mujoco><worldbody>"}, "xml: MuJoCo cannot read it"),
+        ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot read it.*size"),
+        ({"xml": ""}, "xml: MuJoCo cannot read it"),
+        ({"xml": 3}, "xml = 3: must be a text"),
+        ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an MJCF file that is there"),
+        (
+            {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
+            "xml: memory = 53687091200: must be at most",
+        ),
+        ({"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")}, "copies of a part = 1"),
+        ({"xml": CART, "keyframe": "awya"}, "did you mean 'away'"),
+        ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be another than reset"),
+    ],
+)
+def test_what_cannot_be_is_one_clear_line(given, told):
+    with pytest.raises(ValueError, match=told) as raised:
+        lab.MujocoModel(**given)
+    assert "\n" not in str(raised.value)
+
+
+def test_it_is_put_back_where_it_breaks_and_where_it_is_asked():
+    wild = PENDULUM.replace('gear="1"', 'gear="1e18"')
+    record = driven(lab.MujocoModel(wild), 4, 0.01, ["diverged", "angle"], torque=1e18)
+    assert record["model.diverged"][0, 1:].all()
+    assert not record["model.diverged"][0, 0]
+    np.testing.assert_array_equal(record["model.angle"][0], 0.0)
+    diagram = lab.Diagram(tick=0.01)
+    diagram.add("model", lab.MujocoModel())
+    diagram.add("push", lab.Constant(0.3))
+    diagram.add("reset", lab.BLOCKS["expression"]("t > 0.045", ()))
+    diagram.connect("push", "model.torque")
+    diagram.connect("reset", "model.reset")
+    angle = lab.Run(diagram, 1, watch=["model.angle"]).advance(8)["model.angle"][0]
+    assert (angle[1:6] != 0).all()
+    np.testing.assert_array_equal(angle[6:], 0.0)
+
+
+def test_the_muscle_law_is_the_bodies():
+    rng = np.random.default_rng(1)
+    activation, length, velocity = rng.uniform(0, 1, 5), rng.uniform(0.1, 0.3, 5), rng.normal(size=5)
+    diagram = lab.Diagram()
+    diagram.add("muscle", lab.MuscleLaw(900.0, 0.21, 0.4, 8.0, shape=(5,)))
+    for name, value in (("activation", activation), ("length", length), ("velocity", velocity)):
+        diagram.add(name, lab.Constant(value, (5,)))
+        diagram.connect(name, f"muscle.{name}")
+    diagram.add("clock", lab.UnitDelay())
+    diagram.connect("clock", "clock")
+    tension = lab.Run(diagram, 1, watch=["muscle.tension"]).advance(1)["muscle.tension"][0, 0]
+    np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
+
+
+def test_a_tick_that_no_steps_make_up_is_refused():
+    with pytest.raises(ValueError, match=r"tick = 0\.003: must be a whole number of the time steps"):
+        driven(lab.MujocoModel(), 1, 0.003, ["angle"])
+    diagram = lab.Diagram(tick=0.02)
+    diagram.add("hopper", lab.Body("hopper"))
+    diagram.add("rest", lab.Constant(0.0, (2,)))
+    diagram.connect("rest", "hopper.action")
+    with pytest.raises(ValueError, match=r"tick of the block = 0\.02: must be a decision of the task, 0\.01 s"):
+        lab.Run(diagram, 1).advance(1)
