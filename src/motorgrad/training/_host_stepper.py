@@ -1,6 +1,6 @@
 """Engines whose dynamics run on the host for all seeds, and one compiled call per decision for everything else."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -14,7 +14,7 @@ from motorgrad.tasks import HostTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
 from motorgrad.training._random import BLOCK, draw_block
-from motorgrad.training._stepper import Record, Stepper, fits
+from motorgrad.training._stepper import Look, Record, Stepper, fits
 
 Numbers = dict[str, Float[Array, " size"]]
 
@@ -94,6 +94,11 @@ class HostStepper(Stepper):
             self._cycles = self._pack(cycles)
         else:
             self._cycles, self._out = self._first(self._pack(cycles), self._input())
+
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        unpack = self._packing.unpack
+        seen = jax.jit(jax.vmap(lambda cycle, packed: look(unpack(cycle), self.batch.unpack(packed))))
+        return lambda: jax.tree.map(np.array, seen(self._cycles, self.batch.packed))
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
