@@ -47,8 +47,8 @@ class Drawing:
         self._geoms = seen[~np.isin(model.geom_type[seen], flat)]
         fill = geom_colours(model)[self._geoms]
         fill[:, 3] *= alpha
-        self._fill = fill
-        self._edge = fill * [0.5, 0.5, 0.5, 1]
+        self._fill: Any = fill
+        self._edge: Any = fill * [0.5, 0.5, 0.5, 1]
         self.parts = PolyCollection([], linewidths=0.4 * linewidth, joinstyle="round", zorder=2)
         shape: dict[str, Any] = {"capstyle": "round", "joinstyle": "round"}
         self._rims = LineCollection([], colors=MUSCLE_EDGE, alpha=alpha, zorder=2.1, **shape)

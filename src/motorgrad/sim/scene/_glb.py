@@ -14,7 +14,8 @@ def textured(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool = Fa
     **Arguments:** `uv` `(vertices, 2)`, from the picture's lower left corner, repeated beyond 1; `picture`
     `(height, width, 3)`, sRGB in [0, 1]; `glows`, whether it shows its own colours whatever light falls on it.
     """
-    import trimesh
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
     from PIL import Image
 
     image = Image.fromarray(np.round(255 * picture).astype(np.uint8))
@@ -22,8 +23,8 @@ def textured(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool = Fa
     colour: dict[str, Any] = {"baseColorTexture": image}
     if glows:
         colour = {"baseColorFactor": [0, 0, 0, 255], "emissiveTexture": image, "emissiveFactor": [1.0, 1.0, 1.0]}
-    material = trimesh.visual.material.PBRMaterial(**colour, metallicFactor=0.0, roughnessFactor=0.95)
-    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    material = PBRMaterial(**colour, metallicFactor=0.0, roughnessFactor=0.95)
+    mesh.visual = TextureVisuals(uv=uv, material=material)
     with io.BytesIO() as file:
         mesh.export(file, file_type="glb")
         return file.getvalue()

@@ -46,16 +46,18 @@ class Ground(Layer):
         colours = geom_colours(model)
         for geom in _framing.visible_geoms(model):
             place, turn = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3).copy()
-            where: dict[str, Any] = {"position": place, "wxyz": _turns.of_matrices(turn)[0], "cast_shadow": False}
+            where: dict[str, Any] = {"position": place, "wxyz": _turns.of_matrices(turn)[0]}
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
                 half = np.where(model.geom_size[geom, :2] > 0, model.geom_size[geom, :2], REACH)
                 tile = 10 * nice_step(max(float(model.stat.extent) / 10, 1e-3))
-                handle = server.scene.add_glb(f"/ground/{geom}", floor(half, tile, colours[geom, :3]), **where)
+                handle = server.scene.add_glb(
+                    f"/ground/{geom}", floor(half, tile, colours[geom, :3]), cast_shadow=False, **where
+                )
                 if np.any(model.geom_size[geom, :2] == 0):
                     self._endless.append((handle, place, turn, tile))
             elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_HFIELD:
                 content = hills(model, model.geom_dataid[geom], colours[geom, :3])
-                server.scene.add_glb(f"/ground/{geom}", content, **where | {"cast_shadow": True})
+                server.scene.add_glb(f"/ground/{geom}", content, **where)
 
     def draw(self, pose: Pose) -> None:
         """Move endless planes on, when the body has gone some way."""
@@ -115,7 +117,9 @@ def _contoured(height: np.ndarray, tall: float, rgb: np.ndarray, aspect: float) 
 
     across = int(np.clip(2048 * min(1, aspect), 256, 2048))
     down = int(np.clip(across / aspect, 256, 2048))
-    fine = zoom(height, (down / height.shape[0], across / height.shape[1]), order=1, grid_mode=True, mode="nearest")
+    fine: Any = zoom(
+        height, (down / height.shape[0], across / height.shape[1]), order=1, grid_mode=True, mode="nearest"
+    )
     spread = max(float(np.ptp(fine)), 1e-9)
     part = (fine - fine.min()) / spread
     steps = tall * fine / nice_step(max(tall * spread / 4, 1e-6))

@@ -68,7 +68,7 @@ class JointAxes(Layer):
         at = self._joints
         axes = np.concatenate([data.xaxis[at] for data in pose.bodies])
         anchors = np.concatenate([data.xanchor[at] + by for data, by in zip(pose.bodies, pose.offset, strict=True)])
-        long = 0.16 * pose.size
+        long = 0.13 * pose.size
         colours = np.tile(self._colours, (len(pose.bodies), 1))
         turn, size = _turns.towards(axes), np.full((len(axes), 3), long)
         self.pools[0].show(anchors - axes * long / 2, turn, size, colours)

@@ -10,7 +10,6 @@ import numpy as np
 
 from motorgrad.sim import _framing
 from motorgrad.sim._colours import geom_colours, pixels, texture_of
-from motorgrad.sim.scene import _turns
 from motorgrad.sim.scene._glb import textured
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._shapes import smooth

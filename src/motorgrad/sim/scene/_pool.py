@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad.sim.scene._shapes import Shape
+from motorgrad.sim.scene._turns import still
 
 if TYPE_CHECKING:
     import viser
@@ -69,7 +70,7 @@ class Pool:
         if count > self._room or self._handle is None:
             while self._room < count:
                 self._room *= 2
-            self._add()
+            self._handle = self._add()
         room, handle = self._room, self._handle
         handle.batched_positions = _filled(position, (room, 3), 0.0)
         handle.batched_wxyzs = _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0))
@@ -78,13 +79,13 @@ class Pool:
         if self._faded:
             handle.batched_opacities = _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0)
 
-    def _add(self) -> None:
+    def _add(self) -> Any:
         room, shape = self._room, self._shape
-        self._handle = self._scene.add_batched_meshes_simple(
+        return self._scene.add_batched_meshes_simple(
             self._name,
             shape.vertices,
             shape.faces,
-            np.tile(np.float32([1, 0, 0, 0]), (room, 1)),
+            still(room),
             np.zeros((room, 3), np.float32),
             batched_scales=np.full((room, 3), AWAY, np.float32),
             batched_colors=np.zeros((room, 3), np.uint8),
