@@ -1,5 +1,8 @@
 """A run in a process of its own: sessions, snapshots, orders."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from motorgrad.sim.live._orders import (
     Compare,
     Control,
@@ -18,18 +21,36 @@ from motorgrad.sim.live._orders import (
     Thaw,
 )
 from motorgrad.sim.live._session import Event, Session
-from motorgrad.sim.live._setup import Setup, learner
+from motorgrad.sim.live._setup import Setup, bare, learner
 from motorgrad.sim.live._snapshot import Curve, Snapshot, Trail
+from motorgrad.sim.live._stage import Camera, Stage
+
+if TYPE_CHECKING:
+    from motorgrad.sim.live._page import Page
+    from motorgrad.sim.live._show import ExposedWarning, setup_of, show
+
+_LATER = {"Page": "_page", "ExposedWarning": "_show", "setup_of": "_show", "show": "_show"}
+
+
+def __getattr__(name: str) -> Any:
+    """What needs the scene and the panels, which need what is here."""
+    if name in _LATER:
+        return getattr(importlib.import_module(f"motorgrad.sim.live.{_LATER[name]}"), name)
+    raise AttributeError(f"module 'motorgrad.sim.live' has no attribute {name!r}")
+
 
 __all__ = [
+    "Camera",
     "Compare",
     "Control",
     "Curve",
     "Edit",
     "Event",
+    "ExposedWarning",
     "Freeze",
     "Load",
     "Order",
+    "Page",
     "Pause",
     "Play",
     "Push",
@@ -40,8 +61,12 @@ __all__ = [
     "Setup",
     "Snapshot",
     "Speed",
+    "Stage",
     "Step",
     "Thaw",
     "Trail",
+    "bare",
     "learner",
+    "setup_of",
+    "show",
 ]

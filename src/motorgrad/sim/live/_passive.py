@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.bodies import install_muscle_callback
 from motorgrad.sim.live._muscle_settings import check_number, fields_of, muscle_numbers
 from motorgrad.sim.live._replies import Ready
 from motorgrad.sim.live._setup import Setup
@@ -28,7 +29,10 @@ class Passive:
 
     def __init__(self, setup: Setup):
         self.model: Any = setup.model
+        if np.any(self.model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
+            install_muscle_callback()
         self._data: Any = mujoco.MjData(self.model)
+        self.decision = self._pushed_until = 0
         self.substeps = max(1, round(FINEST / self.model.opt.timestep))
         self.period = self.substeps * self.model.opt.timestep
         self._numbers = muscle_numbers(self.model)
@@ -36,7 +40,6 @@ class Passive:
         sensors = [self.model.sensor(i) for i in range(self.model.nsensor)]
         feet = [each for each in sensors if each.type[0] == mujoco.mjtSensor.mjSENS_TOUCH]
         self._feet = [(each.name, int(each.adr[0])) for each in feet]
-        self.decision, self._pushed_until = 0, 0
         self.begin_again()
 
     @property

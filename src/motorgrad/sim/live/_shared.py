@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing.shared_memory import SharedMemory
+from typing import Any
 
 import numpy as np
 
@@ -24,12 +25,13 @@ class Shared:
         size = WORD * (1 + sum(math.prod(shape) for shape in shapes.values()))
         self._memory = SharedMemory(name, create=name is None, size=size)
         self.owner, self.name = name is None, self._memory.name
-        self._sequence = np.frombuffer(self._memory.buf, np.int64, 1)
+        memory: Any = self._memory.buf
+        self._sequence = np.frombuffer(memory, np.int64, 1)
         self.arrays: dict[str, np.ndarray] = {}
         place = WORD
         for key, shape in shapes.items():
             count = math.prod(shape)
-            self.arrays[key] = np.frombuffer(self._memory.buf, np.float64, count, place).reshape(shape)
+            self.arrays[key] = np.frombuffer(memory, np.float64, count, place).reshape(shape)
             place += WORD * count
 
     @contextmanager

@@ -24,10 +24,14 @@ class Subject(Protocol):
     - `settings`: what can be edited, with its value; `fields`: the model's arrays that edits change.
     """
 
-    decision: int
-    period: float
     frozen: bool
     settings: dict[str, float]
+
+    @property
+    def decision(self) -> int: ...
+
+    @property
+    def period(self) -> float: ...
 
     @property
     def fields(self) -> dict[str, np.ndarray]: ...
@@ -54,6 +58,7 @@ class Subject(Protocol):
     @property
     def state(self) -> Any:
         """Everything the future depends on, copied."""
+        ...
 
     def restore(self, state: Any) -> None:
         """Put a state back."""
