@@ -1,0 +1,78 @@
+"""Pushes: a force on a part of the body for a moment, by button, by key or by dragging."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from motorgrad.sim.panels._panel import Panel
+
+DIRECTIONS = {
+    "+x": (1.0, 0.0, 0.0),
+    "−x": (-1.0, 0.0, 0.0),
+    "+y": (0.0, 1.0, 0.0),
+    "−y": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+PULL = 5.0
+"""Of a drag by the size of the body: so many times its weight."""
+SHARE = 0.5  # of the weight, to begin with
+
+
+class PushFolder:
+    """Which part, which way, how hard and how long.
+
+    **Arguments:** the panel that it stands in.
+    """
+
+    def __init__(self, panel: Panel) -> None:
+        self._panel = panel
+
+    def fill(self, gui: Any) -> None:
+        """Add the elements."""
+        from motorgrad.sim.panels._run import command
+
+        model = self._panel.session.model
+        names = [model.body(index).name for index in range(1, model.nbody)]
+        named = [name for name in names if name]
+        if not named:
+            return
+        moving = [name for name in named if model.body_weldid[model.body(name).id] != 0] or named
+        weight = weight_of(model)
+        with gui.add_folder("Push", expand_by_default=False):
+            self._body = gui.add_dropdown("Part", moving, initial_value=moving[0])
+            self._way = gui.add_dropdown("Direction", tuple(DIRECTIONS), initial_value="+x", hint="Of the world.")
+            strength = float(f"{SHARE * weight:.1g}")
+            self._strength = gui.add_number("Force (N)", strength, min=0.0, step=strength / 10)
+            self._seconds = gui.add_number("For (s)", 0.1, min=0.01, max=60.0, step=0.01)
+            button = gui.add_button("Push", icon="hand-finger")
+            button.on_click(self._panel.guarded(self._push))
+        command(gui, "Push", "P", self._panel.guarded(self._push))
+
+    def _push(self, _: Any) -> None:
+        from motorgrad.sim.live import Push
+
+        x, y, z = (self._strength.value * part for part in DIRECTIONS[self._way.value])
+        self._panel.order(Push(self._body.value, (x, y, z), self._seconds.value))
+
+
+def weight_of(model: Any) -> float:
+    """The weight of all that moves, in N; 1 where nothing has any."""
+    moving = np.asarray(model.body_weldid) != 0
+    pull = float(np.linalg.norm(model.opt.gravity)) or 9.81
+    return float(np.sum(model.body_mass[moving])) * pull or 1.0
+
+
+def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
+    """The force of a drag from a place on the body to another, in N, as of a spring; at most ten times the weight.
+
+    **Arguments:** the model; where the body was taken hold of and where the pointer is, (3,), world, m; the body's size.
+    """
+    weight = weight_of(model)
+    force = PULL * weight * (np.asarray(end, float) - np.asarray(start, float)) / size
+    force *= min(1.0, 10 * weight / max(float(np.linalg.norm(force)), 1e-9))
+    x, y, z = force.tolist()
+    return x, y, z
