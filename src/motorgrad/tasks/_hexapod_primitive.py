@@ -110,6 +110,11 @@ class HexapodPrimitive(TimedBodyTask):
         return STEPS + len(LEGS)
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        over = [f"step {step} over" for step in range(STEPS)]
+        return (*over, *(f"angle {leg.replace('_', ' ')}" for leg in LEGS))
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         joints = [self.body.sections[leg.partition("_")[2]].leg.lateral.range for leg in LEGS]
         return ((0.0, 1.0),) * STEPS + tuple((low / self.angle_scale, high / self.angle_scale) for low, high in joints)

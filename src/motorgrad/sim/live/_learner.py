@@ -65,7 +65,7 @@ class Learner:
         moved = (width["position"], width["velocity"], 0, len(body.muscles))
         learnt = (width["observation"], units, width["parameters"])
         sizes = Sizes(*moved, *learnt, len(body.feet), room, len(readings))
-        inputs = [f"input {i}" for i in range(width["observation"])]
+        inputs = list(self.task.observation_names)
         actions = body.groups if len(body.groups) == units else [f"unit {i}" for i in range(units)]
         return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
 
