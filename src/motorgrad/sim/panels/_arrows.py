@@ -42,9 +42,7 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
             along = 0.16 + 0.16 * (unit % 2)
             labels.append(_label(start + along * (end - start), y + along * (v - y), brief(weight, 2), colour))
     nodes = [_node(4, y, wide[0], name, np.nan, name == "bias") for y, name in zip(left, senses, strict=True)]
-    nodes += [
-        _node(end, y, wide[1], name, float(p)) for y, name, p in zip(right, units, probability, strict=True)
-    ]
+    nodes += [_node(end, y, wide[1], name, float(p)) for y, name, p in zip(right, units, probability, strict=True)]
     said = f"red: positive, blue: negative; the widest is {brief(largest, 2)}"
     if weights.size > MOST:
         said += f"; the {MOST} strongest of {weights.size:,}"
@@ -91,5 +89,6 @@ def _label(x: float, y: float, words: str, colour: str) -> str:
     wide = 6 + 5.2 * len(words)
     return (
         f'<rect x="{x - wide / 2:.1f}" y="{y - 6:.1f}" width="{wide:.1f}" height="12" rx="3" fill="white" '
-        f'stroke="{colour}" stroke-width=".6"/>' + _svg.text(x, y, words, "middle", f'style="fill:{colour}" font-size="9"')
+        f'stroke="{colour}" stroke-width=".6"/>'
+        + _svg.text(x, y, words, "middle", f'style="fill:{colour}" font-size="9"')
     )

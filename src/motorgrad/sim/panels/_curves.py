@@ -50,7 +50,8 @@ class Plot:
     def _axes(self, label: str) -> tuple[Any, ...]:
         from viser import uplot
 
-        look = {"labelSize": 18, "font": "11px sans-serif", "labelFont": "11px sans-serif"}
+        words = {"labelSize": 18, "font": "11px sans-serif", "labelFont": "11px sans-serif"}
+        look = words | {"ticks": {"size": 4, "width": 1}}
         up = {**look, "label": label} if label else look
         return (uplot.Axis(label="simulated time (s)", size=34, **look), uplot.Axis(size=52, **up))
 
@@ -75,7 +76,7 @@ class TracePlot(Plot):
 
     def __init__(self, gui: Any, names: Sequence[str]) -> None:
         colours = (FAINT, STRONG) if len(names) == 2 else (SECOND,)
-        super().__init__(gui, names, colours, 150 if len(names) == 2 else 120, legend=len(names) > 1)
+        super().__init__(gui, names, colours, 160, legend=True)
 
     def show(self, seconds: np.ndarray, values: np.ndarray) -> None:
         self.put(seconds, list(values.T))

@@ -64,5 +64,7 @@ class GaitPanel(Panel):
         trail = self.session.trail()
         contact = self._walked.contacts(trail)
         touching = {f"on the ground {leg}": column for leg, column in zip(LEGS, contact.astype(int).T, strict=True)}
-        force = {f"force {name} (N)": np.asarray(row) for name, row in zip(self.session.feet, trail.contacts.T, strict=True)}
+        force = {
+            f"force {name} (N)": np.asarray(row) for name, row in zip(self.session.feet, trail.contacts.T, strict=True)
+        }
         return {"decision": trail.decision, "seconds": trail.seconds, **touching, **force}

@@ -96,9 +96,7 @@ class Law:
 
         model = self._model
         dense = np.zeros((model.nu, model.nv))
-        mujoco.mju_sparse2dense(
-            dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
+        mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
         found = []
         for freedom in np.flatnonzero(np.abs(dense[self._row]) > 1e-6):
             joint = model.joint(int(model.dof_jntid[freedom]))

@@ -44,7 +44,7 @@ class LearningPanel(Panel):
         self._traces = [TracePlot(gui, ("reward", "baseline")), TracePlot(gui, ("gradient norm",))]
         learn = gui.add_button_group("Learning", ("Freeze", "Thaw"), hint="Frozen, it acts and learns nothing.")
         learn.on_click(self.guarded(lambda event: self._freeze(event.target.value)))
-        beside = gui.add_checkbox("Before beside after", False, hint="An untrained body beside the one that learns.")
+        beside = gui.add_checkbox("Before and after", False, hint="An untrained body beside the one that learns.")
         beside.on_update(self.guarded(lambda event: self._compare(event.target.value)))
         self._form = SettingsForm(self)
         self._form.fill(gui, [name for name in self.session.settings if not name.startswith("body.")])

@@ -56,7 +56,9 @@ class MusclesPanel(Panel):
         self._pose = pose
         trail, row = self.session.trail(), self._chosen
         names = self.session.muscles
-        self._raster.content = draw_raster(trail.seconds, self._share(trail.activation), names, self.session.period, row)
+        self._raster.content = draw_raster(
+            trail.seconds, self._share(trail.activation), names, self.session.period, row
+        )
         if not pose.bodies:
             return
         data, law = pose.bodies[0], Law(self.session.model, row)

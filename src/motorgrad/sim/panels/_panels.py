@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 
 PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
 """In the order of their tabs."""
-SAID = {"saved": ("Saved", "green"), "loaded": ("Loaded", "green"), "error": ("Not done", "red"), "ended": ("Ended", "red")}
+WIDE = 380
+"""Pixels, of the page's control panel, so that diagrams can be read."""
+SAID = {
+    "saved": ("Saved", "green"),
+    "loaded": ("Loaded", "green"),
+    "error": ("Not done", "red"),
+    "ended": ("Ended", "red"),
+}
 
 
 class Panels:
@@ -40,6 +47,7 @@ class Panels:
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the tabs, in the container that is open."""
         self._server, self._session = server, session
+        server.gui.main_panel.set_width(WIDE)
         self.tabs = server.gui.add_tab_group()
         for kind in PANELS:
             if kind.applies(session):

@@ -64,7 +64,9 @@ def draw_portrait(
         parts.append(_svg.text(BOX[0], 281, f"probability that {unit} fires:  0"))
         ramp = _pale(np.linspace(0, 1, 60)[None])
         parts.append(_svg.picture(ramp, 234, 276, 70, 9, smooth=True))
-        parts.append(f'<rect x="234" y="276" width="70" height="9" fill="none" stroke="{_svg.INK}" stroke-opacity=".4"/>')
+        parts.append(
+            f'<rect x="234" y="276" width="70" height="9" fill="none" stroke="{_svg.INK}" stroke-opacity=".4"/>'
+        )
         parts.append(_svg.text(308, 281, "1"))
     return _svg.document(_svg.WIDTH, 292, parts, "phase portrait")
 

@@ -42,7 +42,7 @@ class PushFolder:
             return
         moving = [name for name in named if model.body_weldid[model.body(name).id] != 0] or named
         weight = weight_of(model)
-        with gui.add_folder("Push", expand_by_default=False):
+        with gui.add_folder("Push"):
             self._body = gui.add_dropdown("Part", moving, initial_value=moving[0])
             self._way = gui.add_dropdown("Direction", tuple(DIRECTIONS), initial_value="+x", hint="Of the world.")
             strength = float(f"{SHARE * weight:.1g}")

@@ -14,9 +14,7 @@ COLUMNS = 320
 ROW, MOST = 15.0, 12  # height of a row, in the diagram's units; rows beyond which they are thinner
 
 
-def draw_raster(
-    seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1
-) -> str:
+def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1) -> str:
     """The last seconds as SVG: the stronger the red, the more active; nothing where the run was not watched.
 
     **Arguments:** `seconds` `(n,)` at which `level` `(n, muscles)`, in [0, 1], begins; `period` of a decision, s;

@@ -33,7 +33,9 @@ class RunPanel(Panel):
         from motorgrad.sim.live import Step
 
         self._said = gui.add_html("")
-        buttons = gui.add_button_group("Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one step.")
+        buttons = gui.add_button_group(
+            "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one step."
+        )
         buttons.on_click(self.guarded(lambda event: self._press(event.target.value)))
         self._speed = gui.add_multi_slider(
             "Speed",

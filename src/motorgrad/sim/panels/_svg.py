@@ -81,9 +81,7 @@ class Chart:
         """A line through the points that are finite."""
         good = np.isfinite(x) & np.isfinite(y)
         places = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(self.x(x)[good], self.y(y)[good], strict=True))
-        self.parts.append(
-            f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="{width}" {extra}/>'
-        )
+        self.parts.append(f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="{width}" {extra}/>')
 
     def dot(self, x: float, y: float, colour: str, radius: float = 4.0) -> None:
         """A point, with a rim that sets it off."""
