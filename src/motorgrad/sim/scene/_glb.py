@@ -14,9 +14,9 @@ def textured(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool = Fa
     **Arguments:** `uv` `(vertices, 2)`, from the picture's lower left corner, repeated beyond 1; `picture`
     `(height, width, 3)`, sRGB in [0, 1]; `glows`, whether it shows its own colours whatever light falls on it.
     """
+    from PIL import Image
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
-    from PIL import Image
 
     image = Image.fromarray(np.round(255 * picture).astype(np.uint8))
     image.format = "JPEG"  # a tenth of the bytes of the default, PNG: the grain of a ground does not compress

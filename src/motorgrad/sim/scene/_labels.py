@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from motorgrad.sim.live import Session
     from motorgrad.sim.scene._pose import Pose
 
-SAID = ("learnt", "untrained")
+SAID = ("learning", "untrained")
 
 
 class Labels(Layer):

@@ -38,7 +38,7 @@ class Pose:
         self.bodies: list[mujoco.MjData] = []
         self.activation = np.zeros((0, 0 if model is None else model.nu))
         self.offset = np.zeros((0, 3))
-        self.size, self.middle = 1.0, np.zeros(3)
+        self.size, self.middle = 1.4, np.array([0.0, 0.0, 0.55])  # of the board on which a plane is drawn
         self.snapshot: Snapshot | None = None
         if model is None:
             return

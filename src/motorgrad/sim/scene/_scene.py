@@ -13,6 +13,7 @@ from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._markers import JointAxes, Sites
 from motorgrad.sim.scene._meshes import Meshes
 from motorgrad.sim.scene._muscles import Muscles
+from motorgrad.sim.scene._plane import Plane, PlaneUnits
 from motorgrad.sim.scene._sky import Sky
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
+        usual += [Plane(), PlaneUnits()]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 

@@ -52,6 +52,14 @@ def block() -> Shape:
 
 
 @functools.cache
+def ring() -> Shape:
+    """A thin ring of radius 1 about z."""
+    import trimesh
+
+    return _shape(trimesh.creation.torus(1.0, 0.02, major_sections=2 * SLICES, minor_sections=6))
+
+
+@functools.cache
 def arrow() -> Shape:
     """An arrow along z, from 0 to its tip at 1."""
     import trimesh
