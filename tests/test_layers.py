@@ -23,7 +23,7 @@ BELOW = {
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
-    "sim": {"tasks", "policies"} | DYNAMICS,  # it shows bodies and learners
+    "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from motorgrad.bodies import Body
     from motorgrad.learning import Agent
     from motorgrad.sim.live import Page, Stage
+    from motorgrad.sim.planet import Planet
     from motorgrad.tasks import Task
     from motorgrad.training import AgentSettings, Run
 
@@ -25,6 +26,7 @@ def view(
     run: Run | Path | str | None = None,
     frozen: bool = False,
     stage: Stage | None = None,
+    planet: Planet | None = None,
     playing: bool = True,
     speed: float = 1.0,
     host: str = "127.0.0.1",
@@ -41,6 +43,7 @@ def view(
     - `run`: a run of the task, or the directory of one, whose policy to begin with.
     - `frozen`: begin without learning.
     - `stage`: gravity, physics step, terrain and cameras (`motorgrad.sim.live.Stage`).
+    - `planet`: a round world to walk on, for a task on level ground whose body hangs on nothing, such as `"hexapod"`.
     - `playing`: whether it begins at once.
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
     - `host`, `port`: where the page listens. Whoever reaches another host than 127.0.0.1 can drive the simulation. By
@@ -53,4 +56,4 @@ def view(
     """
     from motorgrad.sim.live import show
 
-    return show(task, agent, seed, run, frozen, stage, playing, speed, host, port)
+    return show(task, agent, seed, run, frozen, stage, planet, playing, speed, host, port)

@@ -21,15 +21,18 @@ from motorgrad.sim.live._orders import (
     Thaw,
 )
 from motorgrad.sim.live._session import Event, Session
-from motorgrad.sim.live._setup import Setup, bare, learner
+from motorgrad.sim.live._setup import BODIES, Setup, acting, bare, learner
 from motorgrad.sim.live._snapshot import Curve, Snapshot, Trail
 from motorgrad.sim.live._stage import Camera, Stage
 
 if TYPE_CHECKING:
-    from motorgrad.sim.live._page import Page
-    from motorgrad.sim.live._show import ExposedWarning, setup_of, show
+    from motorgrad.sim.live._page import HERE, Page, check_port
+    from motorgrad.sim.live._show import ExposedWarning, is_path, setup_of, show, warn_of
 
-_LATER = {"Page": "_page", "ExposedWarning": "_show", "setup_of": "_show", "show": "_show"}
+_LATER: dict[str, str] = {
+    **dict.fromkeys(("HERE", "Page", "check_port"), "_page"),
+    **dict.fromkeys(("ExposedWarning", "is_path", "setup_of", "show", "warn_of"), "_show"),
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -40,6 +43,8 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = [
+    "BODIES",
+    "HERE",
     "Camera",
     "Compare",
     "Control",
@@ -65,8 +70,12 @@ __all__ = [
     "Step",
     "Thaw",
     "Trail",
+    "acting",
     "bare",
+    "check_port",
+    "is_path",
     "learner",
     "setup_of",
     "show",
+    "warn_of",
 ]

@@ -1,7 +1,11 @@
 """A page in the browser: a session, its scene and its panels."""
 
+import contextlib
+import io
 import logging
+import os
 import socket
+import sys
 import threading
 import time
 import webbrowser
@@ -12,8 +16,9 @@ import viser
 
 from motorgrad._errors import check
 from motorgrad.sim.live._session import Session
-from motorgrad.sim.panels import Panels
-from motorgrad.sim.scene import Pose, Scene
+from motorgrad.sim.panels import FilmRecorder, Panels
+from motorgrad.sim.planet import PlanetScene
+from motorgrad.sim.scene import Pose, Scene, View
 
 FRAME = 1 / 30
 HERE = "127.0.0.1"
@@ -35,17 +40,23 @@ class Page:
     def __init__(self, session: Session, host: str = HERE, port: int | None = None):
         check_port(host, port)
         self.session, self.host = session, host
-        self.server = viser.ViserServer(host, PORT if port is None else port, label=session.name, verbose=False)
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is told by who asked for the page
+            self.server = viser.ViserServer(host, PORT if port is None else port, label=session.name, verbose=False)
         self.server.gui.configure_theme(control_layout="collapsible", control_width="large", show_logo=False)
         self.scene, self.panels = Scene(), Panels()
-        self.parts: list[Any] = [self.scene, self.panels]
+        self.planet = PlanetScene()
+        self.view = View(self.scene)
+        self.last_words = f"{session.name}: the simulation has ended"
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
         self._stop = threading.Event()
         self._pose.place(session.snapshot())
-        for part in self.parts:
+        for part in (self.scene, self.planet, self.panels):
             part.build(self.server, session)
+        with self.panels.tabs.add_tab(View.title, View.icon):
+            self.view.build(self.server, session)
+        self.parts: list[Any] = [self.scene, self.planet, self.view, self.panels]
         self._thread = threading.Thread(target=self._run, name="motorgrad sim page", daemon=True)
         self._thread.start()
 
@@ -56,8 +67,13 @@ class Page:
         return f"http://{shown}:{self.server.get_port()}"
 
     def open(self) -> None:
-        """Show the page in the user's browser, if there is one with a screen."""
-        webbrowser.open(self.url)
+        """Show the page in the user's browser, where there is a screen to see it on."""
+        if sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            webbrowser.open(self.url)
+
+    def record(self, path: Path | str, **settings: Any) -> FilmRecorder:
+        """Film the run from now on; see `motorgrad.sim.panels.FilmRecorder`."""
+        return FilmRecorder(self.session, path, **settings)
 
     def wait(self) -> None:
         """Until the page or its run is closed, or Ctrl-C."""
@@ -71,7 +87,8 @@ class Page:
         self._stop.set()
         self._thread.join(10.0)
         self.panels.close()
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
         self.session.close()
 
     def __enter__(self) -> Self:
@@ -128,16 +145,3 @@ def check_port(host: str, port: int | None) -> None:
         except OSError as error:
             why = error.strerror or str(error)
             raise ValueError(f"port = {port}: cannot be listened at on {host}: {why.lower()}") from None
-
-
-def has_screen() -> bool:
-    """Whether a browser that is opened can be seen."""
-    import os
-    import sys
-
-    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
-def is_path(subject: Any) -> bool:
-    """Whether a word means a model's file."""
-    return isinstance(subject, Path) or (isinstance(subject, str) and subject.lower().endswith((".xml", ".mjcf")))

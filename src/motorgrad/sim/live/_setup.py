@@ -16,6 +16,7 @@ from motorgrad.bodies import Arm, Body, Hexapod, Hopper, compile_model
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy, describe
 from motorgrad.sim.live._stage import Stage
+from motorgrad.sim.planet import Planet, on_planet
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.training import Run, check_training, load
 
@@ -53,6 +54,7 @@ def learner(
     run: Run | Path | str | None = None,
     frozen: bool = False,
     stage: Stage | None = None,
+    planet: Planet | None = None,
 ) -> Setup:
     """The set-up of a learner.
 
@@ -62,12 +64,15 @@ def learner(
     - `seed`: of the run that it goes on from, or of a new one.
     - `run`: a run, or the directory of one, of the same task, whose policy of this seed is the first.
     - `frozen`: whether to begin without learning.
-    - `stage`: surroundings other than the task's own.
+    - `stage`: surroundings other than the task's own; `planet`: a round world instead of level ground.
 
     **Raises** `ValueError` for what does not fit together.
     """
     asked = check_training(task, agent, seeds=[seed])
     staged = (stage or Stage()).of_task(asked.task)
+    if planet is not None:
+        check(isinstance(staged, BodyTask), "planet", planet, "left out where the task has no body")
+        staged = on_planet(staged, planet)  # type: ignore[type-var]
     initial, memory = (None, None) if run is None else _learnt(run, asked.task, asked.agent, seed)
     if initial is not None:
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
@@ -100,6 +105,11 @@ def bare(subject: Body | mujoco.MjModel | Path | str, stage: Stage | None = None
         where = f"{subject}: " if isinstance(subject, Path | str) else ""
         raise ValueError(where + " ".join(str(error).split())) from None
     return Setup(name, model=model)
+
+
+def acting(run: Run, seed: int) -> Agent:
+    """An agent with a run's policy that can act, for runs whose own learner cannot be made again."""
+    return Agent(run.policy(seed))
 
 
 def _read(path: Path) -> mujoco.MjSpec:
