@@ -1,5 +1,5 @@
-"""A round world to walk on: terrain as an ellipsoid in a quad-tree of height-field tiles, drawn as finely as it is looked
-at, and the physics of one body on a patch of it that is laid anew as the body goes.
+"""A round world to walk on: terrain as an ellipsoid in a quad-tree of height-field tiles, drawn as finely as it is
+looked at, and the physics of one body on a patch of it that is laid anew as the body goes.
 
 `Planet` holds its settings, `on_planet` puts a task there, `PlanetScene` shows it in the page.
 """

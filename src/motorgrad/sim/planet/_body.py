@@ -33,7 +33,7 @@ class OnPlanet:
     """
 
     body: Body
-    planet: Planet = Planet()
+    planet: Planet = dataclasses.field(default_factory=Planet)
 
     @property
     def muscles(self) -> tuple[Muscle, ...]:

@@ -112,7 +112,8 @@ class PlanetScene:
     def _send(self, key: Key) -> None:
         """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
         assert self._planet is not None
-        tile = make_tile(self._planet.surface, key, float(self._errors[0] + self._errors[key.level]))
+        error = float(self._errors[key.level])
+        tile = make_tile(self._planet.surface, key, error, float(self._errors[0]) + error)
         name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
         place: Any = tuple(map(float, tile.centre))
         self._handles[key] = self._server.scene.add_glb(

@@ -9,10 +9,13 @@ from motorgrad.sim.planet._noise import hills
 from motorgrad.sim.planet._surface import Surface
 from motorgrad.sim.planet._tree import CELLS, Key, directions, places
 
-TRIANGLES = 2 * CELLS * CELLS + 8 * CELLS
-"""Of a tile with its skirts."""
+SIDE = CELLS + 2  # cells along a side, with one more at each end
+TRIANGLES = 2 * SIDE * SIDE + 16 * SIDE
+"""Of a tile with its hem and skirts."""
 
 _SAMPLES = 1000  # cells that are measured for the error of a level
+_HEM = 0.7  # of the level's error, by which the hem sinks, so that the neighbour's ground is seen and not the hem
+_BAND = 0.1  # of a cell, the height of what of a skirt is lit as the hem
 _LOW, _MIDDLE, _HIGH = np.array([(104, 122, 92), (171, 160, 132), (226, 224, 218)], float)
 _TINT = 0.16  # of the brightness, by which one place differs from another, so that motion is seen
 
@@ -22,7 +25,7 @@ class Tile(NamedTuple):
 
     - `centre` (3,): in the planet's coordinates, m; `vertices` (n, 3) are relative to it.
     - `faces` (m, 3): of vertices, outwards.
-    - `colours` (n, 3).
+    - `colours` (n, 3) of vertices, red, green and blue in linear light.
     """
 
     centre: Float[np.ndarray, " 3"]
@@ -31,23 +34,30 @@ class Tile(NamedTuple):
     colours: UInt8[np.ndarray, "n 3"]
 
 
-def make_tile(surface: Surface, key: Key, skirt: float) -> Tile:
-    """The mesh of a tile: its grid, row by row, then skirts `skirt` metres down along its four sides.
+def make_tile(surface: Surface, key: Key, error: float, skirt: float) -> Tile:
+    """The mesh of a tile: its grid, row by row, with a hem, then skirts down along the hem's four sides.
 
-    Skirts have vertices of their own, so that they do not bend the light at the sides.
+    The hem is one more cell of ground on each side, under that of the neighbours: so light falls on both sides of a seam
+    alike. Skirts begin with a narrow band that is lit nearly as the hem is, for where one stands out by a pixel; what is
+    below has vertices of its own.
+
+    **Arguments:** `key`; `error` (m) of its level's meshes; `skirt` (m): how far down skirts reach.
     """
-    share = np.arange(CELLS + 1) / CELLS
+    share = np.arange(-1, CELLS + 2) / CELLS
     across, up = (each.ravel() for each in np.meshgrid(share, share))
     tile = np.array([[key.face, key.column, key.row]])
     ways = places(key.level, tile, across, up)[0]
     ground, heights = surface.points_and_heights(ways)
-    centre = surface.ellipsoid.points(places(key.level, tile, np.array([0.5]), np.array([0.5]))[0, 0])
-    rim = _rim()
-    top = ground[rim]
-    bottom = top - skirt * surface.ellipsoid.normals(ways[rim])
     colours = _colours(surface, ground, heights)
-    vertices = np.concatenate([ground, top, bottom]) - centre
-    return Tile(centre, vertices.astype(np.float32), FACES, np.concatenate([colours, colours[rim], colours[rim]]))
+    centre = surface.ellipsoid.points(places(key.level, tile, np.array([0.5]), np.array([0.5]))[0, 0])
+    down = -surface.ellipsoid.normals(ways[RIM])
+    ground[RIM] += _HEM * error * down
+    rim = ground[RIM]
+    cell = float(np.linalg.norm(ground[1] - ground[0]))
+    band = rim + _BAND * cell * down
+    vertices = np.concatenate([ground, band, band, rim + max(skirt, _BAND * cell) * down]) - centre
+    hues = np.concatenate([colours, *[colours[RIM]] * 3])
+    return Tile(centre, vertices.astype(np.float32), FACES, hues)
 
 
 def errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
@@ -74,17 +84,21 @@ def errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
 
 def _rim() -> Int[np.ndarray, " rim"]:
     """The grid's vertices around its rim, anticlockwise as seen from outside, without repeating the first."""
-    grid = np.arange((CELLS + 1) ** 2).reshape(CELLS + 1, CELLS + 1)
+    grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
     return np.concatenate([grid[0, :-1], grid[:-1, -1], grid[-1, :0:-1], grid[:0:-1, 0]])
 
 
+RIM = _rim()
+
+
 def _faces() -> Int[np.ndarray, "m 3"]:
-    grid = np.arange((CELLS + 1) ** 2).reshape(CELLS + 1, CELLS + 1)
+    grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
     a, b, c, d = grid[:-1, :-1].ravel(), grid[:-1, 1:].ravel(), grid[1:, 1:].ravel(), grid[1:, :-1].ravel()
-    top = (CELLS + 1) ** 2 + np.arange(4 * CELLS)
-    beside, bottom = np.roll(top, -1), top + 4 * CELLS
-    under = np.roll(bottom, -1)
-    sides = [(a, b, c), (a, c, d), (top, bottom, under), (top, under, beside)]
+    sides = [(a, b, c), (a, c, d)]
+    ring = (SIDE + 1) ** 2 + np.arange(4 * SIDE)
+    for top, bottom in ((RIM, ring), (ring + 4 * SIDE, ring + 8 * SIDE)):
+        beside, under = np.roll(top, -1), np.roll(bottom, -1)
+        sides += [(top, bottom, under), (top, under, beside)]
     return np.concatenate([np.stack(side, axis=1) for side in sides]).astype(np.uint32)
 
 
@@ -97,4 +111,5 @@ def _colours(surface: Surface, points: np.ndarray, heights: np.ndarray) -> UInt8
     share = ((heights - low) / (high - low) if high > low else np.full_like(heights, 0.5))[:, None]
     ramp = np.where(share < 0.5, _LOW + 2 * share * (_MIDDLE - _LOW), _MIDDLE + (2 * share - 1) * (_HIGH - _MIDDLE))
     patches = hills(points, surface.ellipsoid.least / 8.0, 7) + hills(points, 0.3, 8)
-    return np.clip(ramp * (1.0 + _TINT * (patches[:, None] - 1.0)), 0, 255).astype(np.uint8)
+    shades = np.clip(ramp * (1.0 + _TINT * (patches[:, None] - 1.0)) / 255.0, 0.0, 1.0)
+    return np.round(255.0 * shades**2.2).astype(np.uint8)  # vertices are coloured in linear light
