@@ -13,6 +13,7 @@ POSITIVE, NEGATIVE = "#c0392b", "#2c5fa8"
 MOST = 60  # arrows; the weakest are left out
 LABELLED = 12  # arrows that carry their number
 WIDEST = 9.0
+LETTER = 5.1  # the width of one, in a node
 NODE = 17.0
 GAP = (7.0, 30.0)  # between nodes, at least and at most
 
@@ -26,7 +27,7 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
     step = NODE + np.clip(150 / max(count, 1), *GAP)
     height = max(step * count, 2 * step) + 6
     left, right = (_places(len(names), height, step) for names in (senses, units))
-    wide = [min(120.0, 14 + 5.9 * max(map(len, names))) for names in (senses, units)]
+    wide = [min(most, 12 + LETTER * max(map(len, names))) for names, most in ((senses, 142.0), (units, 118.0))]
     start, end = 4 + wide[0], _svg.WIDTH - 4 - wide[1]
     order = np.argsort(-np.abs(weights), axis=None)[:MOST][::-1]  # the strongest on top
     largest = float(np.abs(weights).max()) if weights.size else 0.0
@@ -35,7 +36,7 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
         unit, sense = np.unravel_index(flat, weights.shape)
         weight = float(weights[unit, sense])
         share = abs(weight) / largest if largest else 0.0
-        y, v = left[sense], right[unit] + _fan(sense, len(senses))
+        y, v = float(left[sense]), float(right[unit]) + _fan(int(sense), len(senses))
         colour = POSITIVE if weight > 0 else NEGATIVE
         arrows.append(_arrow(start + 1, y, end - 2, v, 0.4 + WIDEST * share, colour))
         if weights.size <= LABELLED:
@@ -81,8 +82,9 @@ def _node(x: float, y: float, wide: float, name: str, filled: float, dashed: boo
     if np.isfinite(filled):
         fill = f'<rect {frame} width="{wide * min(max(filled, 0), 1):.1f}" fill="{POSITIVE}" fill-opacity=".22"/>'
     edge = f'<rect {frame} width="{wide:.1f}" fill="none" stroke="{_svg.INK}" stroke-opacity=".6"{dash}/>'
-    shown = name if len(name) <= 18 else f"{name[:17]}…"
-    return fill + edge + _svg.text(x + wide / 2, y, shown, "middle")
+    room = int((wide - 4) / LETTER)
+    shown = name if len(name) <= room else f"{name[: room - 1]}…"
+    return fill + edge + _svg.text(x + wide / 2, y, shown, "middle", 'font-size="9.5"')
 
 
 def _label(x: float, y: float, words: str, colour: str) -> str:

@@ -47,13 +47,12 @@ class Plot:
         if np.count_nonzero(known) >= 2:
             self._handle.data = tuple(np.ascontiguousarray(row[known], float) for row in (x, *curves))
 
-    def _axes(self, label: str) -> tuple[Any, ...]:
-        from viser import uplot
-
+    @staticmethod
+    def _axes(label: str) -> tuple[dict[str, Any], ...]:
         words = {"labelSize": 18, "font": "11px sans-serif", "labelFont": "11px sans-serif"}
         look = words | {"ticks": {"size": 4, "width": 1}}
-        up = {**look, "label": label} if label else look
-        return (uplot.Axis(label="simulated time (s)", size=34, **look), uplot.Axis(size=52, **up))
+        up = look | {"size": 52} | ({"label": label} if label else {})
+        return look | {"label": "simulated time (s)", "size": 34}, up
 
 
 class CurvePlot(Plot):

@@ -32,7 +32,7 @@ class GaitPanel(Panel):
     def fill(self, gui: Any) -> None:
         self._said = gui.add_html("")
         self._diagram = gui.add_html("")
-        self._walked = Walked(self.session.model, self.session.period, self.session.feet)
+        self._walked = Walked(self.model, self.session.period, self.session.feet)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         from motorgrad.bodies import LEGS, TRIPODS

@@ -68,7 +68,7 @@ class LearningPanel(Panel):
         del pose
         curve = self.session.curve()
         self._curve.show(curve.seconds, curve.values[self._which.value], self._which.value)
-        moments = np.array(self._moments)
+        moments = np.array(self._moments).reshape(-1, 4)
         self._traces[0].show(moments[:, 0], moments[:, 1:3])
         self._traces[1].show(moments[:, 0], moments[:, 3:])
         recent = curve.reward[-max(1, len(curve.reward) // 20) :]

@@ -61,7 +61,7 @@ class MusclesPanel(Panel):
         )
         if not pose.bodies:
             return
-        data, law = pose.bodies[0], Law(self.session.model, row)
+        data, law = pose.bodies[0], Law(self.model, row)
         length, velocity = float(data.actuator_length[row]), float(data.actuator_velocity[row])
         activation = float(pose.activation[0, row])
         arms = [(f"moment arm, {arm.joint}", f"{brief(1e3 * arm.metres)} mm") for arm in law.moment_arms(data)[:ARMS]]
@@ -96,7 +96,7 @@ class MusclesPanel(Panel):
 
     def _share(self, activation: np.ndarray) -> np.ndarray:
         """Activations as shares of the most that each can be."""
-        model = self.session.model
+        model = self.model
         most = np.abs(model.actuator_ctrlrange).max(axis=1)
         return np.abs(activation) / np.where((model.actuator_ctrllimited > 0) & (most > 0), most, 1.0)
 
@@ -115,7 +115,7 @@ class MusclesPanel(Panel):
         self.renew()
 
     def _limits(self) -> tuple[float, float]:
-        model, row = self.session.model, self._chosen
+        model, row = self.model, self._chosen
         low, high = model.actuator_ctrlrange[row].tolist()
         return (low, high) if model.actuator_ctrllimited[row] and high > low else (-1.0, 1.0)
 

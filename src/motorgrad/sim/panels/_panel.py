@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motorgrad.sim.scene import Pose
 
 Numbers = Mapping[str, np.ndarray]
+TABLE: Any = "table-export"
 REFUSED = (ValueError, TypeError, RuntimeError, OSError)
 """What the user is told in one line; anything else is a fault of ours."""
 
@@ -41,6 +42,11 @@ class Panel:
         self.spent = 0.0
         """Seconds that drawing has taken in all."""
 
+    @property
+    def model(self) -> Any:
+        """The `mujoco.MjModel` in view, or None; its bindings carry no types."""
+        return self.session.model
+
     @classmethod
     def applies(cls, session: Session) -> bool:
         """Whether a run has what the panel shows."""
@@ -52,7 +58,7 @@ class Panel:
         self.server, self.session = server, session
         self.fill(server.gui)
         if type(self).numbers is not Panel.numbers:
-            button = server.gui.add_button("Download numbers (CSV)", icon="table-export", color="gray")
+            button = server.gui.add_button("Download numbers (CSV)", icon=TABLE, color="gray")
             button.on_click(self.guarded(self._download))
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:

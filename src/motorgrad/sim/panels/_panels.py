@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
 """In the order of their tabs."""
-WIDE = 380
-"""Pixels, of the page's control panel, so that diagrams can be read."""
 SAID = {
     "saved": ("Saved", "green"),
     "loaded": ("Loaded", "green"),
@@ -47,7 +45,6 @@ class Panels:
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the tabs, in the container that is open."""
         self._server, self._session = server, session
-        server.gui.main_panel.set_width(WIDE)
         self.tabs = server.gui.add_tab_group()
         for kind in PANELS:
             if kind.applies(session):

@@ -36,7 +36,7 @@ class PolicyPanel(Panel):
         session = self.session
         self._policy, self._field = PresentPolicy(session), Field()
         policy = self._policy.of(session.snapshot().parameters[0])
-        units, senses = tuple(session.actions), tuple(session.observations)
+        units, senses = (*session.actions,), (*session.observations,)
         self._units = None
         if is_local(session.task, policy):
             self._units = UnitsPicture(session.task, policy)
@@ -46,16 +46,15 @@ class PolicyPanel(Panel):
         if policy is not None and weights_of(policy) is not None:
             with gui.add_folder("Weights"):
                 self._arrows = gui.add_html("")
-                first = units[0] if len(units) > MANY else ALL
+                first = session.actions[0] if len(units) > MANY else ALL
                 self._to = gui.add_dropdown("Arrows to", (ALL, *units), initial_value=first)
                 self._to.on_update(self.renew)
         with gui.add_folder("Phase portrait"):
             self._portrait = gui.add_html("")
-            last = min(len(senses) - 1, 1)
-            moving = senses[-2:] if len(senses) > 1 else senses
+            moving = session.observations[-2:]
             self._x = gui.add_dropdown("Across", senses, initial_value=moving[0])
-            self._y = gui.add_dropdown("Up", senses, initial_value=moving[-1 if last else 0])
-            self._unit = gui.add_dropdown("Unit", units, initial_value=units[0])
+            self._y = gui.add_dropdown("Up", senses, initial_value=moving[-1])
+            self._unit = gui.add_dropdown("Unit", units, initial_value=session.actions[0])
             for each in (self._x, self._y, self._unit):
                 each.on_update(self.renew)
 

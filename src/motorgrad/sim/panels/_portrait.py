@@ -29,15 +29,14 @@ class Field:
         """Probabilities `(GRID, GRID, units)`, rows from the bottom: `seen` `(inputs,)` but for two of them, which
         take values between `limits` `(2, 2)`."""
         import jax
-        import numpy as onp
 
         if self._compiled is None:
             self._compiled = jax.jit(lambda policy, seen: jax.vmap(policy.prob)(seen))
-        across, up = (np.linspace(*pair, GRID) for pair in limits)
+        across, up = np.linspace(limits[:, 0], limits[:, 1], GRID, axis=1)
         grid = np.tile(np.asarray(seen, np.float32), (GRID, GRID, 1))
         grid[..., x], grid[..., y] = across[None, :], up[:, None]
         flat = self._compiled(policy, grid.reshape(GRID * GRID, -1))
-        return onp.asarray(flat).reshape(GRID, GRID, -1)
+        return np.asarray(flat).reshape(GRID, GRID, -1)
 
 
 def limits_of(values: np.ndarray) -> np.ndarray:
@@ -61,13 +60,12 @@ def draw_portrait(
         chart.dot(float(path[-1, 0]), float(path[-1, 1]), HERE)
     parts = chart.elements()
     if probability is not None:
-        parts.append(_svg.text(BOX[0], 281, f"probability that {unit} fires:  0"))
         ramp = _pale(np.linspace(0, 1, 60)[None])
-        parts.append(_svg.picture(ramp, 234, 276, 70, 9, smooth=True))
-        parts.append(
-            f'<rect x="234" y="276" width="70" height="9" fill="none" stroke="{_svg.INK}" stroke-opacity=".4"/>'
-        )
-        parts.append(_svg.text(308, 281, "1"))
+        parts.append(_svg.text(BOX[0], 281, "0"))
+        parts.append(_svg.picture(ramp, BOX[0] + 10, 276, 60, 10, smooth=True))
+        frame = f'x="{BOX[0] + 10}" y="276" width="60" height="10"'
+        parts.append(f'<rect {frame} fill="none" stroke="{_svg.INK}" stroke-opacity=".4"/>')
+        parts.append(_svg.text(BOX[0] + 74, 281, f"1   probability that {unit} fires"))
     return _svg.document(_svg.WIDTH, 292, parts, "phase portrait")
 
 

@@ -18,6 +18,7 @@ class PresentPolicy:
     """
 
     def __init__(self, session: Session) -> None:
+        assert session.agent is not None
         import jax
         from jax.flatten_util import ravel_pytree
 

@@ -35,7 +35,7 @@ class PushFolder:
         """Add the elements."""
         from motorgrad.sim.panels._run import command
 
-        model = self._panel.session.model
+        model = self._panel.model
         names = [model.body(index).name for index in range(1, model.nbody)]
         named = [name for name in names if name]
         if not named:
@@ -69,7 +69,7 @@ def weight_of(model: Any) -> float:
 def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
     """The force of a drag from a place on the body to another, in N, as of a spring; at most ten times the weight.
 
-    **Arguments:** the model; where the body was taken hold of and where the pointer is, (3,), world, m; the body's size.
+    **Arguments:** the model; where the body was taken hold of and where the pointer is, (3,) in m; the body's size, m.
     """
     weight = weight_of(model)
     force = PULL * weight * (np.asarray(end, float) - np.asarray(start, float)) / size

@@ -11,7 +11,8 @@ from motorgrad.sim.panels import _svg
 
 SECONDS = 4.0
 COLUMNS = 320
-ROW, MOST = 15.0, 12  # height of a row, in the diagram's units; rows beyond which they are thinner
+ROW, LOW = 15.0, 216.0
+"""The height of a row, and of all rows where they are many, in the diagram's units."""
 
 
 def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1) -> str:
@@ -21,15 +22,17 @@ def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], pe
     `chosen`, the row to mark.
     """
     count = len(names)
-    row = ROW if count <= MOST else max(3.0, ROW * MOST / count)
+    row = min(ROW, max(LOW / count, 2.5))
+    named = row >= 7
+    left = 12 + min(124.0, 0.53 * min(row, _svg.SIZE) * max(map(len, names), default=0)) if named else 30.0
     end = (seconds[-1] if len(seconds) else 0.0) + period
     start = end - SECONDS
-    left = 12 + min(120.0, 5.6 * max((len(name) for name in names), default=0))
-    if row < 9:
-        left = 46.0
     box = (left, 6.0, _svg.WIDTH - 8, 6 + row * count)
-    labels = [*reversed(names)] if row >= 9 else ()
-    chart = _svg.Chart((start - end, 0.0), (0.0, float(count)), "time before now (s)", "", box, labels)
+    side = "" if named else f"{count} muscles, the first on top"
+    labels = [*reversed(names)] if named else [""]
+    chart = _svg.Chart(
+        (start - end, 0.0), (0.0, float(count)), "time before now (s)", side, box, labels, min(row, 10.5)
+    )
     chart.image(_pixels(seconds, level, start, end, period))
     if 0 <= chosen < count:
         height = float(count - chosen)

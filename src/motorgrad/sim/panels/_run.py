@@ -58,7 +58,7 @@ class RunPanel(Panel):
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
         self._now: Snapshot | None = None
-        self._push = PushFolder(self) if self.session.model is not None else None
+        self._push = PushFolder(self) if self.model is not None else None
         if self._push is not None:
             self._push.fill(gui)
         for label, key, action in (

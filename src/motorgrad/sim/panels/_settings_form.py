@@ -15,7 +15,7 @@ WORDS = {
     "exploration": ("exploration", "A factor on the temperature of the units, or on their noise."),
     "strength": ("strength (N)", "The greatest force."),
     "rest_length": ("rest length (m)", "Where the force is greatest."),
-    "damping": ("damping (N s/m)", "Of the muscle's whole path."),
+    "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
 }
 
 

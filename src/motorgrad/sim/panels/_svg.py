@@ -50,7 +50,7 @@ class Chart:
     """A box with two axes, into which things are drawn in the units of the axes.
 
     **Arguments:** `across`, `up`: the limits of the axes; their labels; `box`: left, top, right, bottom in the
-    diagram's units; `names`: in place of numbers along the upright axis, from below.
+    diagram's units; `names`, in place of numbers along the upright axis, from below, with letters of this height.
     """
 
     def __init__(
@@ -61,11 +61,12 @@ class Chart:
         side: str = "",
         box: tuple[float, float, float, float] = (46, 8, WIDTH - 8, 170),
         names: Sequence[str] = (),
+        letters: float = SIZE,
     ) -> None:
         self.across, self.up, self.box = _wide(across), _wide(up), box
         self.under: list[str] = []
         self.parts: list[str] = []
-        self._label, self._side, self._names = label, side, names
+        self._label, self._side, self._names, self._letters = label, side, names, letters
 
     def x(self, value: np.ndarray | float) -> np.ndarray:
         """Across, in the diagram's units."""
@@ -128,7 +129,7 @@ class Chart:
         else:
             rows = [(self.y(value), said(value)) for value in ticks(*self.up, 4)]
         for place, name in rows:
-            found.append(text(left - 4, float(place), name, "end", pale))
+            found.append(text(left - 4, float(place), name, "end", f'{pale} font-size="{self._letters}"'))
         found.append(text((left + right) / 2, bottom + 23, self._label, "middle"))
         middle = (top + bottom) / 2
         if self._side:
