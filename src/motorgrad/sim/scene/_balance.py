@@ -34,6 +34,7 @@ class Balance(Layer):
 
     def __init__(self, shown: bool = False) -> None:
         super().__init__(shown)
+        self._fills: list[Any] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         model = session.model
@@ -43,7 +44,6 @@ class Balance(Layer):
         length = np.linalg.norm(gravity)
         self._up = -gravity / length if length > 0 else np.array([0.0, 0.0, 1.0])
         self._scene = server.scene
-        self._fills: list[Any] = []
         self.applies = True
         self.pools = [
             Pool(server.scene, "/balance/balls", ball(), 4, shadow=False),

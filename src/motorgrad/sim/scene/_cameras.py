@@ -24,6 +24,7 @@ ORBIT, WALK, FOLLOW = "Orbit", "Walk", "Follow"
 KEYS = {ORBIT: "O", WALK: "G", FOLLOW: "F"}
 """W, A, S, D, Q, E and the arrows are viser's own."""
 FIELD_OF_VIEW = 45.0  # degrees
+LEAST_SLOPE = -12.0  # degrees; lower down the ground is seen too flat
 LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's eyes
 
 
@@ -111,8 +112,8 @@ class Cameras:
 
     def _start(self, server: viser.ViserServer, pose: Pose) -> None:
         """Where a browser looks from at first: aslant from the side, the body in the middle of the picture."""
-        azimuth, elevation = (60.0, -18.0) if pose.model is None else _framing.natural_angles(pose.model)
-        towards = _framing.axes(azimuth - 20, min(elevation, -14.0))[2]
+        azimuth, elevation = (95.0, -4.0) if pose.model is None else _framing.natural_angles(pose.model)
+        towards = _framing.axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
         first = server.initial_camera
         first.look_at = pose.middle
         first.position = pose.middle + 1.9 * pose.size * towards

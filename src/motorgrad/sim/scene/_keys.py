@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-MOUSE = {
+KEYS = {
+    "space": "play or pause",
+    "N": "one step",
+    "P": "push the body",
     "drag": "turn the camera; on the ground, look around",
     "right drag": "shift the camera",
     "wheel": "nearer, farther",
@@ -24,9 +27,9 @@ MOUSE = {
 def add_help(client: Any, more: Mapping[str, str]) -> None:
     """Let a browser show the list of keys on `?`, and by a button in the container that is open.
 
-    **Arguments:** `more`: keys of other parts of the page, and what they do; they stand first.
+    **Arguments:** `more`: keys of other parts of the page, and what they do; they stand last.
     """
-    rows = "\n".join(f"| `{key}` | {said} |" for key, said in {**more, **MOUSE}.items())
+    rows = "\n".join(f"| `{key}` | {said} |" for key, said in {**KEYS, **more}.items())
 
     def show(_: Any) -> None:
         with client.gui.add_modal("Keys and mouse") as modal:

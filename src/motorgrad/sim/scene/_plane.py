@@ -134,7 +134,9 @@ class PlaneUnits(Layer):
         shapes = shapes_of(policy)
         self._there = np.flatnonzero(shapes.there)[:MOST]
         self._half = shapes.half[self._there] * self._board.scale
-        self._at = self._board.place(shapes.centre[self._there], 0.004)
+        self._at = self._board.place(shapes.centre[self._there])
+        # discs in one plane would show in stripes where they overlap
+        self._at[:, 1] -= 0.004 + 0.0005 * (np.arange(len(self._there)) % 32)
         self._colours = direction_colours(self._forces)[self._there, :3]
         forces = self._forces[self._there]
         strength = np.linalg.norm(forces, axis=1)

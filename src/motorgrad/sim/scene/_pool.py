@@ -107,4 +107,7 @@ def _filled(rows: np.ndarray, shape: tuple[int, ...], rest: Any) -> np.ndarray:
     filled = np.empty(shape, np.float32)
     filled[: len(rows)] = rows
     filled[len(rows) :] = rest
-    return np.nan_to_num(filled, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    bad = ~np.isfinite(filled)
+    if bad.any():
+        filled[bad] = 0.0
+    return filled

@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     import viser
 
     from motorgrad.sim.live import Session
+    from motorgrad.sim.scene._pose import Pose
 
 ZENITH, HORIZON = np.array([0.30, 0.50, 0.76]), np.array([0.84, 0.89, 0.93])
 """Colours of the sky, sRGB."""
-FAR = 500.0  # m, radius of the dome; browsers draw up to 1,000 m
+FAR, SHARE = 500.0, 0.5  # m, radius of the dome: half of how far browsers draw, which is 1,000 m at first
 SUN = (-0.45, -0.65, 1.0)  # where it stands
 
 
@@ -31,14 +32,24 @@ class Sky(Layer):
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map("park", environment_intensity=0.35)
-        scene.add_glb("/sky/dome", dome(), cast_shadow=False, receive_shadow=False)
+        self._server, self._far = server, FAR
+        self._dome = scene.add_glb("/sky/dome", dome(), cast_shadow=False, receive_shadow=False)
         scene.add_light_hemisphere("/sky/glow", sky_color=(214, 230, 255), ground_color=(150, 140, 128), intensity=1.1)
         self._sun = scene.add_light_directional(
             "/sky/sun", color=(255, 247, 232), intensity=2.4, position=SUN, cast_shadow=True
         )
 
+    def draw(self, pose: Pose) -> None:
+        """Let the dome be within what all browsers draw, and beyond what they see: a large planet has them see far."""
+        clients = self._server.get_clients().values()
+        far = SHARE * min((client.camera.far for client in clients), default=FAR / SHARE)
+        if far > 0 and far != self._far:
+            self._far = far
+            self._dome.scale = far / FAR
+
     def switch(self, shown: bool) -> None:
-        self._sun.cast_shadow = shown
+        if self.applies:
+            self._sun.cast_shadow = shown
 
 
 def dome() -> bytes:
