@@ -18,10 +18,17 @@ _BLEND = 1.0  # m, over which the ground rises around the clearing
 
 
 class Elevation(Protocol):
-    """Heights above the ellipsoid, in m, never below `least` or above `greatest`."""
+    """Heights above the ellipsoid."""
 
-    least: float
-    greatest: float
+    @property
+    def least(self) -> float:
+        """The least height that is possible, in m."""
+        ...
+
+    @property
+    def greatest(self) -> float:
+        """The greatest height that is possible, in m."""
+        ...
 
     def __call__(self, points: Points, normals: Points) -> Heights:
         """Heights (…) over points (…, 3) on the ellipsoid, in m, with unit normals (…, 3)."""
@@ -42,7 +49,7 @@ class SeededElevation:
     finest: float
     seed: int
     clearing: float
-    start: tuple[float, float, float]
+    start: tuple[float, ...]
 
     @property
     def least(self) -> float:

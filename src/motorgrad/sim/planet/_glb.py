@@ -1,5 +1,8 @@
 """Tiles as a browser takes them."""
 
+# pyright: reportAttributeAccessIssue=false
+# (the modules of trimesh are found as they are used)
+
 import io
 
 import numpy as np

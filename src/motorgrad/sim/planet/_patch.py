@@ -42,10 +42,11 @@ class Patch:
     @property
     def bounds(self) -> tuple[float, float]:
         """Below and above every height that can be, in m."""
-        edge, tightest = np.sqrt(2.0) * self.axis[-1], self.surface.ellipsoid.tightest
-        drop = tightest - np.sqrt(max(0.0, tightest**2 - edge**2))
-        elevation = self.surface.elevation
-        return min(0.0, elevation.least) - drop - 1e-3, max(0.0, elevation.greatest) + 1e-3
+        low, high = self.surface.elevation.least, self.surface.elevation.greatest
+        # the lowest ground is a round body too, and smaller
+        edge, round_ = np.sqrt(2.0) * self.axis[-1], self.surface.ellipsoid.tightest + min(0.0, low)
+        drop = round_ - np.sqrt(max(0.0, round_**2 - edge**2))
+        return min(0.0, low) - drop - 1e-3, max(0.0, high) + 1e-3
 
     def heights(self, frame: Frame) -> Float[np.ndarray, "rows columns"]:
         """Heights of the ground over the local plane in m, rows along y and columns along x.

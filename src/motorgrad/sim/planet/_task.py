@@ -9,9 +9,9 @@ from motorgrad.bodies import Body
 from motorgrad.sim.planet._batch import PlanetBatch
 from motorgrad.sim.planet._body import OnPlanet
 from motorgrad.sim.planet._planet import Planet
-from motorgrad.tasks import BodyTask
+from motorgrad.tasks import BodyTask, Task
 
-T = TypeVar("T", bound=BodyTask)
+T = TypeVar("T", bound=Task)
 
 
 def on_planet(task: T, planet: Planet) -> T:
@@ -22,6 +22,7 @@ def on_planet(task: T, planet: Planet) -> T:
     **Raises:** `ValueError` for a task without a body, or one that brings its own dynamics or a terrain.
     """
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
+    assert isinstance(task, BodyTask)
     kind: Any = type(task)
     check(kind.batch is BodyTask.batch, "task", task.name, "a task on level ground, to be put on a planet")
     moved = OnPlanet(task.dynamics, planet)

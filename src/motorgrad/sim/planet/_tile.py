@@ -37,9 +37,9 @@ class Tile(NamedTuple):
 def make_tile(surface: Surface, key: Key, error: float, skirt: float) -> Tile:
     """The mesh of a tile: its grid, row by row, with a hem, then skirts down along the hem's four sides.
 
-    The hem is one more cell of ground on each side, under that of the neighbours: so light falls on both sides of a seam
-    alike. Skirts begin with a narrow band that is lit nearly as the hem is, for where one stands out by a pixel; what is
-    below has vertices of its own.
+    The hem is one more cell of ground on each side, under that of the neighbours: so light falls on both sides of a
+    seam alike. Skirts begin with a narrow band that is lit nearly as the hem is, for where one stands out by a pixel;
+    what is below has vertices of its own.
 
     **Arguments:** `key`; `error` (m) of its level's meshes; `skirt` (m): how far down skirts reach.
     """
