@@ -54,7 +54,7 @@ class Bodies(Layer):
                     continue
                 some = Pieces(*(column[chosen] for column in pieces))
                 node = f"/bodies/{kind}{'/clear' if clear else ''}"
-                pool = Pool(server.scene, node, shape, 2 * len(some.geom), shadow=not clear, faded=clear)
+                pool = Pool(server.scene, node, shape, len(some.geom), shadow=not clear, faded=clear)
                 self._parts.append((pool, some, colours[some.geom]))
         self.pools = [pool for pool, *_ in self._parts]
         self.applies = bool(self.pools)

@@ -32,8 +32,10 @@ def most_segments(model: mujoco.MjModel) -> tuple[int, int]:
     kinds = mujoco.mjtWrap
     sites = int(np.sum(model.wrap_type == kinds.mjWRAP_SITE))
     wraps = int(np.sum(np.isin(model.wrap_type, (kinds.mjWRAP_SPHERE, kinds.mjWRAP_CYLINDER))))
+    spatial = model.wrap_type[model.tendon_adr] != kinds.mjWRAP_JOINT
+    pieces = int(np.sum(spatial)) + int(np.sum(model.wrap_type == kinds.mjWRAP_PULLEY))
     # a geom adds two points, and what is between them becomes an arc
-    return sites + (1 + ARC) * wraps, model.ntendon + int(np.sum(model.wrap_type == kinds.mjWRAP_PULLEY))
+    return sites - pieces + (1 + ARC) * wraps, pieces
 
 
 def segments(model: mujoco.MjModel, data: mujoco.MjData) -> Segments:

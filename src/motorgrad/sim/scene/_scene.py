@@ -27,7 +27,7 @@ class Scene:
     """All that is drawn of a run: bodies, muscles, what they stand on, what is told about them.
 
     Add it once to a server, then hand it every moment. Nodes are made once; from then on only what changed is sent: of
-    a hexapod with 24 muscles at most 12 kB a moment, with every layer on.
+    a hexapod with 24 muscles some 12 kB a moment with every layer on, and no more as time goes on.
 
     **Arguments:** `layers`, others than the usual ones, in the order in which they are built.
 
