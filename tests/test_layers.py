@@ -27,7 +27,7 @@ BELOW = {
     "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
-    "benchmarks": {"environments", "training", "tasks"} | DYNAMICS | LEARNING,
+    "benchmarks": {"environments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},

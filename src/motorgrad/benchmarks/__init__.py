@@ -13,6 +13,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
     from motorgrad.benchmarks._index import index_row
     from motorgrad.benchmarks._learning import learning_rows
+    from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._particle import local_learning_row, particle_row
     from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
     from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
@@ -40,6 +41,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
+    for name in ("hopper", "hexapod"):
+        yield watched_row(name, 0.5 if quick else 5.0, 1 if quick else pairs, "≥ 0.9")
     yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
     yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
     yield memory_row("≤ 1.5")

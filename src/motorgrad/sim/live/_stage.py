@@ -43,7 +43,7 @@ class Camera:
     def add(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add it to a model's description."""
         taken = [camera.name for camera in spec.cameras]
-        check(name not in taken, "cameras", name, f"other names than the model's own, {', '.join(taken)}")
+        check(name not in taken, "cameras", name, f"other than the model's own names, {', '.join(taken)}")
         away = np.subtract(self.position, self.target) / math.dist(self.position, self.target)
         side = np.cross((0.0, 0.0, 1.0), away)
         side = side / np.linalg.norm(side) if np.linalg.norm(side) > 1e-6 else np.array((1.0, 0.0, 0.0))

@@ -10,7 +10,7 @@ import cloudpickle
 from motorgrad.sim.live import _orders as orders
 from motorgrad.sim.live._history import History
 from motorgrad.sim.live._learner import Learner
-from motorgrad.sim.live._pace import Pace
+from motorgrad.sim.live._pace import SLICE, Pace
 from motorgrad.sim.live._passive import Passive
 from motorgrad.sim.live._recorder import CurveRecorder, TrailRecorder
 from motorgrad.sim.live._replies import reply
@@ -21,7 +21,8 @@ from motorgrad.sim.live._subject import Look, Subject
 
 FRAME = 1 / 30  # seconds of wall time between two snapshots
 APART = 1.0  # seconds of wall time, at work, between two states kept
-LOOKS = 300.0  # decisions a second that are looked at one by one
+COUNT = 0.1  # seconds of wall time, at least, that go into the learning curve at once
+LOOKS = 150.0  # decisions a second that are looked at one by one
 STRETCH = 600.0  # decisions looked at in a row, after which a faster run has a pause from it
 REFUSED = (ValueError, OSError, RuntimeError)
 
@@ -60,7 +61,7 @@ class Worker:
         self._trail = TrailRecorder(self._shared["trail"], about.sizes, self.subject.period)
         self._curve = CurveRecorder(self._shared["curve"], about.sizes, self.subject.period)
         self._told = dict(about.settings)
-        self._framed = self._kept = 0.0
+        self._framed = self._kept = self._counted = 0.0
         self._resets = self._newest = self._tallied = 0
         self._back = False  # put back to before the newest decision, and not gone on since
         self._keep()
@@ -98,15 +99,17 @@ class Worker:
         start, subject = time.perf_counter(), self.subject
         looked = self._watching.take(count)
         looks = self._watch(looked)
-        if count > looked:
-            subject.skip(count - looked - 1)
-            looks = [subject.step()]
-        self._latest = subject.decision, looks[-1]
+        if rest := count - looked:
+            shown = start - self._framed >= FRAME - SLICE  # the next snapshot tells what came of the last decision
+            subject.skip(rest - shown)
+            looks = [subject.step()] if shown else []
+        if looks:
+            self._latest = subject.decision, looks[-1]
         self._newest = subject.decision
         self._pace.made(count, time.perf_counter() - start)
-        if subject.decision - self._tallied >= self._curve.window:
+        if subject.decision - self._tallied >= self._curve.window and start - self._counted >= COUNT:
             self._curve.add(subject.decision, subject.tally(), subject.frozen)
-            self._tallied = subject.decision
+            self._tallied, self._counted = subject.decision, start
         if start - self._kept >= APART:
             self._keep()
 
