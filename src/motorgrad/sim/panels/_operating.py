@@ -29,7 +29,8 @@ class Range(NamedTuple):
             low, high = min(self.length[0], 0.4 * rest), max(self.length[1], 1.6 * rest)
         else:
             low, high = self.length
-        low, high = min(low, 0.9 * length), max(high, 1.1 * length)
+        room = 0.1 * abs(length) + 1e-3  # what is driven without a path may have a negative length
+        low, high = min(low, length - room), max(high, length + room)
         return Range((low, high), max(self.speed, 1.15 * abs(velocity), LEAST))
 
 

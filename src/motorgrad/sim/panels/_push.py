@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from motorgrad.sim.live import Session
     from motorgrad.sim.panels._panel import Panel
 
 DIRECTIONS = {
@@ -20,6 +23,7 @@ DIRECTIONS = {
 PULL = 5.0
 """Of a drag by the size of the body: so many times its weight."""
 SHARE = 0.5  # of the weight, to begin with
+HELD = 0.1  # seconds that a pull lasts, unless the drag goes on
 
 
 class PushFolder:
@@ -64,6 +68,24 @@ def weight_of(model: Any) -> float:
     moving = np.asarray(model.body_weldid) != 0
     pull = float(np.linalg.norm(model.opt.gravity)) or 9.81
     return float(np.sum(model.body_mass[moving])) * pull or 1.0
+
+
+def push_by_dragging(session: Session, node: Any, parts: Sequence[str], size: float) -> None:
+    """Let a node of the scene be dragged with Ctrl (or Cmd) held: the body is pulled towards the pointer while it is.
+
+    **Arguments:** `session`; `node`, viser's handle of a mesh or of many copies of one; `parts`, the body to which each
+    copy belongs, by name, "" for one that cannot be pulled; `size` of the whole body, m.
+    """
+    from motorgrad.sim.live import Push
+
+    async def pull(event: Any) -> None:
+        copy = event.instance_index or 0
+        part = parts[copy] if copy < len(parts) else ""
+        if event.phase == "end" or not part or session.ended:
+            return
+        session.order(Push(part, drag_force(session.model, event.start_position, event.end_position, size), HELD))
+
+    node.on_drag("left", modifier="cmd/ctrl")(pull)
 
 
 def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
