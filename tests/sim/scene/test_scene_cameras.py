@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scene_moments import moment
 
+from motorgrad.benchmarks._watcher import watch
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
 from motorgrad.sim.live import bare
-from motorgrad.sim.scene import Pose, Scene, View
+from motorgrad.sim.scene import Cameras, Pose, Scene, View
 
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
@@ -32,6 +33,7 @@ class Walker:
         self.view = View(self.scene)
         session = bare(self.model)
         self.scene.build(server, session)
+        next(layer for layer in self.scene.layers if layer.name == "Shadows").shown = False  # slow in software
         with server.gui.add_tab_group().add_tab("View"):
             self.view.build(server, session)
         self.going, self.decision, self._stop = False, 0, threading.Event()
@@ -76,7 +78,7 @@ class Looker:
 
     def __init__(self, browser, walker):
         self.walker, known = walker, set(walker.server.get_clients())
-        self.page = browser.new_page(viewport={"width": 800, "height": 320})
+        self.page = browser.new_page(viewport={"width": 640, "height": 240})
         self.page.set_default_timeout(1000 * PATIENCE)
         self.page.goto(f"http://127.0.0.1:{walker.server.get_port()}")
         self.until(lambda: set(walker.server.get_clients()) - known)
@@ -97,12 +99,12 @@ class Looker:
         self.until(lambda: self.walker.view.cameras.chosen(self.id) == name)
         self.page.wait_for_timeout(500)
 
-    def drag(self, across, up=0, steps=8):
+    def drag(self, across, steps=8):
         """Drag the mouse slowly, as a hand does."""
-        self.page.mouse.move(150, 240)
+        self.page.mouse.move(60, 200)
         self.page.mouse.down()
         for step in range(1, steps + 1):
-            self.page.mouse.move(150 + across * step / steps, 240 + up * step / steps)
+            self.page.mouse.move(60 + across * step / steps, 200)
             self.page.wait_for_timeout(60)
         self.page.mouse.up()
         self.page.wait_for_timeout(500)
@@ -138,7 +140,7 @@ def test_each_camera_moves_as_it_should(walker, browser):
     walker.going = False
     looker.until(lambda: np.linalg.norm(camera.look_at - pose.centre) < 0.01)
     turned = looker.away.copy()
-    looker.drag(-120)
+    looker.drag(140)
     assert np.linalg.norm(looker.away - turned) > 0.1
     looker.until(lambda: np.linalg.norm(camera.look_at - pose.centre) < 0.01)
 
@@ -182,12 +184,26 @@ def test_each_camera_moves_as_it_should(walker, browser):
     looker.page.keyboard.press("Shift+?")
     looker.page.get_by_text("camera: walk on the ground, at eye height").wait_for()
 
-    # another browser has a camera of its own
-    here = camera.position.copy()
-    other = Looker(browser, walker)
-    other.choose("1", "Fixed: above")
+    # another browser, which need not draw, has a camera of its own
+    here, known = camera.position.copy(), set(walker.server.get_clients())
+    other = threading.Thread(target=watch, args=(walker.server.get_port(), 4.0))
+    other.start()
+    looker.until(lambda: set(cameras._seats) - known)
+    (second,) = set(cameras._seats) - known
+    cameras.choose(second, "Fixed: above")
+    looker.until(lambda: cameras.chosen(second) == "Fixed: above")
+    looker.page.wait_for_timeout(500)
+    theirs = walker.server.get_clients()[second].camera.position
+    np.testing.assert_allclose(theirs, pose.bodies[0].cam_xpos[own], atol=1e-3)
     assert cameras.chosen(looker.id) == "Orbit"
     np.testing.assert_allclose(camera.position, here, atol=1e-3)
-    assert np.linalg.norm(other.camera.position - here) > 0.3
-    other.page.close()
-    looker.until(lambda: other.id not in cameras._seats)
+    other.join()
+    looker.until(lambda: second not in cameras._seats)
+
+
+def test_a_camera_that_there_is_not_is_refused(hopper, server):
+    cameras = Cameras()
+    cameras.build(server, bare(hopper))
+    assert cameras.names == ["Orbit", "Walk", "Follow", "Fixed: stand", "Fixed: side"]
+    with pytest.raises(ValueError, match=r"camera = 'Fly': must be one of Orbit, Walk, Follow, Fixed: stand"):
+        cameras.choose(0, "Fly")
