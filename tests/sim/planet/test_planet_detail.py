@@ -197,7 +197,10 @@ def falls_through(seed, which, change=lambda tile: tile, rays=60):
         divided = noise.random(len(cut)) < (0.6 if level < 3 else 0.0)
         leaves += keys(level, cut[~divided])
         cut = quarters(cut[divided])
-    made = [make_tile(surface, key, float(error[key.level]), float(error[0] + error[key.level])) for key in leaves]
+    made = [
+        make_tile(surface, key, float(error[max(0, key.level - 1)]) / 2, float(error[0] + error[key.level]))
+        for key in leaves
+    ]
     made = [change(tile) for tile in made]
     centres = np.array([tile.centre for tile in made])
     radii = np.array([np.linalg.norm(tile.vertices, axis=1).max() for tile in made])

@@ -1,5 +1,7 @@
 """The ground of a planet: ellipsoid, elevation, tree of tiles."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -43,7 +45,10 @@ def test_seeded_ground_has_its_range_and_its_seed(kind):
     planet = Planet(kind=kind, height=0.4, seed=3)
     way = ways(1, 20_000)
     heights = planet.surface.heights(way)
-    assert np.abs(heights).max() <= 0.2
+    elevation = planet.elevation
+    assert elevation.greatest - elevation.least == pytest.approx(0.4)
+    assert elevation.least <= heights.min()
+    assert heights.max() <= elevation.greatest
     assert np.ptp(heights) > 0.15
     np.testing.assert_array_equal(heights, Planet(kind=kind, height=0.4, seed=3).surface.heights(way))
     assert np.abs(heights - Planet(kind=kind, height=0.4, seed=4).surface.heights(way)).max() > 0.05
@@ -65,6 +70,10 @@ def test_the_body_starts_on_level_ground():
     assert near.sum() > 50
     assert not planet.surface.heights(around[near]).any()
     assert planet.surface.heights(-around).any()
+    # also where it is not cleared, and around the clearing there is no pit
+    assert dataclasses.replace(planet, clearing=0.0).surface.heights(start[None])[0] == 0.0
+    wide = dataclasses.replace(planet, spacing=40.0)
+    assert np.abs(wide.surface.heights(around)).max() < 0.1
 
 
 def test_a_map_is_read_where_its_points_are_and_goes_around():

@@ -68,6 +68,19 @@ def test_a_map_is_read_from_a_file(tmp_path):
         Planet(map=tmp_path / "broken.npy")
 
 
+def test_a_body_stands_on_a_map_however_high_it_is(tmp_path):
+    heights = np.full((9, 18), 0.2)
+    np.save(tmp_path / "map.npy", heights)
+    body = OnPlanet(Hexapod(drive="servos"), Planet(map=tmp_path / "map.npy"))
+    assert body.planet.lift == pytest.approx(0.2)
+    batch, plain = PlanetBatch(body, substeps=4), compile_model(body.body)
+    assert batch._qpos[2] - plain.key_qpos[0, 2] == pytest.approx(0.2)
+    for _ in range(100):
+        batch.step(np.zeros((1, 12)))
+    assert batch.unpack(batch.packed).sensors["position"][0, 2] == pytest.approx(0.38, abs=0.02)
+    assert Planet(height=0.3, kind="steps").lift == 0.0
+
+
 def test_a_task_is_put_on_a_planet():
     task = on_planet(make("hexapod"), Planet(height=0.05))
     assert isinstance(task.dynamics, OnPlanet)

@@ -64,21 +64,24 @@ class OnPlanet:
         floor = spec.geom("floor")
         check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "such that one is 'floor'")
         check(not spec.hfields, "height fields of the body", len(spec.hfields), "none: the planet has its own terrain")
-        plain = compile_model(self.body).stat
+        plain = compile_model(self.body)
         self.planet.ground.add(spec, floor)
         spec.delete(floor)
         planet = spec.worldbody.add_body(name=PLANET, mass=_LIGHT, inertia=(_LIGHT,) * 3, gravcomp=1.0)
         planet.explicitinertial = True
         planet.add_freejoint(name=PLANET)
-        pose = self.planet.start.pose
+        pose, lift = self.planet.start.pose, self.planet.lift
         planet.pos, planet.quat = pose[:3], pose[3:]
+        parts = plain.jnt_qposadr[plain.jnt_type == free]
         for key in spec.keys:
-            key.qpos = np.concatenate([key.qpos, pose])
+            position = np.array(key.qpos)
+            position[parts + 2] += lift
+            key.qpos = np.concatenate([position, pose])
             if len(key.qvel):
                 key.qvel = np.concatenate([key.qvel, np.zeros(6)])
         # of the body alone, by which viewers size what they show
         for name in ("meanmass", "meansize", "extent", "center"):
-            setattr(spec.stat, name, getattr(plain, name))
+            setattr(spec.stat, name, getattr(plain.stat, name))
         return spec
 
 

@@ -1,6 +1,7 @@
 """How high the ground is above the ellipsoid: made from a few numbers and a seed, or given as a map."""
 
 import dataclasses
+import functools
 from typing import Literal, Protocol
 
 import numpy as np
@@ -39,8 +40,10 @@ class Elevation(Protocol):
 class SeededElevation:
     """Elevation as a function of the place in space, so that it has no seams and no poles.
 
+    It is 0 at the place `start` (3,), so that a body stands there as on level ground.
+
     **Arguments:** `kind`, `height`, `spacing`, `seed`: as in `Planet`; `finest` (m): the wavelength below which
-    "fractal" has none; `clearing` (m): radius of a level disc about the place `start` (3,).
+    "fractal" has none; `clearing` (m): radius of a level disc about the start.
     """
 
     kind: Kind
@@ -53,18 +56,25 @@ class SeededElevation:
 
     @property
     def least(self) -> float:
-        return -self.height / 2.0
+        return -self.height * self._there
 
     @property
     def greatest(self) -> float:
-        return self.height / 2.0
+        return self.height * (1.0 - self._there)
 
     def __call__(self, points: Points, normals: Points) -> Heights:
-        raw = {"bumps": self._bumps, "steps": self._steps, "waves": self._waves, "fractal": self._fractal}
-        heights = self.height * (raw[self.kind](points) - 0.5)
+        heights = self.height * (self._raw(points) - self._there)
         if self.clearing > 0.0:
             heights = heights * smooth((np.linalg.norm(points - self.start, axis=-1) - self.clearing) / _BLEND)
         return heights
+
+    @functools.cached_property
+    def _there(self) -> float:
+        return float(self._raw(np.array(self.start)[None])[0])
+
+    def _raw(self, points: Points) -> Heights:
+        kinds = {"bumps": self._bumps, "steps": self._steps, "waves": self._waves, "fractal": self._fractal}
+        return kinds[self.kind](points)
 
     def _bumps(self, points: Points) -> Heights:
         return hills(points, self.spacing / 2.0, self.seed)

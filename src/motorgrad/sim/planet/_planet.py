@@ -59,7 +59,8 @@ class Planet:
     - `radii` (m): of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z.
     - `kind`: "bumps", random heights with smooth ground between them; "steps", plateaus at random heights; "waves",
       eight sines of random directions and phases; "fractal", bumps on ever smaller bumps.
-    - `height` (m): from the lowest to the highest point that is possible, half of it above the ellipsoid; 0 is smooth.
+    - `height` (m): from the lowest to the highest point that is possible; 0 is smooth. Where a body starts the ground
+      is at the height of the ellipsoid.
     - `spacing` (m): from one bump, wave or pair of plateaus to the next, of "fractal" the widest.
     - `seed`: of the random numbers.
     - `clearing` (m): radius of the level disc on which a body starts; around it the ground rises within a metre.
@@ -146,6 +147,15 @@ class Planet:
     def ground(self) -> Patch:
         """What of it a body's physics knows."""
         return Patch(self.surface, self.patch, self.cell)
+
+    @property
+    def lift(self) -> float:
+        """How far a body must be raised at the start, in m, to stand on the highest ground of the clearing.
+
+        Nothing where ground is made by a seed, which is level there; a map may be anything.
+        """
+        heights, axis = self.ground.heights(self.start), self.ground.axis
+        return float(heights[np.hypot(*np.meshgrid(axis, axis)) <= self.clearing].max())
 
     @property
     def start(self) -> Frame:

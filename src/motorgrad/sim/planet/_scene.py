@@ -76,11 +76,11 @@ class PlanetScene:
         address = int(model.joint(PLANET).qposadr[0])
         frame = Frame.of_pose(data.qpos[address : address + 7])
         if self._frame is None or any(np.any(a != b) for a, b in zip(frame, self._frame, strict=True)):
-            self._frame = frame
+            self._frame, self._middle = frame, self._planet.ground.lay(model, frame)
             with self._server.atomic():
                 self._node.position, self._node.wxyz = frame.shift + pose.offset[0], quaternion(frame.rotation)
-            # so that contacts that the page works out for itself are those of the ground under the body
-            data.mocap_pos[model.body(FIELD).mocapid[0]] = self._planet.ground.lay(model, frame)
+        # so that contacts that the page works out for itself are those of the ground under the body
+        data.mocap_pos[model.body(FIELD).mocapid[0]] = self._middle
         self._draw(frame, pose.offset[0], begin)
         self.milliseconds = 1e3 * (time.perf_counter() - begin)
         self._tell()
@@ -112,8 +112,8 @@ class PlanetScene:
     def _send(self, key: Key) -> None:
         """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
         assert self._planet is not None
-        error = float(self._errors[key.level])
-        tile = make_tile(self._planet.surface, key, error, float(self._errors[0]) + error)
+        coarser, error = (float(self._errors[level]) for level in (max(0, key.level - 1), key.level))
+        tile = make_tile(self._planet.surface, key, coarser / 2.0, float(self._errors[0]) + error)
         name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
         place: Any = tuple(map(float, tile.centre))
         self._handles[key] = self._server.scene.add_glb(

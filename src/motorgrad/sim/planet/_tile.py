@@ -14,7 +14,6 @@ TRIANGLES = 2 * SIDE * SIDE + 16 * SIDE
 """Of a tile with its hem and skirts."""
 
 _SAMPLES = 1000  # cells that are measured for the error of a level
-_HEM = 0.7  # of the level's error, by which the hem sinks, so that the neighbour's ground is seen and not the hem
 _BAND = 0.1  # of a cell, the height of what of a skirt is lit as the hem
 _LOW, _MIDDLE, _HIGH = np.array([(104, 122, 92), (171, 160, 132), (226, 224, 218)], float)
 _TINT = 0.16  # of the brightness, by which one place differs from another, so that motion is seen
@@ -34,14 +33,15 @@ class Tile(NamedTuple):
     colours: UInt8[np.ndarray, "n 3"]
 
 
-def make_tile(surface: Surface, key: Key, error: float, skirt: float) -> Tile:
+def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
     """The mesh of a tile: its grid, row by row, with a hem, then skirts down along the hem's four sides.
 
     The hem is one more cell of ground on each side, under that of the neighbours: so light falls on both sides of a
     seam alike. Skirts begin with a narrow band that is lit nearly as the hem is, for where one stands out by a pixel;
     what is below has vertices of its own.
 
-    **Arguments:** `key`; `error` (m) of its level's meshes; `skirt` (m): how far down skirts reach.
+    **Arguments:** `key`; `hem` (m): how far its outer end sinks, so that the neighbours' ground is seen and not
+    it; `skirt` (m): how far down skirts reach.
     """
     share = np.arange(-1, CELLS + 2) / CELLS
     across, up = (each.ravel() for each in np.meshgrid(share, share))
@@ -51,7 +51,7 @@ def make_tile(surface: Surface, key: Key, error: float, skirt: float) -> Tile:
     colours = _colours(surface, ground, heights)
     centre = surface.ellipsoid.points(places(key.level, tile, np.array([0.5]), np.array([0.5]))[0, 0])
     down = -surface.ellipsoid.normals(ways[RIM])
-    ground[RIM] += _HEM * error * down
+    ground[RIM] += hem * down
     rim = ground[RIM]
     cell = float(np.linalg.norm(ground[1] - ground[0]))
     band = rim + _BAND * cell * down
