@@ -60,7 +60,7 @@ class Shared:
 
     def close(self) -> None:
         """Let go of the block; who made it takes it away."""
-        self.arrays = {}
+        self.arrays.clear()
         self._sequence = np.empty(0)
         with contextlib.suppress(BufferError):  # someone is just reading; it goes with the last view
             self._memory.close()
