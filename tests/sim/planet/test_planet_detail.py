@@ -53,7 +53,7 @@ def seen_from(camera, surface, noise, count=400):
     return way[(above >= surface.heights(foot)).all(axis=0)]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(seed=SEEDS, which=st.integers(0, 2))
 def test_culling_never_removes_what_is_seen(seed, which):
     noise, planet = np.random.default_rng(seed), PLANETS[which]
@@ -67,7 +67,7 @@ def test_culling_never_removes_what_is_seen(seed, which):
 
 def test_there_is_something_to_be_seen_in_the_test_above():
     noise = np.random.default_rng(0)
-    counts = [len(seen_from(camera_at(noise, planet), planet.surface, noise)) for planet in PLANETS for _ in range(8)]
+    counts = [len(seen_from(camera_at(noise, planet), planet.surface, noise)) for planet in PLANETS for _ in range(4)]
     assert np.mean(np.array(counts) > 5) > 0.5
 
 
@@ -197,11 +197,9 @@ def falls_through(seed, which, change=lambda tile: tile, rays=60):
         divided = noise.random(len(cut)) < (0.6 if level < 3 else 0.0)
         leaves += keys(level, cut[~divided])
         cut = quarters(cut[divided])
-    made = [
-        make_tile(surface, key, float(error[max(0, key.level - 1)]) / 2, float(error[0] + error[key.level]))
-        for key in leaves
-    ]
-    made = [change(tile) for tile in made]
+    sunk = [float(error[max(0, key.level - 1)]) / 2 for key in leaves]
+    deep = [float(error[0] + error[key.level]) for key in leaves]
+    made = [change(make_tile(surface, *each)) for each in zip(leaves, sunk, deep, strict=True)]
     centres = np.array([tile.centre for tile in made])
     radii = np.array([np.linalg.norm(tile.vertices, axis=1).max() for tile in made])
     grid, lost = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[1:-1, 1:-1], 0
@@ -231,7 +229,7 @@ def test_seams_would_be_open_without_skirts():
     assert sum(falls_through(seed, 0, bared) for seed in range(8)) > 1
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(seed=SEEDS, changes=st.integers(1, 6))
 def test_a_browser_never_shows_holes_or_overlaps_or_more_than_is_wanted(seed, changes):
     noise, planet, cover = np.random.default_rng(seed), PLANETS[0], Cover(cache=10, settle=0.05)
