@@ -122,7 +122,12 @@ def test_each_camera_moves_as_it_should(walker, browser):
     looker, cameras = Looker(browser, walker), walker.view.cameras
     camera, pose = looker.camera, walker.pose
 
+    # a body that can go away is followed at first
+    looker.until(lambda: cameras.chosen(looker.id) == "Follow")
+    np.testing.assert_allclose(camera.look_at, pose.centre, atol=0.01)
+
     # orbit: the hand turns it about the body, as far away as before; the body goes, the camera stays
+    looker.choose("o", "Orbit")
     before = looker.away.copy()
     looker.until(lambda: (looker.drag(120), np.linalg.norm(looker.away - before) > 0.2)[1])
     assert np.linalg.norm(looker.away) == pytest.approx(np.linalg.norm(before), rel=1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.sim import _framing
 from motorgrad.sim._ground import ground_height
-from motorgrad.sim.scene._eyes import Eye, Fixed, Follow, Footing, Orbit, Walk
+from motorgrad.sim.scene._eyes import Eye, Fixed, Follow, Footing, Orbit, Walk, look
 
 if TYPE_CHECKING:
     import viser
@@ -31,14 +31,17 @@ LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's eyes
 class Seat:
     """One browser's camera: which kind, and what it needs to move."""
 
-    def __init__(self, client: Any, eye: Eye, name: str, height: float) -> None:
-        self.client, self.eye, self.name, self.height = client, eye, name, height
-        self.wanted: str | None = None
+    def __init__(self, client: Any, wanted: str, height: float) -> None:
+        self.client, self.height = client, height
+        self.eye, self.name = Eye(), ""
+        self.wanted: str | None = wanted
         self.choice: Any = None
 
 
 class Cameras:
     """Orbit, walk, follow and the model's fixed cameras, for every browser by itself.
+
+    A body that can go away is followed at first; of one that cannot the camera stands still.
 
     Build it in the container in which the choice is to stand.
 
@@ -56,11 +59,15 @@ class Cameras:
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the list of cameras, and take every browser's camera over as it comes."""
+        import mujoco
+
         from motorgrad.sim.scene._pose import Pose
 
         self._server, model = server, session.model
         self._fixed = [] if model is None else [model.camera(index).name or str(index) for index in range(model.ncam)]
         self.names = [ORBIT, WALK, FOLLOW, *(f"Fixed: {name}" for name in self._fixed)]
+        goes = model is not None and bool(np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE))
+        self._first = FOLLOW if goes else ORBIT
         start = Pose(model)
         self._tall = float(np.clip(0.75 * start.size, 0.25, 1.7))
         self._start(server, start)
@@ -91,7 +98,7 @@ class Cameras:
             seat.choice.value = name
 
     def chosen(self, client_id: int) -> str:
-        """The name of a browser's camera."""
+        """The name of a browser's camera; empty before it has one."""
         return self._seats[client_id].name
 
     def _switch(self, seat: Seat, pose: Pose) -> None:
@@ -99,6 +106,8 @@ class Cameras:
         if name is None or name == seat.name:
             return
         camera = seat.client.camera
+        if not seat.name:  # it has just come, and the body may have gone far
+            look(camera, pose.centre + self._away, pose.centre)
         seat.eye.end(camera)
         seat.name, seat.eye = name, self._make(name, seat.height)
         seat.eye.begin(camera, pose)
@@ -114,17 +123,17 @@ class Cameras:
         """Where a browser looks from at first: aslant from the side, the body in the middle of the picture."""
         azimuth, elevation = (95.0, -4.0) if pose.model is None else _framing.natural_angles(pose.model)
         towards = _framing.axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
+        self._away = 1.9 * pose.size * towards
         first = server.initial_camera
-        first.look_at = pose.middle
-        first.position = pose.middle + 1.9 * pose.size * towards
+        first.look_at, first.position = pose.middle, pose.middle + self._away
         first.up, first.fov = np.array([0.0, 0.0, 1.0]), np.radians(FIELD_OF_VIEW)
 
     def _connect(self, client: Any) -> None:
         """Give a browser its list, its slider and its keys."""
-        seat = Seat(client, Orbit(), ORBIT, self._tall)
+        seat = Seat(client, self._first, self._tall)
         with self._folder:
-            seat.choice = client.gui.add_dropdown("View", self.names, initial_value=ORBIT, hint=HINT)
-            eyes = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall / 0.05) * 0.05)
+            seat.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
+            eyes = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
         seat.choice.on_update(lambda event: self._want(seat, event.target.value))
         eyes.on_update(lambda event: setattr(seat, "height", float(event.target.value)))
         for number, name in enumerate(self.names):
