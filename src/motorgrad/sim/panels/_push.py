@@ -1,5 +1,7 @@
 """Pushes: a force on a part of the body for a moment, by button, by key or by dragging."""
 
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -48,7 +50,8 @@ class PushFolder:
         weight = weight_of(model)
         with gui.add_folder("Push"):
             self._body = gui.add_dropdown("Part", moving, initial_value=moving[0])
-            self._way = gui.add_dropdown("Direction", tuple(DIRECTIONS), initial_value="+x", hint="Of the world.")
+            first = movable(model, moving[0])
+            self._way = gui.add_dropdown("Direction", (*DIRECTIONS,), initial_value=first, hint="Of the world.")
             strength = float(f"{SHARE * weight:.1g}")
             self._strength = gui.add_number("Force (N)", strength, min=0.0, step=strength / 10)
             self._seconds = gui.add_number("For (s)", 0.1, min=0.01, max=60.0, step=0.01)
@@ -61,6 +64,20 @@ class PushFolder:
 
         x, y, z = (self._strength.value * part for part in DIRECTIONS[self._way.value])
         self._panel.order(Push(self._body.value, (x, y, z), self._seconds.value))
+
+
+def movable(model: Any, part: str) -> str:
+    """The first direction in which a part can be moved at the start: not every body is free."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_fwdPosition(model, data)
+    shifts = np.zeros((3, model.nv))
+    mujoco.mj_jacBodyCom(model, data, shifts, None, model.body(part).id)
+    free = [name for name, way in DIRECTIONS.items() if np.abs(way @ shifts).max(initial=0.0) > 1e-6]
+    return free[0] if free else next(iter(DIRECTIONS))
 
 
 def weight_of(model: Any) -> float:

@@ -57,18 +57,16 @@ class RunPanel(Panel):
         reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Body and learner as at the start.")
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
-        self._now: Snapshot | None = None
         self._push = PushFolder(self) if self.model is not None else None
         if self._push is not None:
             self._push.fill(gui)
         for label, key, action in (
-            ("Play or pause", "space", lambda _: self._press("Pause" if self._playing else "Play")),
+            ("Play or pause", "space", lambda _: self._press("Pause" if self.session.snapshot().playing else "Play")),
             ("One step", "N", lambda _: self.order(Step())),
         ):
             command(gui, label, key, self.guarded(action))
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        self._now = snapshot
         if self._wanted is not None:  # once a frame, however quickly the slider moves
             wanted, self._wanted = self._wanted, None
             self.guarded(lambda _: self._go_to(*wanted))(wanted[1])
@@ -103,10 +101,6 @@ class RunPanel(Panel):
         }
 
     @property
-    def _playing(self) -> bool:
-        return self._now is not None and self._now.playing
-
-    @property
     def _step(self) -> float:
         return max(self.session.period, 1e-3)
 
@@ -126,7 +120,7 @@ class RunPanel(Panel):
         self.order(Speed(math.inf if factor > FASTEST * 0.97 else max(factor, MARKS[0])))
 
     def _scrub(self, event: Any) -> None:
-        if event.client is not None and self._now is not None:  # and not by this panel itself
+        if event.client is not None:  # and not by this panel itself
             self._touched = time.monotonic()
             self._wanted = (float(event.target.value), event)
 
