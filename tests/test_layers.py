@@ -23,9 +23,9 @@ BELOW = {
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
+    "training": {"tasks"} | DYNAMICS | LEARNING,
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
-    "training": {"tasks"} | DYNAMICS | LEARNING,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,

@@ -6,13 +6,13 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from motorgrad._commands._configuration import Given, fill, read, resolve, take
 from motorgrad._commands._task_options import policy_of, task_of, with_learner
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
-from motorgrad._settings import as_hinted, build
+from motorgrad._settings import as_hinted, build, table
 from motorgrad.sim import live
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
@@ -49,6 +49,9 @@ class Options:
     """Film the simulation from its beginning into this file (.mp4), whether or not a browser watches."""
     seconds: float | None = None
     """End after so many seconds of wall time; by default with Ctrl-C."""
+    task: ClassVar[Any] = None
+    scene: ClassVar[Mapping[str, Any]] = {}
+    """What the file says that no option stands for, in plain values."""
 
     def validate(self: Any) -> None:
         live.Speed(self.pace)
@@ -57,6 +60,10 @@ class Options:
             check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
             check_writable("record", self.record)
         check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
+
+    def effective(self: Any) -> dict[str, Any]:
+        values = {**table(self), **self.scene}
+        return values if self.task is None else {**values, "task": {"name": self.task.name, **values["task"]}}
 
     @property
     def pace(self) -> float:
@@ -75,19 +82,20 @@ def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {"-h", "--help"}:
         return _usage(0 if arguments else 2)
     given = read(arguments)
-    place, model, given = _parts(given)
+    place, model, scene, given = _parts(given)
     given = _with_run(given)
     if model is not None:
-        options = resolve(dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True), given, "sim MODEL")
+        kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
+        options = resolve(kind, given, "sim MODEL")
         check(options.run is None, "run", str(options.run), "left out with a model, which has no learner")
         setup = _named(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
     else:
-        options = _learner_options(given)
+        options = _learner_options(given, scene)
         setup = _named(given, lambda: _setup(options, place))
     return _show(setup, options)
 
 
-def _learner_options(given: Given) -> Any:
+def _learner_options(given: Given, scene: Mapping[str, Any]) -> Any:
     """The options with those of the task and its learner, whose defaults depend on each other."""
     name, given = task_of(given)
     check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
@@ -96,7 +104,9 @@ def _learner_options(given: Given) -> Any:
     draft = given._replace(table=settings, rest=given.rest if about_task else [])
     asked = fill(_command(TASKS[str(name)]()), draft, f"sim {name}").get("task", {})
     task = as_hinted(TASKS[str(name)], asked, "task")
-    return resolve(_command(task, policy_of(given)), given, f"sim {name}")
+    kind = _command(task, policy_of(given))
+    kind.scene = scene
+    return resolve(kind, given, f"sim {name}")
 
 
 def _setup(options: Any, place: Place) -> Any:
@@ -139,27 +149,32 @@ def _show(setup: Any, options: Options) -> int:
     return 0
 
 
-def _parts(given: Given) -> tuple[Place, Path | str | None, Given]:
-    """The stage and the planet of a scene file; the model or the body, if that is what is shown; and the rest."""
-    values, rest, model = dict(given.table), list(given.rest), None
+def _parts(given: Given) -> tuple[Place, Path | str | None, dict[str, Any], Given]:
+    """The stage and the planet of a scene file; the model or the body, if that is what is shown; both in plain values;
+    and the rest."""
+    values, rest, model, scene = dict(given.table), list(given.rest), None, {}
     try:
-        parts = {name: values.pop(name) for name in ("stage", "planet") if name in values}
-        place = build(Place, parts)
+        place = build(Place, {name: values.pop(name) for name in ("stage", "planet") if name in values})
+        scene = table(place)
         for name in ("model", "body"):
-            if (word := values.pop(name, None)) is not None:
-                check(isinstance(word, str), name, word, "a path" if name == "model" else "the name of a body")
-                check(model is None and "task" not in values, name, word, "the only one of task, body and model")
-                # a path in a file is meant from where that file is
-                model = given.file.parent / word if name == "model" and given.file else _body(word)
+            if (word := values.pop(name, None)) is None:
+                continue
+            check(isinstance(word, str) and word, name, word, "a path" if name == "model" else "the name of a body")
+            check(model is None and "task" not in values, name, word, "the only one of task, body and model")
+            # a path in a file is meant from where that file is
+            model = given.file.parent / word if name == "model" and given.file else _body(word)
+            scene[name] = str(model.absolute()) if isinstance(model, Path) else model
     except ValueError as error:
         raise ValueError(f"{given.file}: {error}" if given.file else str(error)) from None
     if rest and not rest[0].startswith("-"):
         word = rest[0]
         if live.is_path(word) or (word in live.BODIES and word not in TASKS):
+            check(model is None, "the first word", word, f"left out, as {given.file} says what is shown")
             model, rest = (Path(word) if live.is_path(word) else word), rest[1:]
+            scene["model" if live.is_path(word) else "body"] = str(model)
         elif word not in TASKS:
             raise unknown("task, body or file (.xml)", word, {*TASKS, *live.BODIES})
-    return place, model, given._replace(table=values, rest=rest)
+    return place, model, scene, given._replace(table=values, rest=rest)
 
 
 def _body(word: str) -> str:
@@ -178,12 +193,17 @@ def _with_run(given: Given) -> Given:
     if not file.is_file():
         raise RunDirectoryError(f"{word} is not a run directory: it has no config.toml")
     config, values = read_toml(file), dict(given.table)
-    first = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None
-    asked = first or (values.get("task") or {}).get("name")
-    if asked not in (None, config["task"]["name"]):
-        raise ValueError(f"{word}: a run of the task {config['task']['name']!r}, but this is {asked!r}")
-    if isinstance(config["agent"]["policy"], dict):
+    try:
+        own_name, settings = config["task"]["name"], config["agent"]["policy"]
+    except (KeyError, TypeError):
+        raise RunDirectoryError(f"{file}: damaged: it does not say which task was learnt, and how") from None
+    if isinstance(settings, dict):  # made in Python
         config["agent"] = {}
+    asked = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None
+    if asked is None and isinstance(values.get("task"), Mapping):
+        asked = values["task"].get("name")
+    if asked not in (None, own_name):
+        raise ValueError(f"{word}: a run of the task {own_name!r}, but this is {asked!r}")
     for part in ("task", "agent"):
         own = values.get(part, {})
         values[part] = {**config[part], **own} if isinstance(own, Mapping) else own

@@ -42,11 +42,22 @@ class Page:
         self.session, self.host = session, host
         with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is told by who asked for the page
             self.server = viser.ViserServer(host, PORT if port is None else port, label=session.name, verbose=False)
-        self.server.gui.configure_theme(control_layout="collapsible", control_width="large", show_logo=False)
+        try:
+            self._build()
+        except BaseException:
+            self.server.stop()
+            raise
+        self._thread = threading.Thread(target=self._run, name="motorgrad sim page", daemon=True)
+        self._thread.start()
+
+    def _build(self) -> None:
+        # to share a page would let anyone in the world drive the simulation
+        self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        self.server.gui.main_panel.dock_right()
+        session = self.session
         self.scene, self.panels = Scene(), Panels()
         self.planet = PlanetScene()
         self.view = View(self.scene)
-        self.last_words = f"{session.name}: the simulation has ended"
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
@@ -57,14 +68,18 @@ class Page:
         with self.panels.tabs.add_tab(View.title, View.icon):
             self.view.build(self.server, session)
         self.parts: list[Any] = [self.scene, self.planet, self.view, self.panels]
-        self._thread = threading.Thread(target=self._run, name="motorgrad sim page", daemon=True)
-        self._thread.start()
 
     @property
     def url(self) -> str:
         """Where the page is."""
         shown = "localhost" if self.host in (HERE, "0.0.0.0", "::") else self.host
         return f"http://{shown}:{self.server.get_port()}"
+
+    @property
+    def last_words(self) -> str:
+        """Why the run ended, as far as it is known."""
+        known = [event.text for event in self.session.log if event.kind in ("error", "ended")]
+        return " ".join(dict.fromkeys(known[-2:])) or f"{self.session.name}: the simulation has ended"
 
     def open(self) -> None:
         """Show the page in the user's browser, where there is a screen to see it on."""

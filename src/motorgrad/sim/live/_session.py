@@ -53,6 +53,7 @@ class Session:
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): their names.
     - `period`: simulated seconds of a decision.
     - `settings`: what `Edit` can change, by name, with its present value.
+    - `log`: the last events, whether or not they were asked for.
 
     **Raises** `ValueError` or `RuntimeError` with the worker's own line where it cannot begin.
     """
@@ -64,6 +65,7 @@ class Session:
         if setup.agent is not None:
             self.policy_shape = jax.eval_shape(setup.agent.init, jax.random.key(0)).policy
         self._events: deque[Event] = deque(maxlen=KEPT)
+        self.log: deque[Event] = deque(maxlen=KEPT)
         self._ended = threading.Event()
         self._lock = threading.Lock()
         context = multiprocessing.get_context("spawn")
@@ -125,7 +127,7 @@ class Session:
             self._pipe.send(order)
 
     def events(self) -> list[Event]:
-        """What happened since this was asked last, oldest first."""
+        """What happened since this was asked last, oldest first; a page asks, and shows it."""
         found = []
         while self._events:
             found.append(self._events.popleft())
@@ -209,10 +211,14 @@ class Session:
                 if self.model is not None:
                     reply.put_into(self.model)
                 if reply.text:
-                    self._events.append(Event(reply.wall, reply.decision, reply.text, reply.kind))
+                    self._note(Event(reply.wall, reply.decision, reply.text, reply.kind))
         if not self._ended.is_set():
             self._ended.set()
-            self._events.append(Event(time.time(), 0, f"{self.name}: the simulation has ended", "ended"))
+            self._note(Event(time.time(), 0, f"{self.name}: the simulation has ended", "ended"))
+
+    def _note(self, event: Event) -> None:
+        self._events.append(event)
+        self.log.append(event)
 
 
 @contextlib.contextmanager
