@@ -10,7 +10,7 @@ from motorgrad.sim.planet._cover import Cover
 from motorgrad.sim.planet._culling import Camera, above_horizon, in_frustum, spheres
 from motorgrad.sim.planet._detail import select
 from motorgrad.sim.planet._ellipsoid import unit
-from motorgrad.sim.planet._tile import CELLS, SIDE, TRIANGLES, errors, make_tile
+from motorgrad.sim.planet._tile import CELLS, HEM, SIDE, TRIANGLES, errors, make_tile
 from motorgrad.sim.planet._tree import ROOTS, Key, caps, keys, quarters, tile_of
 
 PLANETS = [
@@ -137,7 +137,7 @@ def test_meshes_are_as_near_to_the_ground_as_their_level_says(which):
     for level in (1, 3):
         key = Key(level, int(noise.integers(6)), *map(int, noise.integers(0, 2**level, 2)))
         tile = make_tile(surface, key, float(error[level]), 1.0)
-        grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[1:-1, 1:-1]
+        grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[HEM:-HEM, HEM:-HEM]
         corner = tile.vertices.astype(float) + tile.centre
         middles = (corner[grid[:-1, :-1]] + corner[grid[1:, 1:]]).reshape(-1, 3) / 2
         off = surface.altitude(middles) - surface.heights(surface.ellipsoid.foot(middles))
@@ -164,7 +164,7 @@ def test_a_tile_faces_outwards_and_has_the_triangles_that_are_counted():
         skirts = slice(2 * SIDE * SIDE, None)
         middle = surface.points(unit(tile.centre[None]))[0] - tile.centre
         assert (np.sum(normals[skirts] * (place[skirts] - middle), axis=1) > 0).all()
-    assert CELLS + 2 == SIDE
+    assert CELLS + 2 * HEM == SIDE
 
 
 def hits(start, way, tile):
@@ -184,7 +184,7 @@ def hits(start, way, tile):
 
 def bared(tile):
     """A tile without its hem and skirts."""
-    inner = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[1:-1, 1:-1]
+    inner = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[HEM:-HEM, HEM:-HEM]
     return tile._replace(faces=tile.faces[np.isin(tile.faces, inner).all(axis=1)])
 
 
@@ -197,12 +197,12 @@ def falls_through(seed, which, change=lambda tile: tile, rays=60):
         divided = noise.random(len(cut)) < (0.6 if level < 3 else 0.0)
         leaves += keys(level, cut[~divided])
         cut = quarters(cut[divided])
-    sunk = [float(error[max(0, key.level - 1)]) / 2 for key in leaves]
-    deep = [float(error[0] + error[key.level]) for key in leaves]
+    sunk = [float(error[max(0, key.level - 1)] + error[key.level]) for key in leaves]
+    deep = [float(error[0])] * len(leaves)
     made = [change(make_tile(surface, *each)) for each in zip(leaves, sunk, deep, strict=True)]
     centres = np.array([tile.centre for tile in made])
     radii = np.array([np.linalg.norm(tile.vertices, axis=1).max() for tile in made])
-    grid, lost = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[1:-1, 1:-1], 0
+    grid, lost = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)[HEM:-HEM, HEM:-HEM], 0
     for _ in range(rays):
         tile = made[noise.integers(len(leaves))]
         side = (grid[0], grid[-1], grid[:, 0], grid[:, -1])[noise.integers(4)]

@@ -24,7 +24,7 @@ from motorgrad.sim.planet._tree import CELLS, Key
 if TYPE_CHECKING:
     import viser
 
-SETTLE = 0.2  # s, from sending a tile to taking it as arrived
+SETTLE = 1.0  # s, from sending a tile to taking it as arrived
 _SAFE = 1.5  # errors are measured at some places; others may be somewhat worse
 _READ = 0.5  # s, between two readings on the page
 _SHADOW = 0.35
@@ -112,8 +112,8 @@ class PlanetScene:
     def _send(self, key: Key) -> None:
         """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
         assert self._planet is not None
-        coarser, error = (float(self._errors[level]) for level in (max(0, key.level - 1), key.level))
-        tile = make_tile(self._planet.surface, key, coarser / 2.0, float(self._errors[0]) + error)
+        coarsest, coarser, own = (float(self._errors[level]) for level in (0, max(0, key.level - 1), key.level))
+        tile = make_tile(self._planet.surface, key, coarser + own, coarsest)
         name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
         place: Any = tuple(map(float, tile.centre))
         self._handles[key] = self._server.scene.add_glb(

@@ -9,12 +9,13 @@ from motorgrad.sim.planet._noise import hills
 from motorgrad.sim.planet._surface import Surface
 from motorgrad.sim.planet._tree import CELLS, Key, directions, places
 
-SIDE = CELLS + 2  # cells along a side, with one more at each end
-TRIANGLES = 2 * SIDE * SIDE + 16 * SIDE
+HEM = 2  # cells beyond each side
+SIDE = CELLS + 2 * HEM
+TRIANGLES = 2 * SIDE * SIDE + 8 * SIDE
 """Of a tile with its hem and skirts."""
 
+_FIRST = 0.06  # of what the hem's end sinks, what its middle does
 _SAMPLES = 1000  # cells that are measured for the error of a level
-_BAND = 0.1  # of a cell, the height of what of a skirt is lit as the hem
 _LOW, _MIDDLE, _HIGH = np.array([(104, 122, 92), (171, 160, 132), (226, 224, 218)], float)
 _TINT = 0.16  # of the brightness, by which one place differs from another, so that motion is seen
 
@@ -36,14 +37,13 @@ class Tile(NamedTuple):
 def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
     """The mesh of a tile: its grid, row by row, with a hem, then skirts down along the hem's four sides.
 
-    The hem is one more cell of ground on each side, under that of the neighbours: so light falls on both sides of a
-    seam alike. Skirts begin with a narrow band that is lit nearly as the hem is, for where one stands out by a pixel;
-    what is below has vertices of its own.
+    The hem is two more cells of ground on each side. The first lies close under that of the neighbours, so that light
+    falls on both sides of a seam alike; the second sinks, so that its end, and the skirt on it, do not stand out of a
+    coarser neighbour. Skirts have vertices of their own, so that they do not bend the light.
 
-    **Arguments:** `key`; `hem` (m): how far its outer end sinks, so that the neighbours' ground is seen and not
-    it; `skirt` (m): how far down skirts reach.
+    **Arguments:** `key`; `hem` (m): how far its end sinks; `skirt` (m): how far down from there skirts reach.
     """
-    share = np.arange(-1, CELLS + 2) / CELLS
+    share = np.arange(-HEM, CELLS + HEM + 1) / CELLS
     across, up = (each.ravel() for each in np.meshgrid(share, share))
     tile = np.array([[key.face, key.column, key.row]])
     ways = places(key.level, tile, across, up)[0]
@@ -52,12 +52,10 @@ def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
     centre = surface.ellipsoid.points(places(key.level, tile, np.array([0.5]), np.array([0.5]))[0, 0])
     down = -surface.ellipsoid.normals(ways[RIM])
     ground[RIM] += hem * down
-    rim = ground[RIM]
-    cell = float(np.linalg.norm(ground[1] - ground[0]))
-    band = rim + _BAND * cell * down
-    vertices = np.concatenate([ground, band, band, rim + max(skirt, _BAND * cell) * down]) - centre
-    hues = np.concatenate([colours, *[colours[RIM]] * 3])
-    return Tile(centre, vertices.astype(np.float32), FACES, hues)
+    ground[BESIDE] -= _FIRST * hem * surface.ellipsoid.normals(ways[BESIDE])
+    top = ground[RIM]
+    vertices = np.concatenate([ground, top, top + skirt * down]) - centre
+    return Tile(centre, vertices.astype(np.float32), FACES, np.concatenate([colours, colours[RIM], colours[RIM]]))
 
 
 def errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
@@ -82,23 +80,23 @@ def errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
     return np.maximum.accumulate(found[::-1])[::-1]
 
 
-def _rim() -> Int[np.ndarray, " rim"]:
-    """The grid's vertices around its rim, anticlockwise as seen from outside, without repeating the first."""
+def _rim(within: int) -> Int[np.ndarray, " rim"]:
+    """The grid's vertices around its rim, or so many cells within, anticlockwise from outside, the first not again."""
     grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
+    grid = grid[within : SIDE + 1 - within, within : SIDE + 1 - within]
     return np.concatenate([grid[0, :-1], grid[:-1, -1], grid[-1, :0:-1], grid[:0:-1, 0]])
 
 
-RIM = _rim()
+RIM, BESIDE = _rim(0), _rim(1)
 
 
 def _faces() -> Int[np.ndarray, "m 3"]:
     grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
     a, b, c, d = grid[:-1, :-1].ravel(), grid[:-1, 1:].ravel(), grid[1:, 1:].ravel(), grid[1:, :-1].ravel()
-    sides = [(a, b, c), (a, c, d)]
-    ring = (SIDE + 1) ** 2 + np.arange(4 * SIDE)
-    for top, bottom in ((RIM, ring), (ring + 4 * SIDE, ring + 8 * SIDE)):
-        beside, under = np.roll(top, -1), np.roll(bottom, -1)
-        sides += [(top, bottom, under), (top, under, beside)]
+    top = (SIDE + 1) ** 2 + np.arange(4 * SIDE)
+    beside, bottom = np.roll(top, -1), top + 4 * SIDE
+    under = np.roll(bottom, -1)
+    sides = [(a, b, c), (a, c, d), (top, bottom, under), (top, under, beside)]
     return np.concatenate([np.stack(side, axis=1) for side in sides]).astype(np.uint32)
 
 
