@@ -126,6 +126,7 @@ def test_contacts_carry_the_weight(hexapod):
     touch = touches(hexapod, pose.bodies[0])
     weight = hexapod.body_mass.sum() * 9.81
     assert touch.ground.all()
+    np.testing.assert_allclose(touch.point[:, 2], 0.0, atol=1e-9)  # on the floor, not in it
     np.testing.assert_allclose(touch.force.sum(0), [0, 0, weight], atol=0.05 * weight)
 
 

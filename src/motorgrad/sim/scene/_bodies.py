@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -58,6 +58,10 @@ class Bodies(Layer):
                 self._parts.append((pool, some, colours[some.geom]))
         self.pools = [pool for pool, *_ in self._parts]
         self.applies = bool(self.pools)
+
+    def grips(self) -> list[tuple[Any, np.ndarray]]:
+        """What can be taken hold of: viser's handles, and of which geom each copy is."""
+        return [(pool.handle, pieces.geom) for pool, pieces, _ in self._parts if pool.handle is not None]
 
     def draw(self, pose: Pose) -> None:
         for pool, pieces, colours in self._parts:

@@ -21,14 +21,17 @@ if TYPE_CHECKING:
     from motorgrad.sim.scene._pose import Pose
 
 FORCE, POINT = (0.10, 0.55, 0.85), (1.0, 0.72, 0.10)
-WEIGHT = 0.6  # an arrow of the body's weight is so many of its sizes long
-LONGEST, SHORTEST = 1.2, 0.02  # sizes: longer ones are cut, shorter ones left out
+LONGEST, SHORTEST = 0.45, 0.01  # sizes of the body: what no arrow reaches; what is left out
+THICK = 0.2  # sizes, of the arrow's unit mesh
 ROOM = 32  # contacts of all bodies for which there is room at first
 
 
 class Touch(NamedTuple):
-    """Contacts that press: `point` `(n, 3)`; `force` `(n, 3)` in N, on the moving part; `ground` `(n,)`, whether the
-    other part is fixed to the world."""
+    """Contacts that press.
+
+    `point` `(n, 3)`: on the surface of the ground; `force` `(n, 3)` in N, on the moving part; `ground` `(n,)`: whether
+    the other part is fixed to the world.
+    """
 
     point: np.ndarray
     force: np.ndarray
@@ -47,15 +50,21 @@ def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
         if contact.exclude or wrench[0] <= 0:
             continue
         fixed = [geom >= 0 and model.body_weldid[model.geom_bodyid[geom]] == 0 for geom in contact.geom]
-        force = wrench[:3] @ contact.frame.reshape(3, 3)  # on the second geom: the frame's x points to it
-        points.append(contact.pos.copy())
-        forces.append(-force if fixed[1] else force)
+        frame = contact.frame.reshape(3, 3)  # its x points to the second geom, on which the force acts
+        sign = -1.0 if fixed[1] else 1.0
+        # MuJoCo's point is half way between the surfaces, which overlap: under a soft ground one would not see it
+        points.append(contact.pos - sign * 0.5 * contact.dist * frame[0])
+        forces.append(sign * wrench[:3] @ frame)
         ground.append(any(fixed))
     return Touch(np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3)), np.array(ground, bool))
 
 
 class Contacts(Layer):
-    """A dot at each contact, and an arrow of its force, which is as long as the body's weight asks for."""
+    """A dot at each contact, and an arrow of its force.
+
+    Arrows grow with the force, and less and less so: a blow of ten times the weight would hide the body. One of the
+    body's weight has 63 % of the greatest length.
+    """
 
     name = "Contacts"
 
@@ -75,14 +84,13 @@ class Contacts(Layer):
         found = [touches(pose.model, data) for data in pose.bodies]
         point = np.concatenate([touch.point + offset for touch, offset in zip(found, pose.offset, strict=True)])
         force = np.concatenate([touch.force for touch in found])
-        long = WEIGHT * np.linalg.norm(force, axis=1) / self._weight
+        long = LONGEST * -np.expm1(-np.linalg.norm(force, axis=1) / self._weight)
         seen = long > SHORTEST
-        size = pose.size * np.minimum(long[seen], LONGEST)
+        thick = np.minimum(THICK, 1.5 * long[seen])
+        size = pose.size * np.stack([thick, thick, long[seen]], axis=1)
         dots, arrows = self.pools
         dots.show(point, _turns.still(len(point)), np.full((len(point), 3), 0.012 * pose.size), _same(POINT, point))
-        arrows.show(
-            point[seen], _turns.towards(force[seen]), np.repeat(size[:, None], 3, axis=1), _same(FORCE, point[seen])
-        )
+        arrows.show(point[seen], _turns.towards(force[seen]), size, _same(FORCE, point[seen]))
 
 
 def _same(colour: tuple[float, float, float], rows: np.ndarray) -> np.ndarray:

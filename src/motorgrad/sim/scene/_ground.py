@@ -124,7 +124,7 @@ def _contoured(height: np.ndarray, tall: float, rgb: np.ndarray, aspect: float) 
     part = (fine - fine.min()) / spread
     steps = tall * fine / nice_step(max(tall * spread / 4, 1e-6))
     slope = np.hypot(*np.gradient(steps)) + 1e-9
-    line = np.clip(1.2 - np.abs(steps - np.round(steps)) / slope, 0, 1) * (slope < 0.35)
+    line = np.clip(1.2 - np.abs(steps - np.round(steps)) / slope, 0, 1) * (slope < 0.35) * (slope > 1e-3)
     grain = np.random.default_rng(0).normal(size=fine.shape)
     shade = 0.86 + 0.24 * part + 0.02 * grain - 0.16 * line
     return np.clip(rgb * shade[..., None], 0, 1)[::-1]
