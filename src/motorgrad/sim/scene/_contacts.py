@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FORCE, POINT = (0.10, 0.55, 0.85), (1.0, 0.72, 0.10)
 LONGEST, SHORTEST = 0.45, 0.01  # sizes of the body: what no arrow reaches; what is left out
 THICK = 0.2  # sizes, of the arrow's unit mesh
-ROOM = 32  # contacts of all bodies for which there is room at first
+ROOM, MOST = 32, 128  # contacts of all bodies: how many there is room for at first, and how many strongest are drawn
 
 
 class Touch(NamedTuple):
@@ -84,6 +84,8 @@ class Contacts(Layer):
         found = [touches(pose.model, data) for data in pose.bodies]
         point = np.concatenate([touch.point + offset for touch, offset in zip(found, pose.offset, strict=True)])
         force = np.concatenate([touch.force for touch in found])
+        strongest = np.argsort(-np.linalg.norm(force, axis=1), kind="stable")[:MOST]
+        point, force = point[strongest], force[strongest]
         long = LONGEST * -np.expm1(-np.linalg.norm(force, axis=1) / self._weight)
         seen = long > SHORTEST
         thick = np.minimum(THICK, 1.5 * long[seen])

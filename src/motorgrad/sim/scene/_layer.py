@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from motorgrad.sim.scene._pool import Pool
 
@@ -47,6 +49,10 @@ class Layer:
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the nodes, once."""
         raise NotImplementedError
+
+    def grips(self) -> list[tuple[Any, np.ndarray]]:
+        """What can be taken hold of: viser's handles, and of which geom each copy is."""
+        return []
 
     def draw(self, pose: Pose) -> None:
         """Show the present moment; called only where the layer applies and is shown."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from motorgrad.sim.scene._balance import Balance
 from motorgrad.sim.scene._bodies import Bodies
@@ -45,6 +47,10 @@ class Scene:
         self._server = server
         for layer in self.layers:
             layer.build(server, session)
+
+    def grips(self) -> list[tuple[Any, np.ndarray]]:
+        """What of all layers can be taken hold of."""
+        return [grip for layer in self.layers for grip in layer.grips()]
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment: all of it at once, or nothing where nothing has changed."""
