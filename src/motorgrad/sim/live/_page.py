@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+import warnings
 import webbrowser
 from pathlib import Path
 from typing import Any, Self
@@ -16,7 +17,7 @@ import viser
 
 from motorgrad._errors import check
 from motorgrad.sim.live._session import Session
-from motorgrad.sim.panels import FilmRecorder, Panels
+from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
 from motorgrad.sim.planet import PlanetScene
 from motorgrad.sim.scene import Pose, Scene, View
 
@@ -51,6 +52,8 @@ class Page:
         self._thread.start()
 
     def _build(self) -> None:
+        # a browser may leave between two elements that it is told of
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         # to share a page would let anyone in the world drive the simulation
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
@@ -63,11 +66,12 @@ class Page:
         self._pose = Pose(session.model)
         self._stop = threading.Event()
         self._pose.place(session.snapshot())
-        for part in (self.scene, self.planet, self.panels):
+        drag = DragPush(self.scene.grips)
+        for part in (self.scene, self.planet, self.panels, drag):
             part.build(self.server, session)
         with self.panels.tabs.add_tab(View.title, View.icon):
             self.view.build(self.server, session)
-        self.parts: list[Any] = [self.scene, self.planet, self.view, self.panels]
+        self.parts: list[Any] = [self.scene, self.planet, self.view, self.panels, drag]
 
     @property
     def url(self) -> str:

@@ -7,6 +7,6 @@ run does not appear. They see a run through its `Session` alone.
 from motorgrad.sim.panels._film import FilmRecorder
 from motorgrad.sim.panels._panel import Panel
 from motorgrad.sim.panels._panels import PANELS, Panels
-from motorgrad.sim.panels._push import push_by_dragging
+from motorgrad.sim.panels._push import DragPush
 
-__all__ = ["PANELS", "FilmRecorder", "Panel", "Panels", "push_by_dragging"]
+__all__ = ["PANELS", "DragPush", "FilmRecorder", "Panel", "Panels"]

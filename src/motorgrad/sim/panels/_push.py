@@ -4,15 +4,19 @@
 # (the bindings of mujoco carry no types)
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from motorgrad.sim.panels._panel import notify
 
-    from motorgrad.sim.live import Session
+if TYPE_CHECKING:
+    import viser
+
+    from motorgrad.sim.live import Session, Snapshot
     from motorgrad.sim.panels._panel import Panel
+    from motorgrad.sim.scene import Pose
 
 DIRECTIONS = {
     "+x": (1.0, 0.0, 0.0),
@@ -87,22 +91,46 @@ def weight_of(model: Any) -> float:
     return float(np.sum(model.body_mass[moving])) * pull or 1.0
 
 
-def push_by_dragging(session: Session, node: Any, parts: Sequence[str], size: float) -> None:
-    """Let a node of the scene be dragged with Ctrl (or Cmd) held: the body is pulled towards the pointer while it is.
+class DragPush:
+    """Parts of the body that are dragged with Ctrl (or Cmd) held are pulled towards the pointer while they are.
 
-    **Arguments:** `session`; `node`, viser's handle of a mesh or of many copies of one; `parts`, the body to which each
-    copy belongs, by name, "" for one that cannot be pulled; `size` of the whole body, m.
+    A part of a page, which is renewed after the scene. **Arguments:** `grips`, a function that gives what can be taken
+    hold of: viser's handles of meshes that have many copies, and of which geom each copy is.
     """
-    from motorgrad.sim.live import Push
 
-    async def pull(event: Any) -> None:
-        copy = event.instance_index or 0
-        part = parts[copy] if copy < len(parts) else ""
-        if event.phase == "end" or not part or session.ended:
-            return
-        session.order(Push(part, drag_force(session.model, event.start_position, event.end_position, size), HELD))
+    def __init__(self, grips: Callable[[], Sequence[tuple[Any, np.ndarray]]]) -> None:
+        self._grips = grips
+        self._held: list[Any] = []
 
-    node.on_drag("left", modifier="cmd/ctrl")(pull)
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Remember whom to push."""
+        self._server, self._session = server, session
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Take hold of meshes that are new."""
+        del snapshot
+        for handle, geoms in self._grips():
+            if not any(handle is known for known in self._held):
+                self._held.append(handle)
+                self._hold(handle, geoms, pose.size)
+
+    def _hold(self, handle: Any, geoms: np.ndarray, size: float) -> None:
+        from motorgrad.sim.live import Push
+
+        model: Any = self._session.model
+        names = [model.body(int(model.geom_bodyid[geom])).name for geom in geoms]
+
+        async def pull(event: Any) -> None:
+            copy = event.instance_index or 0
+            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond is the untrained body
+                return
+            force = drag_force(model, event.start_position, event.end_position, size)
+            try:
+                self._session.order(Push(names[copy], force, HELD))
+            except (ValueError, RuntimeError) as error:
+                notify(self._server, str(error), client=event.client)
+
+        handle.on_drag("left", modifier="cmd/ctrl")(pull)
 
 
 def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
