@@ -79,8 +79,9 @@ class Cameras:
         """Move the cameras that move by themselves."""
         del snapshot
         self._pose = pose
+        here = self._server.get_clients()
         with self._lock:
-            seats = list(self._seats.values())
+            seats = [seat for client, seat in self._seats.items() if client in here]
         for seat in seats:
             if seat.wanted is not None:
                 self._switch(seat, pose)
