@@ -69,14 +69,15 @@ def test_a_reader_never_sees_half_a_write():
 
     writer = threading.Thread(target=write)
     writer.start()
-    for _ in range(300):
+    end = time.monotonic() + 60
+    while len(set(seen)) < 50 and time.monotonic() < end:
         read = other.read()
         both = np.concatenate([read["a"], read["b"]])
-        assert both.min() == both.max()
-        seen.append(both[0])
+        seen.append(both[0] if both.min() == both.max() else None)
     stop.set()
     writer.join()
-    assert len(set(seen)) > 2
+    assert None not in seen
+    assert len(set(seen)) == 50
     other.close()
     block.close()
 
@@ -117,7 +118,7 @@ def test_history_is_bounded_and_finds_the_state_before():
 def test_what_is_looked_at_comes_in_stretches():
     watching = Watching()
     assert watching.take(100) == 100
-    assert watching.take(10_000) == pytest.approx(STRETCH - 100, abs=LOOKS * 0.1)
+    assert watching.take(450) == 450
     assert watching.take(100) == 0
     watching._credit = STRETCH - 1
     watching._then += 100.0  # no time has passed

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 WORD = 8  # bytes, of a double and of the count
-PATIENCE = 1.0  # seconds, far more than a write takes
+PATIENCE = 10.0  # seconds, far more than a write takes, even on a machine that is much too busy
 
 
 class Shared:

@@ -92,12 +92,12 @@ class Worker:
         until_frame = max(0.0, self._framed + FRAME - time.perf_counter())
         return min(self._pace.wait(), until_frame) if self.playing else until_frame
 
-    def _advance(self, count: int) -> None:
-        """Make decisions; those that may be looked at one by one go into the trail."""
+    def _advance(self, count: int, looked: int | None = None) -> None:
+        """Make decisions; the first, as many as may be `looked` at one by one, go into the trail."""
         if self._back:
             self._branch()
         start, subject = time.perf_counter(), self.subject
-        looked = self._watching.take(count)
+        looked = self._watching.take(count) if looked is None else looked
         looks = self._watch(looked)
         if rest := count - looked:
             shown = start - self._framed >= FRAME - SLICE  # the next snapshot tells what came of the last decision
@@ -106,7 +106,8 @@ class Worker:
         if looks:
             self._latest = subject.decision, looks[-1]
         self._newest = subject.decision
-        self._pace.made(count, time.perf_counter() - start)
+        if count:
+            self._pace.made(count, time.perf_counter() - start)
         if subject.decision - self._tallied >= self._curve.window and start - self._counted >= COUNT:
             self._curve.add(subject.decision, subject.tally(), subject.frozen)
             self._tallied, self._counted = subject.decision, start
@@ -132,7 +133,9 @@ class Worker:
                     self.playing = False
                 case orders.Step():
                     self.playing = False
-                    self._advance(order.decisions)
+                    looked = min(order.decisions, int(STRETCH))
+                    self._advance(order.decisions - looked, 0)
+                    self._advance(looked, looked)
                 case orders.Speed():
                     self._pace = Pace(subject.period, order.factor)
                 case orders.Scrub():
@@ -269,7 +272,7 @@ class Watching:
         now = time.perf_counter()
         self._credit = min(STRETCH, self._credit + LOOKS * (now - self._then))
         self._then = now
-        self._on = self._credit >= (1 if self._on else STRETCH)
+        self._on = self._credit >= (min(decisions, STRETCH) if self._on else STRETCH)
         count = min(decisions, int(self._credit)) if self._on else 0
         self._credit -= count
         return count
