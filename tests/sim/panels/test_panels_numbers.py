@@ -30,6 +30,7 @@ def test_columns_of_different_lengths_are_refused():
     ("value", "said"),
     [
         (0, "0"),
+        (-2e-13, "0"),
         (1234.5678, "1,235"),
         (0.012345, "0.0123"),
         (-2.5, "−2.50"),
@@ -66,4 +67,5 @@ def test_what_is_no_number_is_refused_by_name(text):
 def test_settings_have_words():
     assert words_of("agent.rate")[0] == "step size α"
     assert words_of("body.flexor_left.damping")[0] == "damping (N·s/m)"
+    assert words_of("agent.rates.log_width")[0] == "step size α, log width"
     assert words_of("task.hop_height")[0] == "hop height"

@@ -173,3 +173,44 @@ def test_a_gait_is_what_the_recording_of_the_walk_says(march):
     assert walked.contacts(trail).shape == (count, 6)
     broken = trail._replace(decision=np.concatenate([np.arange(count - 20), 10_000 + np.arange(20)]))
     assert walked.gait(broken) is None  # too little since the break
+
+
+def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
+    import asyncio
+
+    from motorgrad.sim.live import Play, Scrub, Step
+    from motorgrad.sim.panels import DragPush
+    from motorgrad.sim.scene import Scene
+
+    scene, pose = Scene(), Pose(hopping.model)
+    scene.build(server, hopping)
+    hopping.order(Pause())
+    assert until(lambda: not hopping.snapshot().playing)
+    hopping.order(Step())
+    begin = hopping.snapshot().decision + 1
+    assert until(lambda: hopping.snapshot().decision == begin)
+    pose.place(hopping.snapshot())
+    scene.update(hopping.snapshot(), pose)
+    drag = DragPush(scene.grips)
+    drag.build(server, hopping)
+    for _ in range(2):  # of which the second finds nothing new
+        drag.update(hopping.snapshot(), pose)
+    handles = [handle for handle, _ in scene.grips()]
+    assert handles
+    assert [len(handle._impl.drag_cb) for handle in handles] == [1] * len(handles)
+    free = hopping.model.body_weldid[hopping.model.geom_bodyid] > 0
+    handle, geoms = next((handle, geoms) for handle, geoms in scene.grips() if free[geoms].any())
+    pull, moving = handle._impl.drag_cb[0].callback, int(np.argmax(free[geoms]))
+    ends = []
+    for phase, copy in (("end", moving), ("update", len(geoms)), ("update", moving)):
+        hopping.order(Scrub(begin))
+        assert until(lambda: hopping.snapshot().decision == begin)
+        grip = {"start_position": (0.0, 0.0, 0.3), "end_position": (0.0, 0.0, 1.3)}
+        asyncio.run(pull(types.SimpleNamespace(instance_index=copy, phase=phase, client=None, **grip)))
+        hopping.order(Step(5))
+        assert until(lambda: hopping.snapshot().decision == begin + 5)
+        ends.append(hopping.snapshot().position[0])
+    np.testing.assert_array_equal(ends[0], ends[1])  # neither the end of a drag nor the untrained body pulls
+    assert np.abs(ends[2] - ends[1]).max() > 1e-3
+    hopping.order(Play())
+    server.scene.reset()

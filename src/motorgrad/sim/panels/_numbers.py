@@ -10,6 +10,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+NOTHING = 1e-12
+"""A number smaller than this is what rounding left of none."""
+
 
 def csv_of(columns: Mapping[str, np.ndarray]) -> bytes:
     """Columns of one length as a CSV table with a header; a number that is not known leaves its place empty."""
@@ -30,7 +33,7 @@ def brief(value: float, digits: int = 3) -> str:
     """A number for people: so many significant digits, thousands set apart, a dash where it is not known."""
     if not math.isfinite(value):
         return "–" if math.isnan(value) else "∞" if value > 0 else "−∞"
-    if value == 0:
+    if abs(value) < NOTHING:
         return "0"
     size = math.floor(math.log10(abs(value)))
     if -4 <= size < 6:

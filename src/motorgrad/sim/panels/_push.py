@@ -118,11 +118,12 @@ class DragPush:
         from motorgrad.sim.live import Push
 
         model: Any = self._session.model
-        names = [model.body(int(model.geom_bodyid[geom])).name for geom in geoms]
+        bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
+        names = [model.body(body).name if model.body_weldid[body] else "" for body in bodies]
 
         async def pull(event: Any) -> None:
             copy = event.instance_index or 0
-            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond is the untrained body
+            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond is the untrained one
                 return
             force = drag_force(model, event.start_position, event.end_position, size)
             try:

@@ -18,6 +18,8 @@ WORDS = {
     "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
 }
 
+RATES = "agent.rates."
+
 
 class SettingsForm:
     """Some of a session's settings as a form: what was changed is sent when it is submitted.
@@ -86,6 +88,9 @@ class SettingsForm:
 
 def words_of(name: str) -> tuple[str, str]:
     """A setting's label and what it means."""
+    if name.startswith(RATES):  # of parameters that have step sizes of their own
+        label, hint = WORDS["agent.rate"]
+        return f"{label}, {name.removeprefix(RATES).replace('_', ' ')}", hint
     for key in (name, name.rsplit(".", 1)[-1] if name.startswith("body.") else name):
         if key in WORDS:
             return WORDS[key]

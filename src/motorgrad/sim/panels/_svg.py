@@ -120,7 +120,7 @@ class Chart:
     def _ticks(self) -> list[str]:
         left, top, right, bottom = self.box
         found, pale = [], 'opacity=".8"'
-        for value in ticks(*self.across, 5 if right - left > 200 else 3):
+        for value in ticks(*self.across, 5 if right - left > 200 else 2):
             place = float(self.x(value))
             found.append(f'<path d="M{place:.1f} {bottom}v3" stroke="{INK}" stroke-opacity=".5"/>')
             found.append(text(place, bottom + 10, said(value), "middle", pale))
