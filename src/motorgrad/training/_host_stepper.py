@@ -1,7 +1,7 @@
 """Engines whose dynamics run on the host for all seeds, and one compiled call per decision for everything else."""
 
 import functools
-from collections.abc import Sequence, Set
+from collections.abc import Callable, Sequence, Set
 from typing import Any
 
 import jax
@@ -16,7 +16,7 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import HostTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
-from motorgrad.training._stepper import Record, Stepper, fits
+from motorgrad.training._stepper import Look, Record, Stepper, fits
 
 Numbers = dict[str, Float[Array, " size"]]
 
@@ -69,14 +69,15 @@ class HostStepper(Stepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self._unpack(self._cycles)
-        parts = {"cycle": cycle, "action": self._out, "physics": self.batch.snapshot()}
+        # How long it may rest follows from the cycle, and from whether this engine learns: it is not kept.
+        parts = {"cycle": cycle, "action": np.asarray(self._out)[:, :-1], "physics": self.batch.snapshot()}
         return jax.tree.map(np.array, {"decision": self.decision, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
         self.batch.restore(state["physics"])
         self._cycles = self._pack(state["cycle"])
-        self._out = jnp.array(state["action"])
+        self._out = self._with_rest(self._cycles, jnp.array(state["action"]))
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -95,6 +96,11 @@ class HostStepper(Stepper):
             self._cycles = self._pack(cycles)
         else:
             self._cycles, self._out = self._first(self._pack(cycles), self._input())
+
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        one = jax.vmap(lambda cycle, packed: look(cycle, self.batch.unpack(packed)))
+        seen = jax.jit(lambda cycles, packed: one(self._unpack(cycles), packed))
+        return lambda: jax.tree.map(np.array, seen(self._cycles, self.batch.packed))
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
@@ -154,6 +160,7 @@ class HostStepper(Stepper):
         self._settle_resting = over_seeds(functools.partial(self._settle_and_act, resting=True), packing.still)
         self._again = over_seeds(self._restart_and_act)
         self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
+        self._with_rest = jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype))))
 
     def _still(self, example: CycleState, numbers: Numbers) -> list[int]:
         """The leaves of a cycle that a decision settled resting hands on as they are."""
@@ -200,5 +207,9 @@ class HostStepper(Stepper):
         """What crosses to the host: the numbers that the dynamics are told, whether the episode has ended, and how many
         decisions can be settled resting."""
         control = jnp.asarray(self.task.control(cycle.action, cycle.memory), jnp.result_type(float))
-        rest = jnp.minimum(self.cycle.rest(cycle), 2**24)  # whole numbers up to which single precision is exact
-        return jnp.append(control, jnp.stack([jnp.asarray(x, control.dtype) for x in (ended, rest)]))
+        ends = jnp.asarray(ended, control.dtype)
+        return jnp.append(control, jnp.stack([ends, self._rest(cycle, control.dtype)]))
+
+    def _rest(self, cycle: CycleState, dtype: Any) -> Array:
+        most = 2**24  # whole numbers up to which single precision is exact
+        return jnp.minimum(self.cycle.rest(cycle), most).astype(dtype)
