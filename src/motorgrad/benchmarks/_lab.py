@@ -42,7 +42,7 @@ def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
     """Seconds from a diagram to its first tick; beside it, where `single`, with every block compiled by itself."""
     took = []
     for stacked in (True, False) if single else (True,):
-        diagram = oscillators(blocks // 5)
+        diagram = oscillators(blocks // 5, TICK / 2)  # another program than that of other rows, which is kept
         jax.clear_caches()
         start = time.perf_counter()
         Run(diagram, stacked=stacked).advance(1)
@@ -62,9 +62,9 @@ def rate(run: Run, ticks: int, runs: int) -> float:
     return float(np.median(found))
 
 
-def oscillators(number: int) -> Diagram:
+def oscillators(number: int, tick: float = TICK) -> Diagram:
     """A ring of damped oscillators, each coupled to the next: five blocks each."""
-    diagram = Diagram(TICK)
+    diagram = Diagram(tick)
     for n in range(number):
         diagram.add(f"sum {n}", Sum("--+"))
         diagram.add(f"speed {n}", Integrator(0.0))

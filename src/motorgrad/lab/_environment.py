@@ -1,6 +1,6 @@
 """A diagram as a Gymnasium environment, and as a policy."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -62,7 +62,7 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
     cannot run; `gymnasium.error.ResetNeeded` for a step before `reset` or after the episode's end.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium has it so)
 
     def __init__(
         self,

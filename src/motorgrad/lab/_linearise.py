@@ -86,14 +86,9 @@ def linearise(
     x = states.packed(carry.states)
     (a, c), (b, d) = jax.jacfwd(system, 0)(x, u), jax.jacfwd(system, 1)(x, u)
     y = system(x, u)[1]
-    return Linear(
-        *map(np.asarray, (a, b, c, d)),
-        states.names,
-        _named(inputs, widths),
-        _named(outputs, [size for *_, size in sources]),
-        *map(np.asarray, (x, u, y)),
-        run.plan.tick if discrete else 0.0,
-    )
+    a, b, c, d, x, u, y = map(np.asarray, (a, b, c, d, x, u, y))
+    names = states.names, _named(inputs, widths), _named(outputs, [size for *_, size in sources])
+    return Linear(a, b, c, d, *names, x, u, y, run.plan.tick if discrete else 0.0)
 
 
 class _States:

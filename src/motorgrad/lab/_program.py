@@ -1,4 +1,4 @@
-"""Compiled loops, kept: a diagram that differs from an earlier one in its parameters and names alone is not compiled."""
+"""Compiled loops, kept: a diagram that differs from an earlier one in parameters and names alone is not compiled."""
 
 import threading
 from collections import OrderedDict

@@ -8,6 +8,8 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad import lab, learning, policies
 from motorgrad.lab._stack import stack
+from motorgrad.lab.blocks import learning as learning_blocks
+from motorgrad.lab.blocks import worlds as world_blocks
 
 SIZE, TICKS = 3, 30
 
@@ -161,3 +163,19 @@ def test_what_cannot_be_is_refused_in_one_line(make, told):
     with pytest.raises(ValueError, match=told) as raised:
         make()
     assert "\n" not in str(raised.value)
+
+
+ODD = [None, True, -1, 0, 1.5, float("nan"), 1e30, 10**30, "", "x", (), (1, 2), ((1, 2), (3,)), ("a",), {"a": 1}, b"x"]
+
+
+@pytest.mark.parametrize("kind", [*learning_blocks.BLOCKS, *world_blocks.BLOCKS], ids=lambda kind: kind.name)
+def test_odd_values_are_taken_or_refused_in_one_line(kind):
+    refused = []
+    for field in (*lab.settings_of(kind), *lab.parameters_of(kind)):
+        for value in ODD:
+            try:
+                kind(**{field: value})
+            except ValueError as error:
+                refused.append(str(error))
+    assert refused
+    assert not any("\n" in told for told in refused)

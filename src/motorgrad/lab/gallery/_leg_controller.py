@@ -24,9 +24,9 @@ def leg_controller() -> Diagram:
         "stance it pushes back, in swing it goes forward in the air, in drop it comes down. When to lift is not fixed "
         "here: two units learn it, from where both legs are and which of them stand. Paid is how fast the body "
         "goes, the mean of what standing legs push; a leg at its end brakes, and while none stands the body has "
-        "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is back and "
-        "the other has come down. One seed in thirty keeps a leg down for ever. Change the table of velocities while "
-        "it runs, or what a fall costs in 'paid'.",
+        "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is "
+        "back and the other has come down. One seed in twenty keeps a leg down for ever. Change the table of "
+        "velocities while it runs, or what a fall costs in 'paid'.",
     )
     legs = (LEGS,)
     machine = StateMachine(

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -58,9 +57,9 @@ class GrowingGaussians(Gaussians):
         check_numbers(self, "interval", "window", "patience", whole=True)
         check_numbers(self, "wide", "narrow", "shrink", "boost", "damp")
         places = self.begin if isinstance(self.begin, tuple) else (self.begin,)
-        numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in places)
+        numbers = all(isinstance(x, int | float) and abs(x) < 1e6 for x in places)
         fits = numbers and (not isinstance(self.begin, tuple) or len(places) == self.observed)
-        check(fits, "begin", self.begin, f"one number or {self.observed} of them")
+        check(fits, "begin", self.begin, f"one number, or {self.observed} of them, between -1e6 and 1e6")
         _ = self._growth
 
     @functools.cached_property

@@ -1,0 +1,23 @@
+"""The engine stands by itself: no web package is loaded with it."""
+
+import subprocess
+import sys
+
+WEB = ("starlette", "uvicorn", "websockets", "viser", "anywidget", "tornado", "aiohttp")
+
+
+def test_the_engine_runs_without_any_web_package(process_environment):
+    code = f"""
+import sys
+for name in {WEB}:
+    sys.modules[name] = None  # an import of it fails
+import motorgrad as mg
+diagram = mg.lab.Diagram()
+diagram.add("one", mg.lab.Constant(2.0))
+diagram.add("end", mg.lab.Outlet())
+diagram.connect("one", "end")
+print(mg.lab.Run(diagram).advance(2)["end.u"].tolist(), mg.lab.Interpreter(diagram).advance(1)["end.u"].tolist())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=process_environment)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[[2.0, 2.0]] [[2.0]]"
