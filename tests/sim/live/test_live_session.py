@@ -157,15 +157,17 @@ def soak(seconds, speed, clients):
     return end, grown
 
 
-def test_clients_that_come_and_go_change_nothing():
+def test_clients_that_come_and_go_change_nothing(capfd):
     end, grown = soak(6.0, 5.0, 3)
+    assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 500
     assert max(grown) < 64 * 2**20
 
 
 @pytest.mark.slow
-def test_ten_minutes_of_clients_that_come_and_go():
+def test_ten_minutes_of_clients_that_come_and_go(capfd):
     """The worker may keep 256 MB of states to go back to, of which a hopper needs a few; the page keeps nothing."""
     end, grown = soak(600.0, 10.0, 4)
+    assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 50_000
     assert max(grown) < 64 * 2**20
