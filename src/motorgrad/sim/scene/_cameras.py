@@ -74,7 +74,6 @@ class Cameras:
         self._folder = server.gui.add_folder("Camera")
         server.on_client_connect(self._connect)
         server.on_client_disconnect(self._leave)
-        server.on_client_disconnect(self._leave)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Move the cameras that move by themselves."""
@@ -144,11 +143,6 @@ class Cameras:
             command.on_trigger(lambda _, name=name: self.choose(client.client_id, name))
         with self._lock:
             self._seats[client.client_id] = seat
-
-    def _leave(self, client: Any) -> None:
-        """Forget a browser that is gone."""
-        with self._lock:
-            self._seats.pop(client.client_id, None)
 
     @staticmethod
     def _want(seat: Seat, name: str) -> None:
