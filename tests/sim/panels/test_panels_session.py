@@ -186,8 +186,8 @@ def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
     scene.build(server, hopping)
     hopping.order(Pause())
     assert until(lambda: not hopping.snapshot().playing)
-    hopping.order(Step())
     begin = hopping.snapshot().decision + 1
+    hopping.order(Step())
     assert until(lambda: hopping.snapshot().decision == begin)
     pose.place(hopping.snapshot())
     scene.update(hopping.snapshot(), pose)

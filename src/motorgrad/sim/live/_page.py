@@ -16,6 +16,7 @@ from typing import Any, Self
 import viser
 
 from motorgrad._errors import check
+from motorgrad.sim.live._footing import footing_on
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
 from motorgrad.sim.planet import PlanetScene
@@ -60,10 +61,10 @@ class Page:
         session = self.session
         self.scene, self.panels = Scene(), Panels()
         self.planet = PlanetScene()
-        self.view = View(self.scene)
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
+        self.view = View(self.scene, footing=footing_on(session.task, session.model, self._pose))
         self._stop = threading.Event()
         self._pose.place(session.snapshot())
         drag = DragPush(self.scene.grips)

@@ -132,7 +132,7 @@ class Cameras:
     def _connect(self, client: Any) -> None:
         """Give a browser its list, its slider and its keys."""
         seat = Seat(client, self._first, self._tall)
-        with self._folder:
+        with self._lock, self._folder:  # one at a time: several browsers may come at once
             seat.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
             eyes = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
         seat.choice.on_update(lambda event: self._want(seat, event.target.value))

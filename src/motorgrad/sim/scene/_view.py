@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -48,11 +49,12 @@ class View:
                 if layer.name and layer.applies:
                     box = server.gui.add_checkbox(layer.name, layer.shown)
                     box.on_update(lambda event, layer=layer: self._switch(layer, event.target.value))
+        self._one = threading.Lock()
         self._foot = server.gui.add_folder("Help")
 
         @server.on_client_connect
         def _(client: Any) -> None:
-            with self._foot:
+            with self._one, self._foot:  # several browsers may come at once
                 add_help(client, self._keys)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
