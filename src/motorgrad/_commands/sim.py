@@ -14,6 +14,7 @@ from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
 from motorgrad._settings import as_hinted, build, table
 from motorgrad.sim import live
+from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
 from motorgrad.training import RunDirectoryError, load, settings_for, settled
@@ -39,7 +40,7 @@ class Options:
     """Begin paused."""
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
-    host: str = live.HERE
+    host: str = HERE
     """Where the page listens. Whoever reaches another host than 127.0.0.1 can drive the simulation."""
     port: int | None = None
     """The page's port; by default 8080, or the next that is free."""
@@ -55,7 +56,7 @@ class Options:
 
     def validate(self: Any) -> None:
         live.Speed(self.pace)
-        live.check_port(self.host, self.port)
+        check_port(self.host, self.port)
         if self.record is not None:
             check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
             check_writable("record", self.record)
@@ -124,12 +125,12 @@ def _setup(options: Any, place: Place) -> Any:
 
 
 def _show(setup: Any, options: Options) -> int:
-    live.warn_of(options.host)
+    warn_of(options.host)
     until = math.inf if options.seconds is None else time.monotonic() + options.seconds
     print(f"{setup.name}: starting …", file=sys.stderr)
     with (
         live.Session(setup, playing=not options.paused, speed=options.pace) as session,
-        live.Page(session, options.host, options.port) as page,
+        Page(session, options.host, options.port) as page,
     ):
         print(f"{setup.name}: {page.url}   (Ctrl-C ends it)", flush=True)
         film = None if options.record is None else page.record(options.record)

@@ -11,7 +11,8 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from motorgrad.benchmarks._measure import Row
-from motorgrad.sim.live import Page, Pause, Play, Session, learner
+from motorgrad.sim.live import Pause, Play, Session, learner
+from motorgrad.sim.page import Page
 from motorgrad.training import settings_for, stepper_of
 
 PATIENCE = 300.0  # seconds for what takes some ten

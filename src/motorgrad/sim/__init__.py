@@ -20,7 +20,8 @@ from motorgrad.sim._plane import (
     draw_reward,
     draw_units,
 )
-from motorgrad.sim._plane_film import Course, film_learning
+from motorgrad.sim._plane_course import Course
+from motorgrad.sim._plane_film import film_learning
 from motorgrad.sim._plane_paths import occupancy, trajectories
 from motorgrad.sim._view import view
 

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
     from motorgrad.bodies import Body
     from motorgrad.learning import Agent
-    from motorgrad.sim.live import Page, Stage
+    from motorgrad.sim.live import Stage
+    from motorgrad.sim.page import Page
     from motorgrad.sim.planet import Planet
     from motorgrad.tasks import Task
     from motorgrad.training import AgentSettings, Run
@@ -54,6 +55,6 @@ def view(
 
     **Raises** `ValueError` for what cannot be simulated, naming it, before anything starts.
     """
-    from motorgrad.sim.live import show
+    from motorgrad.sim.page import show
 
     return show(task, agent, seed, run, frozen, stage, planet, playing, speed, host, port)

@@ -11,7 +11,6 @@ import pytest
 
 from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
-from motorgrad.sim.live._footing import footing_on
 from motorgrad.sim.live._history import History
 from motorgrad.sim.live._pace import Pace
 from motorgrad.sim.live._recorder import CurveRecorder
@@ -19,6 +18,7 @@ from motorgrad.sim.live._shared import Shared
 from motorgrad.sim.live._snapshot import POINTS, Sizes, layout
 from motorgrad.sim.live._subject import Tally
 from motorgrad.sim.live._worker import LOOKS, STRETCH, Watching
+from motorgrad.sim.page._footing import footing_on
 from motorgrad.sim.planet import Planet, on_planet
 from motorgrad.tasks import make
 

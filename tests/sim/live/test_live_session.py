@@ -15,6 +15,7 @@ import pytest
 import motorgrad as mg
 from motorgrad.benchmarks._watcher import watch
 from motorgrad.sim import live
+from motorgrad.sim.page import ExposedWarning, warn_of
 from motorgrad.training import settings_for, stepper_of
 
 PATIENCE = 120.0
@@ -107,8 +108,8 @@ def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, process_environ
 
 
 def test_another_host_is_warned_of():
-    with pytest.warns(live.ExposedWarning, match=r"host = '0.0.0.0': whoever reaches this port can drive"):
-        live.warn_of("0.0.0.0")
+    with pytest.warns(ExposedWarning, match=r"host = '0.0.0.0': whoever reaches this port can drive"):
+        warn_of("0.0.0.0")
     with mg.sim.view("chain") as page, socket.socket() as probe:
         address = next(a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET))
         if address.startswith("127."):

@@ -122,3 +122,8 @@ def notify(
 def send(server: viser.ViserServer, client: Any, name: str, content: bytes) -> None:
     """Let a browser, or all of them, save a file."""
     (client if client is not None else server).send_file_download(name, content, save_immediately=True)
+
+
+def command(gui: Any, label: str, key: str, action: Any) -> None:
+    """An entry of the page's palette of commands, with a key."""
+    gui.add_command(label, hotkey=key).on_trigger(action)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from motorgrad.sim.panels._panel import notify
+from motorgrad.sim.panels._panel import command, notify
 
 if TYPE_CHECKING:
     import viser
@@ -43,8 +43,6 @@ class PushFolder:
 
     def fill(self, gui: Any) -> None:
         """Add the elements."""
-        from motorgrad.sim.panels._run import command
-
         model = self._panel.model
         names = [model.body(index).name for index in range(1, model.nbody)]
         named = [name for name in names if name]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from motorgrad.sim.panels._numbers import brief, columns_of, table
-from motorgrad.sim.panels._panel import Numbers, Panel
+from motorgrad.sim.panels._panel import Numbers, Panel, command
 from motorgrad.sim.panels._push import PushFolder
 
 if TYPE_CHECKING:
@@ -131,8 +131,3 @@ class RunPanel(Panel):
         now = self.session.snapshot()
         decision = now.newest + round(seconds / self.session.period)
         self.order(Scrub(int(np.clip(decision, now.oldest, now.newest))))
-
-
-def command(gui: Any, label: str, key: str, action: Any) -> None:
-    """An entry of the page's palette of commands, with a key."""
-    gui.add_command(label, hotkey=key).on_trigger(action)

@@ -1,21 +1,13 @@
-"""From what the user has to a page."""
+"""From what the user has to a set-up."""
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, unknown
-from motorgrad.sim.live._orders import Speed
-from motorgrad.sim.live._page import HERE, Page, check_port
-from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import BODIES, Setup, bare, learner
 from motorgrad.sim.live._stage import Stage
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS, Task
-
-
-class ExposedWarning(UserWarning):
-    """The page can be reached from elsewhere."""
 
 
 def setup_of(
@@ -39,39 +31,6 @@ def setup_of(
     known = isinstance(subject, Path | str) or hasattr(subject, "spec") or type(subject).__name__ == "MjModel"
     check(known, "task", subject, "a task, a body, a MuJoCo model, or the path of one")
     return bare(subject, stage)
-
-
-def show(
-    subject: Any,
-    agent: Any = None,
-    seed: int = 0,
-    run: Any = None,
-    frozen: bool = False,
-    stage: Stage | None = None,
-    planet: Planet | None = None,
-    playing: bool = True,
-    speed: float = 1.0,
-    host: str = HERE,
-    port: int | None = None,
-) -> Page:
-    """`motorgrad.sim.view`."""
-    Speed(speed)  # refuses at once what is impossible
-    check_port(host, port)
-    setup = setup_of(subject, agent, seed, run=run, frozen=frozen, stage=stage, planet=planet)
-    warn_of(host)
-    session = Session(setup, playing=playing, speed=speed)
-    try:
-        return Page(session, host, port)
-    except BaseException:
-        session.close()
-        raise
-
-
-def warn_of(host: str) -> None:
-    """Say what another host than this machine's own means."""
-    if host not in (HERE, "localhost", "::1"):
-        said = f"host = {host!r}: whoever reaches this port can drive the simulation, and read and write policy files"
-        warnings.warn(said, ExposedWarning, stacklevel=3)
 
 
 def is_path(subject: Any) -> bool:

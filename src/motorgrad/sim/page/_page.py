@@ -4,7 +4,6 @@ import contextlib
 import io
 import logging
 import os
-import socket
 import sys
 import threading
 import time
@@ -15,16 +14,14 @@ from typing import Any, Self
 
 import viser
 
-from motorgrad._errors import check
-from motorgrad.sim.live._footing import footing_on
-from motorgrad.sim.live._session import Session
+from motorgrad.sim.live import Session
+from motorgrad.sim.page._address import HERE, PORT, check_port
+from motorgrad.sim.page._footing import footing_on
 from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
 from motorgrad.sim.planet import PlanetScene
 from motorgrad.sim.scene import Pose, Scene, View
 
 FRAME = 1 / 30
-HERE = "127.0.0.1"
-PORT = 8080
 log = logging.getLogger(__name__)
 
 
@@ -150,18 +147,3 @@ class Page:
             if name not in self._failed:
                 self._failed.add(name)
                 log.exception("%s: %s could not be drawn", self.session.name, name)
-
-
-def check_port(host: str, port: int | None) -> None:
-    """Refuse a port that cannot be had. **Raises** `ValueError`."""
-    if port is None:
-        return
-    check(isinstance(port, int) and 1 <= port <= 65535, "port", port, "from 1 to 65535")
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            why = error.strerror or str(error)
-            raise ValueError(f"port = {port}: cannot be listened at on {host}: {why.lower()}") from None
