@@ -23,12 +23,12 @@ BELOW = {
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
-    "sim": {"tasks", "policies"} | DYNAMICS,  # it shows bodies and learners
-    "environments": {"tasks", "sim"} | DYNAMICS,
     "training": {"tasks"} | DYNAMICS | LEARNING,
+    "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
+    "environments": {"tasks", "sim"} | DYNAMICS,
     "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
     "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
-    "benchmarks": {"environments", "lab", "training", "tasks"} | DYNAMICS | LEARNING,
+    "benchmarks": {"environments", "lab", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},

@@ -6,15 +6,16 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from motorgrad.lab import BLOCKS, Block, Sink, parameters_of, settings_of
+from motorgrad.lab import BLOCKS, GALLERY, Block, Sink, parameters_of, settings_of
 from motorgrad.lab._host import HostBlock
 
 FOLDER = "lab/blocks"
+GALLERY_PAGE = "lab/gallery.md"
 
 
 def block_pages() -> dict[str, str]:
     """The Markdown of every page by its path, the list of all blocks first."""
-    pages = {f"{FOLDER}/index.md": _index()}
+    pages = {f"{FOLDER}/index.md": _index(), GALLERY_PAGE: _gallery()}
     return pages | {f"{FOLDER}/{slug(name)}.md": _page(name, kind) for name, kind in BLOCKS.items()}
 
 
@@ -36,6 +37,14 @@ def _index() -> str:
     for group, names in _groups().items():
         lines += [f"## {group.capitalize()}", "", "| block | |", "|---|---|"]
         lines += [f"| [{name}]({slug(name)}.md) | {_cell(_summary(BLOCKS[name]))} |" for name in names] + [""]
+    return "\n".join(lines)
+
+
+def _gallery() -> str:
+    lines = ["# Gallery", "", "Ready diagrams, each with what to try: `motorgrad.lab.example(name)`.", ""]
+    for name, make in GALLERY.items():
+        diagram = make()
+        lines += [f"## {diagram.title or name}", "", f"`{name}`, {len(diagram.nodes)} blocks. {diagram.comment}", ""]
     return "\n".join(lines)
 
 

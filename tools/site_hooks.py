@@ -16,7 +16,7 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # MkDocs runs this file by itself
 
-from tools.block_pages import block_pages, navigation  # noqa: E402
+from tools.block_pages import GALLERY_PAGE, block_pages, navigation  # noqa: E402
 
 ROOMS = ["policies", "learning", "worlds", "worlds.oracle", "bodies", "tasks", "training", "environments", "sim"]
 ROOMS += ["experiments", "search", "lab"]
@@ -30,7 +30,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     for section in config.nav or []:
         for name, entries in section.items():
             if name == "TimLab":
-                entries.append({"Blocks": navigation()})
+                entries += [{"Gallery": GALLERY_PAGE}, {"Blocks": navigation()}]
     return config
 
 

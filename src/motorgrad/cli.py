@@ -13,6 +13,7 @@ COMMANDS = {
     "evaluate": "a learnt policy without learning: its numbers and a video",
     "plot": "learning curves of one run or of several",
     "reproduce": "figures and claims of the thesis, measured again; a report",
+    "sim": "see a body, its muscles and its learner live in the browser",
     "demo": "a body learns to hop in about two minutes",
     "lab": "TimLab: build diagrams of blocks, run and retune them, in a browser",
     "bench": "the speed table: this library beside bare physics and hand-written loops",

@@ -84,7 +84,7 @@ def test_what_must_be_named_may_stand_in_the_file(command, capsys):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_takes_a_file_and_says_so(command, capsys):
-    arguments = ("train", "chain") if command == "train" else (command,)
+    arguments = (command, "chain") if command in ("train", "sim") else (command,)
     assert status(*arguments, "--help") == 0
     said = capsys.readouterr().out
     assert "--config" in said

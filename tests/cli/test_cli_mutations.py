@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from motorgrad.cli import COMMANDS, main
 from motorgrad.tasks import TASKS
 
+SCENES = sorted((Path(__file__).parents[2] / "docs" / "scenes").glob("*.toml"))
 MEMORY = 1.5e9  # bytes that all checks together may take more than the first: none makes what it checks
 PATIENCE = timedelta(seconds=20)
 
@@ -48,6 +49,8 @@ def sound(tmp_path_factory):
             ("demo", {"out": "demo", "seconds": 10.0, "seeds": 2}),
             ("bench", {"quick": True}),
             ("list", {"json": "-"}),
+            ("sim", {"run": str(runs["hopper"]), "frozen": True, "agent": {"rate": 0.1}}),
+            *(("sim", tomllib.loads(scene.read_text())) for scene in SCENES),
             ("train", tomllib.loads((runs["hopper"] / "config.toml").read_text())),
         ]
         for name in TASKS:

@@ -43,7 +43,7 @@ def out(tmp_path_factory):
     return tmp_path_factory.mktemp("constructive")
 
 
-LONG = ("sec-6.4-criteria", "sec-6.5.4-hierarchy")  # to compile
+LONG = ("sec-6.4-criteria", "sec-6.5.4-hierarchy", "sec-6.5.4-hopper")  # to compile
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,12 @@ CLAIMED = {
 SEEDS = 40
 
 
-@pytest.mark.parametrize("name", CLAIMED)
+LONG = ("sec-4.4.1-size-principle", "sec-4.4-negative-inputs", "sec-4.4-large-loads")  # to compile
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMED]
+)
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

@@ -180,6 +180,7 @@ def follow(critic, policy, steps, dtype=jnp.float64):
             state = critic.see(state, jnp.asarray(y, dtype))
             told = (jnp.asarray(action), jnp.asarray(reward, dtype), jnp.asarray(after, dtype), terminated)
             error, state = critic.follow(state, policy, *told)
+            state = critic.solve(state)
             errors.append(float(error))
         return jax.tree.map(np.asarray, state), errors
 

@@ -28,7 +28,11 @@ def go(rule, out=None, steps=240, seeds=(3, 0, 8), **options):
     return mg.train(TASK, settings(rule), steps, list(seeds), out, window=20, progress=False, **options)
 
 
-@pytest.mark.parametrize("rule", RULES)
+SOME = [pytest.param(rule, marks=() if rule == "clock" else pytest.mark.slow) for rule in RULES]
+every_rule = pytest.mark.parametrize("rule", SOME)
+
+
+@every_rule
 def test_a_growing_run_is_resumed_bit_for_bit(rule, tmp_path):
     whole = go(rule, tmp_path / "whole")
     go(rule, tmp_path / "parts", steps=130)
@@ -38,7 +42,7 @@ def test_a_growing_run_is_resumed_bit_for_bit(rule, tmp_path):
     np.testing.assert_array_equal(mg.load(whole.path).policies.active, whole.policies.active)
 
 
-@pytest.mark.parametrize("rule", RULES)
+@every_rule
 def test_seeds_grow_each_by_its_own_rewards(rule):
     together = go(rule)
     for row, seed in enumerate((3, 0, 8)):

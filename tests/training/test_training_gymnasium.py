@@ -307,6 +307,7 @@ def test_cart_pole_is_learnt_quickly():
     assert (after > 60).all()
 
 
+@pytest.mark.slow
 def test_cart_pole_is_learnt_from_its_own_rewards_alone():
     task = from_gymnasium("CartPole-v1")
     estimator = Estimator(Exponential(0.99), NoBaseline(), improve=500)

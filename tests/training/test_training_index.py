@@ -68,6 +68,7 @@ def test_what_is_learnt_does_not_depend_on_how_many_decisions_are_asked_for_at_a
     assert_same(whole._carry[0].agent.index.table, parts._carry[0].agent.index.table)
 
 
+@pytest.mark.slow
 def test_seeds_learn_each_by_itself():
     together, _ = engine(300, 300)
     for row, seed in enumerate((3, 0, 8)):

@@ -6,27 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._commands._configuration import Given, fill, read, resolve, take
+from motorgrad._commands._configuration import fill, read, resolve, take
 from motorgrad._commands._shared import in_words, summary, write_json
-from motorgrad._errors import check, choice
+from motorgrad._commands._task_options import policy_of, task_of, with_learner
+from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad._settings import as_hinted, table
-from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
-    AgentSettings,
     Run,
     RunDirectoryError,
     check_tensorboard,
     check_training,
     given_initial,
     settings_for,
-    settings_in,
     settled,
     train,
 )
-
-DEFAULTS = {field.name: field.default for field in dataclasses.fields(AgentSettings)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +82,7 @@ def run(arguments: list[str]) -> int:
     given = read(_resumed(arguments))
     about = given.table.get("run")
     begun = isinstance(about, dict) and "initial" in about
-    name, given = _task_of(given)
+    name, given = task_of(given)
     if name is None:
         asked = set(arguments) & {"-h", "--help"}
         check(asked or not arguments, "the first word", arguments[:1], "the task's name: motorgrad train TASK ...")
@@ -99,7 +95,7 @@ def run(arguments: list[str]) -> int:
     draft = given._replace(table=settings, rest=given.rest if about_task else [])
     asked = fill(_command(TASKS[name]()), draft, f"train {name}").get("task", {})
     task = as_hinted(TASKS[name], asked, "task")
-    options = resolve(_command(task, _policy_of(given)), given, f"train {name}")
+    options = resolve(_command(task, policy_of(given)), given, f"train {name}")
     initial = given_initial(options.directory)
     if begun and initial is None:
         how = "go on with it by --resume, or begin another in Python, train(..., initial=...)"
@@ -120,20 +116,9 @@ def run(arguments: list[str]) -> int:
     return 0 if result.complete else 130
 
 
-def _policy_of(given: Given) -> dict[str, str]:
-    """The initial policy that is asked for, as a setting; nothing where none is, or none that there is."""
-    agent = given.table.get("agent")
-    filed = agent.get("policy") if isinstance(agent, dict) else None
-    asked = take("agent.policy", given.rest)[0] or filed
-    return {"policy": asked} if isinstance(asked, str) and asked in INITIAL else {}
-
-
 def _command(task: Any, policy: dict[str, str] | None = None) -> type[Options]:
     """The options with those of a task and of the learner that goes with it, and with a policy."""
-    parts = {"task": task, "agent": settings_for(task, **(policy or {}))}
-    fields = [(name, type(part), dataclasses.field(default_factory=lambda p=part: p)) for name, part in parts.items()]
-    doc = f"Learn: {(type(task).__doc__ or '').partition(chr(10))[0]}"
-    return dataclasses.make_dataclass("Train", fields, bases=(Options,), frozen=True, namespace={"__doc__": doc})
+    return with_learner(Options, "Train", "Learn", task, policy)
 
 
 def _resumed(arguments: list[str]) -> list[str]:
@@ -149,48 +134,6 @@ def _resumed(arguments: list[str]) -> list[str]:
     if not (Path(path) / "config.toml").is_file():
         raise RunDirectoryError(f"{path} is not a run directory: it has no config.toml")
     return ["--config", f"{path}/config.toml", "--out", path, *rest]
-
-
-def _task_of(given: Given) -> tuple[str | None, Given]:
-    """The task's name, from the command line or from the file, and what else is given.
-
-    The file may be a run's own `config.toml`: its table `run` holds options.
-    """
-    name, rest = None, given.rest
-    if rest and not rest[0].startswith("-"):
-        name, *rest = rest
-        choice("task", name, TASKS)
-    if given.file is None:
-        return name, given._replace(rest=rest)
-    try:
-        named, values = _read(given.table)
-        settings = values.get("task")
-        if name is not None and named not in (None, name) and settings:
-            raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but {name!r} is to be learnt")
-        check(name or named or {"-h", "--help"} & set(rest), "task.name", named, "given, here or on the command line")
-    except (ValueError, RunDirectoryError) as error:
-        raise ValueError(f"{given.file}: {error}") from None
-    return name or named, given._replace(table=values, rest=rest)
-
-
-def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
-    """The task's name in a file, and the options there."""
-    values = dict(table)
-    if isinstance(values.get("run"), dict):
-        run = {key: value for key, value in values.pop("run").items() if key != "initial"}
-        for key in run:
-            check(key not in values, key, run[key], "given once, here or in the table run")
-        values |= run
-    task = values.pop("task", {})
-    check(isinstance(task, dict), "task", task, "a table with the task's name in it: [task] name = ...")
-    named, settings = task.get("name"), {key: value for key, value in task.items() if key != "name"}
-    if named is not None:
-        choice("task", named, TASKS)
-    if isinstance(agent := values.get("agent"), dict) and isinstance(agent.get("policy"), dict):
-        settings_in(agent, "agent")
-    if isinstance(agent, dict) and {name for name, value in DEFAULTS.items() if value is not None} <= agent.keys():
-        values["agent"] = {**DEFAULTS, **agent}  # all is said: TOML has no word for what is None
-    return named, values | ({"task": settings} if settings else {})
 
 
 def _result(run: Run) -> dict[str, Any]:

@@ -15,6 +15,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._lab import compile_row, discrete_row, peer_row
     from motorgrad.benchmarks._lab_learning import beside_training_row, learning_diagram_row
     from motorgrad.benchmarks._learning import learning_rows
+    from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._particle import local_learning_row, particle_row
     from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
     from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
@@ -42,6 +43,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
+    for name in ("hopper", "hexapod"):
+        yield watched_row(name, 0.5 if quick else 5.0, 1 if quick else pairs, "≥ 0.9")
     for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):
         wanted = "≥ 1,000,000" if blocks == 100 else ""
         yield peer_row(blocks, 100 if quick else ticks, 2 if quick else peer, pairs, "≥ 100")

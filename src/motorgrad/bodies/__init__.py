@@ -10,7 +10,7 @@ from motorgrad.bodies._body import Body, add_muscles, compile_model
 from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies._clock import TripodClock
 from motorgrad.bodies._export import to_mjcf
-from motorgrad.bodies._gait import Gait, debounced, measure_gait
+from motorgrad.bodies._gait import TOUCH, Gait, debounced, measure_gait
 from motorgrad.bodies._hexapod import Hexapod
 from motorgrad.bodies._hexapod_biomimetic import biomimetic_hexapod
 from motorgrad.bodies._hexapod_numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
@@ -28,6 +28,7 @@ from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, 
 
 __all__ = [
     "LEGS",
+    "TOUCH",
     "TRIPODS",
     "Arm",
     "Attachment",

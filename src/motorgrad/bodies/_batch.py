@@ -164,6 +164,20 @@ class BodyBatch:
             target[rows] = source[rows]
         self._flag[rows] = 0.0
 
+    def push(self, body: int, force: Any) -> None:
+        """Let a force act on a part of every body, at its centre of mass, until another is given or the body is reset.
+
+        **Arguments:** `body`: the part's number in the model; `force` (3,) or (seeds, 3): in N, world coordinates.
+        """
+        check(0 < body < self.model.nbody, "body", body, f"from 1 to {self.model.nbody - 1}")
+        self._batch.bind("xfrc_applied")[:, body, :3] = force
+
+    def refresh_models(self) -> None:
+        """Go on with the models as they are now, after numbers in them were changed; their parts must stay the same."""
+        state = self._batch.state.copy()
+        self._batch.set_models(self.models)
+        np.copyto(self._batch.state, state)
+
     def unpack(self, packed: Any) -> BodyState:
         """The named parts of `packed`, or of any array (..., width), by slicing only (NumPy, JAX, tracers)."""
         return self._layout.unpack(packed)

@@ -10,7 +10,8 @@ from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading
 from motorgrad.bodies._muscle import positive
 from motorgrad.bodies._tripod import TRIPODS
 
-TOUCH = 0.5  # N; less is noise
+TOUCH = 0.5
+"""The least force, in N, that counts as contact; less is noise."""
 STALLED = 0.03  # m/s
 _DEBOUNCE = 0.025  # s on either side, within which the majority of the contacts counts
 _PADDING = 8  # of the spectrum, so that its peak is found between the bins

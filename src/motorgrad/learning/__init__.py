@@ -5,6 +5,7 @@ from motorgrad.learning._agent import Agent
 from motorgrad.learning._agent_state import AgentState, Decision
 from motorgrad.learning._ascent import DecayState, SgdState, adam, decayed, sgd
 from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
+from motorgrad.learning._choose import NEVER
 from motorgrad.learning._critic import CriticState, Features, LinearCritic
 from motorgrad.learning._critic_fit import LeastSquares, TemporalDifference
 from motorgrad.learning._entropy import entropy_gradient
@@ -22,6 +23,7 @@ from motorgrad.learning._visited import Visited, VisitedState
 from motorgrad.learning._weight_average import WeightAverage
 
 __all__ = [
+    "NEVER",
     "Agent",
     "AgentState",
     "Annealed",

@@ -15,13 +15,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import add_sample, running_mean
 from motorgrad.learning._agent_state import AgentState, Decision, last_of, no_decision, running_of
 from motorgrad.learning._ascent import adam, decayed, sgd
-from motorgrad.learning._choose import Flag, any_of, where, where_any
+from motorgrad.learning._choose import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._critic import LinearCritic
 from motorgrad.learning._entropy import entropy_gradient
 from motorgrad.learning._estimator import Estimator, Olgarb
@@ -197,14 +197,37 @@ class Agent:
         return state._replace(policy=policy, average=average)
 
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
-        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time.
+        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time; and solve
+        for a critic's weights, if it is time for that.
 
-        A growing learner counts its decisions here, so it is to be called at every one; it may then add a unit.
+        It is to be called after every decision but those that `rest` tells of. A growing learner counts its decisions
+        here, and may then add a unit.
 
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
         `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
         """
+        if isinstance(self.estimator.baseline, LinearCritic):
+            state = state._replace(baseline=self.estimator.baseline.solve(state.baseline))
         return self._grow(self._improve(state, ended, diverged))
+
+    @property
+    def rests(self) -> bool:
+        """Whether there are decisions that `improve` need not follow, and `rest` tells of them. There are none for
+        online and for growing learners; at the ends of episodes it is not known beforehand."""
+        return not self.estimator.online and self.estimator.improve != "episode" and self.growth is None
+
+    def rest(self, state: AgentState) -> Int[Array, ""]:
+        """How many decisions at least come before the one that `improve` is to follow: after those it would change
+        nothing, however they go, and need not be called."""
+        estimator = self.estimator
+        rest = jnp.asarray(NEVER if self.rests else 0, jnp.int32)
+        if not self.rests:
+            return rest
+        if isinstance(estimator.improve, int):
+            rest = estimator.improve - 1 - running_of(state).count.astype(jnp.int32)
+        if isinstance(estimator.baseline, LinearCritic):
+            rest = jnp.minimum(rest, estimator.baseline.rest(state.baseline))
+        return rest
 
     def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
         estimator = self.estimator

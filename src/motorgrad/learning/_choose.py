@@ -9,6 +9,8 @@ from jaxtyping import Array, Bool
 
 T = TypeVar("T")
 Flag = Bool[Array, ""] | bool
+NEVER = 2**31 - 1
+"""So many decisions are as good as any number."""
 
 
 def any_of(*flags: Flag) -> Flag:
@@ -26,7 +28,7 @@ def where(condition: Flag, yes: T, no: T) -> T:
     """The leaves of one tree or of the other."""
     if condition is False:
         return no
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+    return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
 
 
 def where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:

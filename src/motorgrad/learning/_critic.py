@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
@@ -137,27 +137,40 @@ class LinearCritic:
         terminated: Flag = False,
         dropped: Flag = False,
     ) -> tuple[Float[Array, ""], CriticState]:
-        r"""The temporal difference $\delta$ of a reward, and the critic once it has learnt from it; from one that is to
-        be `dropped` it learns nothing."""
+        r"""The temporal difference $\delta$ of a reward, and the critic once it has taken it in; one that is to be
+        `dropped` it does not take in."""
         dtype = state.weights.dtype
         previous = _numbers(policy, action, dtype)
         ahead = self._features(state, next_observation, previous)
         if terminated is not False:
             ahead = jnp.where(terminated, 0, ahead)
         change = state.features - self.ahead * ahead
-        centred = self.discount is None
-        pay = reward - state.level.mean if centred else reward
+        pay = reward - self._level(state)
         error = (pay - jnp.sum(state.weights * change)).astype(dtype)
         trace = self.ahead * self.decay * state.trace + state.features
         level = add_sample(state.level, reward, self.fit.level_rate)
         level = where(dropped, state.level, level)
-        evidence = Evidence(trace, change, jnp.asarray(reward, dtype), error, level.mean if centred else None)
+        evidence = Evidence(trace, change, jnp.asarray(reward, dtype), error)
         weights, fit = self.fit.update(state.weights, state.fit, evidence, dropped)
         return error, state._replace(weights=weights, previous=previous, trace=trace, level=level, fit=fit)
+
+    def solve(self, state: CriticState) -> CriticState:
+        """The critic with the weights that follow from what it has taken in, where its `fit` does not move them at
+        every decision; to be called after every `follow` but those of which `rest` says that they need it not."""
+        weights, fit = self.fit.solve(state.weights, state.fit, self._level(state))
+        return state._replace(weights=weights, fit=fit)
+
+    def rest(self, state: CriticState) -> Int[Array, ""]:
+        """How many decisions at least come before the one that `solve` is to follow."""
+        return self.fit.rest(state.fit)
 
     def restart(self, state: CriticState) -> CriticState:
         """The state at the start of an episode: its trace is empty, and there was no action."""
         return state._replace(trace=jnp.zeros_like(state.trace), previous=jnp.zeros_like(state.previous))
+
+    def _level(self, state: CriticState) -> Float[Array, ""]:
+        """What rewards are compared with."""
+        return state.level.mean if self.discount is None else jnp.zeros_like(state.level.mean)
 
     def _features(self, state: CriticState, observation: Array, previous: Array) -> Float[Array, " features"]:
         dtype = state.weights.dtype

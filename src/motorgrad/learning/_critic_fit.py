@@ -10,21 +10,20 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._choose import Flag, where, where_any
+from motorgrad.learning._choose import NEVER, Flag, where, where_any
 
 
 class Evidence(NamedTuple):
     r"""What one decision tells a critic.
 
-    `trace` $e$ of the features; their `change` $d = \phi(y_t) - \gamma\phi(y_{t+1})$; the `reward`; the temporal
-    difference, `error`; and the `level` $\rho$ that rewards are compared with, `None` where they are not.
+    `trace` $e$ of the features; their `change` $d = \phi(y_t) - \gamma\phi(y_{t+1})$; the `reward`; and the temporal
+    difference, `error`.
     """
 
     trace: Float[Array, " features"]
     change: Float[Array, " features"]
     reward: Float[Array, ""]
     error: Float[Array, ""]
-    level: Float[Array, ""] | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +54,17 @@ class TemporalDifference:
     ) -> tuple[Float[Array, " features"], None]:
         """The weights after one decision; as they were where its reward is to be `dropped`."""
         return where(dropped, weights, weights + self.rate * evidence.error * evidence.trace), state
+
+    def solve(
+        self, weights: Float[Array, " features"], state: None, level: Float[Array, ""]
+    ) -> tuple[Float[Array, " features"], None]:
+        """There is nothing to be solved."""
+        del level
+        return weights, state
+
+    def rest(self, state: None) -> Int[Array, ""]:
+        """No decision is ever followed by a solution."""
+        return jnp.asarray(NEVER, jnp.int32)
 
 
 class LeastSquaresState(NamedTuple):
@@ -115,13 +125,18 @@ class LeastSquares:
     def update(
         self, weights: Float[Array, " features"], state: LeastSquaresState, evidence: Evidence, dropped: Flag = False
     ) -> tuple[Float[Array, " features"], LeastSquaresState]:
-        """The weights after one decision, and the means; as they were where its reward is to be `dropped`."""
+        """The weights, which rest, and the sums after one decision; as they were where it is to be `dropped`."""
         e = evidence.trace
         new = (e[:, None] * evidence.change, e * evidence.reward, e)
         one = jnp.ones((), jnp.int32)
         new, one = where(dropped, jax.tree.map(jnp.zeros_like, (new, one)), (new, one))
-        state = state._replace(sums=jax.tree.map(jnp.add, state.sums, new), gathered=state.gathered + one)
-        level = jnp.zeros_like(evidence.reward) if evidence.level is None else evidence.level
+        sums = jax.tree.map(jnp.add, state.sums, new)
+        return weights, state._replace(sums=sums, gathered=state.gathered + one)
+
+    def solve(
+        self, weights: Float[Array, " features"], state: LeastSquaresState, level: Float[Array, ""]
+    ) -> tuple[Float[Array, " features"], LeastSquaresState]:
+        r"""The weights that solve the system, if it is time, rewards being compared with the `level` $\rho$."""
 
         def solve(old: Any) -> Any:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
@@ -135,5 +150,8 @@ class LeastSquares:
             solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
             return solved, LeastSquaresState(means, jax.tree.map(jnp.zeros_like, state.sums), state.gathered * 0)
 
-        due = state.gathered == self.interval
-        return where_any(due, solve, (weights, state))
+        return where_any(self.rest(state) < 0, solve, (weights, state))
+
+    def rest(self, state: LeastSquaresState) -> Int[Array, ""]:
+        """How many decisions at least come before the one that `solve` is to follow."""
+        return self.interval - 1 - state.gathered

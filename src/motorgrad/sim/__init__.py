@@ -1,5 +1,5 @@
-"""TimSim: see a body move and a learner learn. Films and still pictures of recorded motions of any MuJoCo model, and of
-what happens in the plane of a particle.
+"""TimSim: see a body move and a learner learn. A live view in the browser (`view`), films and still pictures of
+recorded motions of any MuJoCo model, and of what happens in the plane of a particle.
 
 Muscles are tubes along their wrapped path, pale while silent and strong red while firing. Pictures are rendered with
 OpenGL where it works and drawn with matplotlib where it does not; both show the same body. Importing this package is
@@ -20,8 +20,10 @@ from motorgrad.sim._plane import (
     draw_reward,
     draw_units,
 )
-from motorgrad.sim._plane_film import Course, film_learning
+from motorgrad.sim._plane_course import Course
+from motorgrad.sim._plane_film import film_learning
 from motorgrad.sim._plane_paths import occupancy, trajectories
+from motorgrad.sim._view import view
 
 __all__ = [
     "Course",
@@ -43,4 +45,5 @@ __all__ = [
     "occupancy",
     "still",
     "trajectories",
+    "view",
 ]

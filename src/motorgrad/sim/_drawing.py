@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.sim._colours import geom_colours
 from motorgrad.sim._framing import axes as view_axes
 from motorgrad.sim._framing import visible_geoms
 from motorgrad.sim._ground import ground_line
@@ -44,13 +45,10 @@ class Drawing:
         seen = visible_geoms(model)
         flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
         self._geoms = seen[~np.isin(model.geom_type[seen], flat)]
-        fill = model.geom_rgba[self._geoms].astype(float)
-        if model.nmat:
-            material = model.geom_matid[self._geoms]
-            fill = np.where(material[:, None] >= 0, model.mat_rgba[material], fill)
+        fill = geom_colours(model)[self._geoms]
         fill[:, 3] *= alpha
-        self._fill = fill
-        self._edge = fill * [0.5, 0.5, 0.5, 1]
+        self._fill: Any = fill
+        self._edge: Any = fill * [0.5, 0.5, 0.5, 1]
         self.parts = PolyCollection([], linewidths=0.4 * linewidth, joinstyle="round", zorder=2)
         shape: dict[str, Any] = {"capstyle": "round", "joinstyle": "round"}
         self._rims = LineCollection([], colors=MUSCLE_EDGE, alpha=alpha, zorder=2.1, **shape)

@@ -88,7 +88,7 @@ def frame(
     # a camera that was asked for by name is the user's own choice; the one taken unasked must hold the motion
     if camera is None and chosen >= 0 and not all(_holds(model, chosen, survey, aspect) for survey in surveys):
         chosen = -1
-    azimuth, elevation = _natural_angles(model)
+    azimuth, elevation = natural_angles(model)
     if chosen >= 0:
         right, _, towards = surveys[0][2][0].T
         azimuth = float(np.degrees(np.arctan2(right[0], -right[1])))  # of the right: straight down has no heading
@@ -139,7 +139,7 @@ def _survey(model: mujoco.MjModel, positions: np.ndarray, camera: int) -> tuple[
     return boxes, places, turns
 
 
-def _natural_angles(model: mujoco.MjModel) -> tuple[float, float]:
+def natural_angles(model: mujoco.MjModel) -> tuple[float, float]:
     """Look along the hinges where all are parallel (a planar body), else from the side and a little above."""
     import mujoco
 

@@ -22,11 +22,15 @@ def ground_line(
 
     **Returns:** `(n,)` heights, the highest ground counting; None where the model has none, or seen from above.
     """
-    import mujoco
-
     if abs(screen[1, 2]) < 0.5:
         return None
-    places = through + np.outer(along - through @ screen[0], screen[0])
+    return ground_height(model, data, through + np.outer(along - through @ screen[0], screen[0]))
+
+
+def ground_height(model: mujoco.MjModel, data: mujoco.MjData, places: np.ndarray) -> np.ndarray | None:
+    """The height `(n,)` of the highest plane or height field above or below places `(n, 3)`; None without either."""
+    import mujoco
+
     heights = []
     for geom in range(model.ngeom):
         point, turn = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)

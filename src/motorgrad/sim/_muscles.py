@@ -16,6 +16,7 @@ FIRING = np.array([0.80, 0.02, 0.06])
 PASSIVE = np.array([0.50, 0.53, 0.57])  # a tendon that no actuator pulls
 
 SWELL = 1.1  # a fully active muscle is drawn 1 + SWELL times as wide as a silent one
+LEAST = 0.006  # of the size of what is seen
 
 
 def tendon_activation(model: mujoco.MjModel, activation: np.ndarray) -> np.ndarray:
@@ -38,3 +39,8 @@ def colour(level: np.ndarray) -> np.ndarray:
 def width(level: np.ndarray) -> np.ndarray:
     """Width `(n,)` relative to a silent muscle's."""
     return 1 + SWELL * np.nan_to_num(level)
+
+
+def least_width(model: mujoco.MjModel, size: float) -> np.ndarray:
+    """Radius `(ntendon,)` of a silent muscle, in m: the model's own, but not too thin to see on a body of `size` m."""
+    return np.maximum(model.tendon_width, LEAST * size)

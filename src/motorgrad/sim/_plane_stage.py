@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from motorgrad.policies import Policy
-    from motorgrad.sim._plane_film import Course
+    from motorgrad.sim._plane_course import Course
 
 SIZE = (8.0, 4.5)  # inches
 MANY = 1_000_000  # decisions: numbers from here on would be too long for the axis

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorgrad.sim import _framing, _gl, _muscles, _scenery
+from motorgrad.sim._colours import geom_colours, texture_of
 from motorgrad.sim._pose import pose
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Rendered:
         self._data = mujoco.MjData(self._model)
         self._which = which
         self._size = width, height
-        self._bare_width = self._model.tendon_width.copy()
+        self._bare = model
         self._terrain = bool(np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD))
         self._ground = _level_ground(model)
         self._style()
@@ -63,7 +64,7 @@ class Rendered:
         model.vis.map.znear, model.vis.map.zfar = 0.02, 80.0
         model.vis.map.fogstart = self._distance / size + 2.0
         model.vis.map.fogend = self._distance / size + 14.0
-        self._tendon_width = np.maximum(self._bare_width, 0.006 * size)
+        self._tendon_width = _muscles.least_width(self._bare, size)
 
     def _style(self) -> None:
         """Set the copy's looks: size of the picture, light, no markers."""
@@ -166,13 +167,6 @@ def _level_ground(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.nda
     mujoco.mj_kinematics(model, data)
     for geom in _framing.visible_geoms(model):
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and model.body_weldid[model.geom_bodyid[geom]] == 0:
-            material = model.geom_matid[geom]
-            textures = model.mat_texid[material] if material >= 0 else np.array([-1])
-            rgb = model.geom_rgba[geom, :3] if material < 0 else model.mat_rgba[material, :3]
-            for texture in textures[textures >= 0][:1]:
-                channels, first = model.tex_nchannel[texture], model.tex_adr[texture]
-                length = model.tex_height[texture] * model.tex_width[texture] * channels
-                rgb = rgb * model.tex_data[first : first + length].reshape(-1, channels)[:, :3].mean(0) / 255
-            plain = bool(np.all(textures < 0))
-            return data.geom_xpos[geom].copy(), data.geom_xmat[geom, 2::3].copy(), np.array(rgb, float), plain
+            rgb, plain = geom_colours(model)[geom, :3], texture_of(model, int(geom)) < 0
+            return data.geom_xpos[geom].copy(), data.geom_xmat[geom, 2::3].copy(), rgb, plain
     return None

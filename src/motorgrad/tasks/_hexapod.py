@@ -149,6 +149,13 @@ class Hexapod(WalkingTask):
         return len(self.observation_range)
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        legs = [leg.replace("_", " ") for leg in LEGS]
+        words = {"lateral": "earlier angle" if self.lag else "angle", "current": "present angle", "contact": "contact"}
+        named = {sense: [f"{word} {leg}" for leg in legs] for sense, word in words.items()}
+        return tuple(name for sense in self._seen for name in named.get(sense, [sense]))
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         """Of the lateral angles the joints' range, of the yaw rate and the course what a walk that curves has."""
         lateral = self.lateral_range(self.angle_scale)

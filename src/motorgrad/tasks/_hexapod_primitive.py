@@ -99,6 +99,11 @@ class HexapodPrimitive(WalkingTask):
         return STEPS + len(LEGS)
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        over = [f"step {step} over" for step in range(STEPS)]
+        return (*over, *(f"angle {leg.replace('_', ' ')}" for leg in LEGS))
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         return ((0.0, 1.0),) * STEPS + tuple(self.lateral_range(self.angle_scale))
 

@@ -119,6 +119,10 @@ class HexapodStride(WalkingTask):
         return 1
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("pitch",)
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         return ((min(self.slopes) / self.pitch_scale - 0.5, max(self.slopes) / self.pitch_scale + 0.5),)
 

@@ -93,6 +93,11 @@ class Hopper(TimedBodyTask):
         return 3 if self.observe_contact else 2
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        knee = ("knee angle", "knee velocity")
+        return ("foot contact", *knee) if self.observe_contact else knee
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         """Of the velocity the range that learnt hops have: some 50 rad/s to either side."""
         low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)

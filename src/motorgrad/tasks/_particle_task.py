@@ -59,6 +59,10 @@ class ParticleTask(Task):
         return 4 if self.observe_velocity else 2
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("x", "y", "x velocity", "y velocity")[: self.observation_size]
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         walls = self.physics.walls
         place = ((walls.left, walls.right), (walls.bottom, walls.top))

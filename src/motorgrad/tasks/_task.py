@@ -75,6 +75,11 @@ class Task(abc.ABC):
         return self.episodic or self.episode_limit is not None
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        """What each observed number is, for people to read: by default its number."""
+        return tuple(f"input {index}" for index in range(self.observation_size))
+
+    @property
     def observation_range(self) -> tuple[tuple[float, float], ...] | None:
         """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
         that is not known."""

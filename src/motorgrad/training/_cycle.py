@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad.learning import Agent, AgentState, two_sum
+from motorgrad.learning import NEVER, Agent, AgentState, two_sum
 from motorgrad.tasks import Task, outcome
 
 Mode = Literal["learn", "sample", "mode"]
@@ -99,9 +99,17 @@ class Cycle:
         return cycle._replace(action=chosen)
 
     def settle(
-        self, cycle: CycleState, state: Any, observe: Float[Array, " _"], diverged: Bool[Array, ""] | bool = False
+        self,
+        cycle: CycleState,
+        state: Any,
+        observe: Float[Array, " _"],
+        diverged: Bool[Array, ""] | bool = False,
+        resting: bool = False,
     ) -> tuple[CycleState, Bool[Array, ""] | bool]:
-        """Take in what the action led to, and learn from it; also says whether the episode is over."""
+        """Take in what the action led to, and learn from it; also says whether the episode is over.
+
+        `resting`: without `Agent.improve`, which at this decision has nothing to do, as `rest` has said.
+        """
         led = outcome(self.task, cycle.memory, state, cycle.action, observe, cycle.elapsed)
         agent = cycle.agent
         ended: Any = False
@@ -111,9 +119,18 @@ class Cycle:
         if self.mode == "learn":
             told = (led.reward, led.observation, led.terminated, led.truncated, diverged)
             agent = self.agent.reinforce(agent, *told)
-            agent = self.agent.improve(agent, ended, diverged)
+            agent = agent if resting else self.agent.improve(agent, ended, diverged)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         return CycleState(agent, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
+
+    @property
+    def rests(self) -> bool:
+        """Whether there are decisions that can be settled `resting`: `rest` tells of them."""
+        return self.mode != "learn" or self.agent.rests
+
+    def rest(self, cycle: CycleState) -> Int[Array, ""]:
+        """How many decisions at least come that can be settled `resting`."""
+        return self.agent.rest(cycle.agent) if self.mode == "learn" else jnp.asarray(NEVER, jnp.int32)
 
     def restart(
         self,

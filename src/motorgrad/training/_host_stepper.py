@@ -1,6 +1,7 @@
 """Engines whose dynamics run on the host for all seeds, and one compiled call per decision for everything else."""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence, Set
 from typing import Any
 
 import jax
@@ -8,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from motorgrad._compiler import in_one_piece
 from motorgrad._random import BLOCK, draw_block
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import HostTask
 from motorgrad.training._cycle import CycleState, Mode
 from motorgrad.training._packing import Packed, Packing
-from motorgrad.training._stepper import Record, Stepper, fits
+from motorgrad.training._stepper import Look, Record, Stepper, fits
 
 Numbers = dict[str, Float[Array, " size"]]
 
@@ -40,8 +42,7 @@ class HostStepper(Stepper):
         super().__init__(task, agent, seeds, mode, diverges=True)
         self.batch = task.batch(list(map(int, self.seeds)), threads)
         own = jax.tree.map(lambda leaf: leaf[0], initial)
-        self._packing = Packing(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0]), own))
-        self._compile()
+        self._compile(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0]), own))
         self._block, self._drawn = -1, np.empty(0)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
@@ -51,15 +52,15 @@ class HostStepper(Stepper):
     def advance(self, decisions: int) -> None:
         out, has_episodes = np.asarray(self._out), self.task.has_episodes
         for _ in range(decisions):
-            self.batch.step(out[:, :-1])
+            settle = self._settle_resting if out[:, -1].min() > 0 else self._settle
+            self.batch.step(out[:, :-2])
             self.decision += 1
-            seen = self._input()
-            self._cycles, self._out = self._next(self._cycles, seen)
-            # Waits for the compiled call, which reads `seen` in place.
+            self._cycles, self._out = settle(self._cycles, self._input())
+            # Waits for the compiled call, which reads its input in place.
             out = np.asarray(self._out)
             self.ended = None
-            if (has_episodes or self.batch.lost) and np.count_nonzero(out[:, -1]):
-                ended = out[:, -1] > 0
+            if (has_episodes or self.batch.lost) and np.count_nonzero(out[:, -2]):
+                ended = out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))
                 self._cycles, self._out = self._again(self._cycles, self._input(), ended, self._out)
@@ -68,14 +69,15 @@ class HostStepper(Stepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self._unpack(self._cycles)
-        parts = {"cycle": cycle, "action": self._out, "physics": self.batch.snapshot()}
+        # How long it may rest follows from the cycle, and from whether this engine learns: it is not kept.
+        parts = {"cycle": cycle, "action": np.asarray(self._out)[:, :-1], "physics": self.batch.snapshot()}
         return jax.tree.map(np.array, {"decision": self.decision, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
         self.batch.restore(state["physics"])
         self._cycles = self._pack(state["cycle"])
-        self._out = jnp.array(state["action"])
+        self._out = self._with_rest(self._cycles, jnp.array(state["action"]))
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -95,6 +97,11 @@ class HostStepper(Stepper):
         else:
             self._cycles, self._out = self._first(self._pack(cycles), self._input())
 
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        one = jax.vmap(lambda cycle, packed: look(cycle, self.batch.unpack(packed)))
+        seen = jax.jit(lambda cycles, packed: one(self._unpack(cycles), packed))
+        return lambda: jax.tree.map(np.array, seen(self._cycles, self.batch.packed))
+
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
         block = self.decision // BLOCK
@@ -104,27 +111,40 @@ class HostStepper(Stepper):
         self._chance[...] = self._drawn[self.decision % BLOCK]
         return self._seen
 
-    def _compile(self) -> None:
+    def _compile(self, example: CycleState) -> None:
         """Map the functions of one seed below over all seeds, packed outside and unpacked inside."""
         task, width = self.task, self.batch.packed.shape[1]
         sizes = {"policy": self.policy.uniforms, "observe": task.uniforms}
         sizes |= {"memory": task.init_uniforms, "look": task.uniforms}
         ends = np.cumsum([width, *sizes.values()])
-        pack, unpack = self._packing.pack, self._packing.unpack
+        numbers = {name: jnp.zeros(size) for name, size in sizes.items()}
+        packing = Packing(example, len(self.seeds), self._still(example, numbers) if self.cycle.rests else ())
+        pack, unpack = packing.pack, packing.unpack
 
         def draw(block: Array) -> Float[Array, "decisions seeds size"]:
             drawn = [draw_block(self.seeds, name, block, size) for name, size in sizes.items()]
             return jnp.swapaxes(jnp.concatenate(drawn, axis=1), 1, 2)
 
-        def over_seeds(function: Any) -> Any:
-            """`function(cycle, packed, numbers, *rest) -> (cycle, out)` compiled for all seeds."""
+        def over_seeds(function: Any, still: Set[str] = frozenset()) -> Any:
+            """`function(cycle, packed, numbers, *rest) -> (cycle, out)` compiled for all seeds. Arrays of the names in
+            `still` it hands on as they are, so they need not come back."""
 
-            def one(cycle: Packed, seen: Array, *rest: Any) -> tuple[Packed, Array]:
+            def one(moving: Packed, still: Packed, seen: Array, *rest: Any) -> tuple[Packed, Array]:
                 numbers = dict(zip(sizes, jnp.split(seen, ends)[1:], strict=False))
-                after, out = function(unpack(cycle), seen[:width], numbers, *rest)
-                return pack(after), out
+                after, out = function(unpack(moving | still), seen[:width], numbers, *rest)
+                after = pack(after)
+                return {name: after[name] for name in moving}, out
 
-            return jax.jit(jax.vmap(one), donate_argnums=0)
+            compiled = in_one_piece(jax.vmap(one))
+
+            def call(cycles: Packed, *rest: Any) -> tuple[Packed, Array]:
+                if not still:
+                    return compiled(cycles, {}, *rest)
+                moving = {name: part for name, part in cycles.items() if name not in still}
+                moving, out = compiled(moving, {name: cycles[name] for name in still}, *rest)
+                return cycles | moving, out
+
+            return call
 
         def harvest(cycle: Packed) -> tuple[Packed, dict[str, Array]]:
             state, look = self._look(unpack(cycle))
@@ -136,9 +156,24 @@ class HostStepper(Stepper):
         self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
         self._start = jax.jit(jax.vmap(lambda seed, packed, own: pack(self._begin(seed, packed, own))))
         self._first = over_seeds(self._act)
-        self._next = over_seeds(self._settle_and_act)
+        self._settle = over_seeds(self._settle_and_act)
+        self._settle_resting = over_seeds(functools.partial(self._settle_and_act, resting=True), packing.still)
         self._again = over_seeds(self._restart_and_act)
         self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
+        self._with_rest = jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype))))
+
+    def _still(self, example: CycleState, numbers: Numbers) -> list[int]:
+        """The leaves of a cycle that a decision settled resting hands on as they are."""
+        still: list[int] = []
+
+        def settle(cycle: CycleState, packed: Array) -> None:
+            pairs = zip(
+                *map(jax.tree.leaves, (cycle, self._settle_and_act(cycle, packed, numbers, True)[0])), strict=True
+            )
+            still.extend(index for index, (before, after) in enumerate(pairs) if after is before)
+
+        jax.eval_shape(settle, example, self.batch.packed[0])
+        return still
 
     def _begin(self, seed: Array, packed: Array, own: Policy | None) -> CycleState:
         return self.cycle.begin(self._fresh(seed, own), self.batch.unpack(packed), *self._start_numbers(seed))
@@ -148,13 +183,15 @@ class HostStepper(Stepper):
 
     def _act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(self.task.control(cycle.action, cycle.memory), 0.0)
+        return cycle, self._row(cycle, 0.0)
 
-    def _settle_and_act(self, cycle: CycleState, packed: Array, numbers: Numbers) -> tuple[CycleState, Array]:
+    def _settle_and_act(
+        self, cycle: CycleState, packed: Array, numbers: Numbers, resting: bool = False
+    ) -> tuple[CycleState, Array]:
         diverged = packed[-1] > 0
-        cycle, ended = self.cycle.settle(cycle, self.batch.unpack(packed), numbers["observe"], diverged)
+        cycle, ended = self.cycle.settle(cycle, self.batch.unpack(packed), numbers["observe"], diverged, resting)
         cycle = self.cycle.act(cycle, numbers["policy"])
-        return cycle, _row(self.task.control(cycle.action, cycle.memory), ended)
+        return cycle, self._row(cycle, ended)
 
     def _restart_and_act(
         self, cycle: CycleState, packed: Array, numbers: Numbers, ended: Bool[Array, ""], out: Array
@@ -166,7 +203,13 @@ class HostStepper(Stepper):
         fresh, action = self._act(fresh, packed, numbers)
         return jax.tree.map(lambda new, old: jnp.where(ended, new, old), (fresh, action), (cycle, out))
 
+    def _row(self, cycle: CycleState, ended: Any) -> Float[Array, " size"]:
+        """What crosses to the host: the numbers that the dynamics are told, whether the episode has ended, and how many
+        decisions can be settled resting."""
+        control = jnp.asarray(self.task.control(cycle.action, cycle.memory), jnp.result_type(float))
+        ends = jnp.asarray(ended, control.dtype)
+        return jnp.append(control, jnp.stack([ends, self._rest(cycle, control.dtype)]))
 
-def _row(control: Array, ended: Any) -> Float[Array, " size"]:
-    """What crosses to the host: the numbers that the dynamics are told, then whether the episode has ended."""
-    return jnp.append(jnp.asarray(control, jnp.result_type(float)), ended)
+    def _rest(self, cycle: CycleState, dtype: Any) -> Array:
+        most = 2**24  # whole numbers up to which single precision is exact
+        return jnp.minimum(self.cycle.rest(cycle), most).astype(dtype)

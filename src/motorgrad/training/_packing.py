@@ -1,11 +1,13 @@
-"""A pytree as one array.
+"""A pytree as few arrays.
 
 A compiled call costs some microseconds for every array that crosses its border, which for a small learner is more than
 the learning itself. Packed, a whole learner crosses as one array of 32-bit words (and one more for each wider type).
-Only what is large crosses by itself, as copying it would cost more.
+Only what is large crosses by itself, as copying it would cost more; and what stays as it is stands apart, so that it
+need not come back.
 """
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import jax
@@ -14,49 +16,50 @@ from jaxtyping import Array, PyTree
 
 Packed = dict[str, Array]
 WORD = jnp.dtype("uint32")
-LARGE = 128  # numbers; where a copy begins to cost more than a border
+LARGE = 4096  # numbers of all seeds; where a copy begins to cost more than a border
 
 
 class Packing:
-    """How to pack trees of the structure of `example` (arrays or shapes), of one seed."""
+    """How to pack trees of the structure of `example` (arrays or shapes), of one seed of so many. The leaves whose
+    places among all are in `still` stand in arrays of their own, which `still` then names."""
 
-    def __init__(self, example: PyTree[Any]):
+    def __init__(self, example: PyTree[Any], seeds: int, still: Collection[int] = ()):
         leaves, self._structure = jax.tree.flatten(example)
-        self._shapes = [(leaf.shape, jnp.dtype(leaf.dtype)) for leaf in leaves]
-        self._places = [_place(index, *each) for index, each in enumerate(self._shapes)]
+        self._leaves = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
+        self._names = [_name(i, leaf, seeds, i in still) for i, leaf in enumerate(self._leaves)]
+        self.still = frozenset(self._names[index] for index in still)
 
     def pack(self, tree: PyTree[Array]) -> Packed:
-        """One vector of words, bit for bit the numbers of the tree; types of another width have their own."""
-        parts: dict[str, list[Array]] = {}
-        for leaf, place in zip(jax.tree.leaves(tree), self._places, strict=True):
-            vector = jnp.ravel(leaf)
-            words = jax.lax.bitcast_convert_type(vector, WORD) if place == WORD.name else vector
-            parts.setdefault(place, []).append(words)
-        return {place: _overlay(v) if place == WORD.name else jnp.concatenate(v) for place, v in parts.items()}
+        """Vectors that are bit for bit the numbers of the tree, and its large leaves."""
+        parts: dict[str, list[Array]] = {name: [] for name in self._names}
+        for leaf, name in zip(jax.tree.leaves(tree), self._names, strict=True):
+            words = jax.lax.bitcast_convert_type(leaf, WORD) if name.endswith(WORD.name) else leaf
+            parts[name].append(words)
+        return {
+            name: leaves[0] if _alone(name) else jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
+            for name, leaves in parts.items()
+        }
 
     def unpack(self, packed: Packed) -> PyTree[Array]:
         """The inverse of `pack`."""
         leaves, start = [], dict.fromkeys(packed, 0)
-        for (shape, kind), place in zip(self._shapes, self._places, strict=True):
-            size = math.prod(shape)
-            vector = packed[place][start[place] : start[place] + size]
-            start[place] += size
-            leaves.append((jax.lax.bitcast_convert_type(vector, kind) if place == WORD.name else vector).reshape(shape))
+        for like, name in zip(self._leaves, self._names, strict=True):
+            leaf = packed[name]
+            if not _alone(name):
+                size = math.prod(like.shape)
+                leaf = leaf[start[name] : start[name] + size].reshape(like.shape)
+                start[name] += size
+            leaves.append(jax.lax.bitcast_convert_type(leaf, like.dtype) if name.endswith(WORD.name) else leaf)
         return jax.tree.unflatten(self._structure, leaves)
 
 
-def _place(index: int, shape: tuple[int, ...], kind: Any) -> str:
-    """In which of the vectors a leaf stands."""
-    if math.prod(shape) > LARGE:
+def _name(index: int, leaf: jax.ShapeDtypeStruct, seeds: int, still: bool) -> str:
+    """Of the array in which a leaf stands."""
+    if math.prod(leaf.shape) * seeds > LARGE:
         return f"leaf {index}"
-    return WORD.name if kind.itemsize == WORD.itemsize else kind.name
+    kind = WORD if leaf.dtype.itemsize == WORD.itemsize else leaf.dtype
+    return f"still {kind.name}" if still else kind.name
 
 
-def _overlay(vectors: list[Array]) -> Array:
-    """Vectors of words one after the other. XLA fuses this into what makes them; it does not a long concatenation."""
-    size, start = sum(vector.size for vector in vectors), 0
-    total = jnp.zeros(size, WORD)
-    for vector in vectors:
-        total = total | jnp.pad(vector, (start, size - start - vector.size))
-        start += vector.size
-    return total
+def _alone(name: str) -> bool:
+    return name.startswith("leaf")

@@ -2,7 +2,7 @@
 
 import abc
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -18,6 +18,7 @@ from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import Cycle, CycleState, Mode
 
+Look = Callable[[CycleState, Any], PyTree[Array]]
 Record = dict[str, np.ndarray]
 """What happened since the last record, by name; every array has a leading axis of seeds."""
 
@@ -72,6 +73,14 @@ class Stepper(abc.ABC):
     def use(self, policies: Policy, memory: Any = None) -> None:
         """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
         the task had when they had been learnt, with which it goes on frozen."""
+
+    @abc.abstractmethod
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        """A function that says what `look(cycle, state)` makes of every seed as it is now, copied, seeds leading.
+
+        `look` is pure and compiled: it sees one seed's `CycleState` and the state of the dynamics that the task's
+        functions see. Nothing is changed by it.
+        """
 
     def _start_numbers(self, seed: Array) -> tuple[Array, Array]:
         """One seed's random numbers for the memory and the observation before its first decision."""

@@ -1,6 +1,6 @@
 """The engine for worlds: one compiled loop over decisions, mapped over seeds."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import jax
@@ -14,7 +14,7 @@ from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._cycle import CycleState, Mode
-from motorgrad.training._stepper import Record, Stepper, fits, seeds_first, seeds_last
+from motorgrad.training._stepper import Look, Record, Stepper, fits, seeds_first, seeds_last
 from motorgrad.worlds import World
 
 Carry = tuple[CycleState, Any]
@@ -69,6 +69,10 @@ class WorldStepper(Stepper):
             adopt = jax.vmap(self._adopt, in_axes=(0, *self.axes, 0), out_axes=self.axes[0])
             cycle = jax.jit(adopt)(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)
+
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        seen = jax.jit(jax.vmap(look, in_axes=self.axes))
+        return lambda: jax.tree.map(np.array, seen(*self._carry))
 
     def _begin(self, seed: Array, own: Policy | None) -> Carry:
         state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))

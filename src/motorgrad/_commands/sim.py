@@ -1,0 +1,230 @@
+"""`motorgrad sim SUBJECT`: see a body, its muscles and its learner, live."""
+
+import dataclasses
+import math
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from motorgrad._commands._configuration import Given, fill, read, resolve, take
+from motorgrad._commands._task_options import policy_of, task_of, with_learner
+from motorgrad._errors import check, unknown
+from motorgrad._files import check_writable, read_toml
+from motorgrad._settings import as_hinted, build, table
+from motorgrad.sim import live
+from motorgrad.sim.page import HERE, Page, check_port, warn_of
+from motorgrad.sim.planet import Planet
+from motorgrad.tasks import TASKS
+from motorgrad.training import RunDirectoryError, load, settings_for, settled
+
+USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
+
+See a body, its muscles and its learner live in the browser, in a process of their own. A task learns, a body or any
+MJCF file is simulated without a learner, a run goes on from what it has learnt.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of `motorgrad sim`, beside those of the task and of the agent."""
+
+    run: Path | None = None
+    """Begin with the policy of a run of the task, in this directory; TASK may then be left out."""
+    seed: int | None = None
+    """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
+    frozen: bool = False
+    """Begin without learning."""
+    paused: bool = False
+    """Begin paused."""
+    speed: float | Literal["max"] = 1.0
+    """Simulated seconds per second, at least 0.05; max for as fast as possible."""
+    host: str = HERE
+    """Where the page listens. Whoever reaches another host than 127.0.0.1 can drive the simulation."""
+    port: int | None = None
+    """The page's port; by default 8080, or the next that is free."""
+    browser: bool = True
+    """Open the page in the browser, where there is a screen."""
+    record: Path | None = None
+    """Film the simulation from its beginning into this file (.mp4), whether or not a browser watches."""
+    seconds: float | None = None
+    """End after so many seconds of wall time; by default with Ctrl-C."""
+    task: ClassVar[Any] = None
+    scene: ClassVar[Mapping[str, Any]] = {}
+    """What the file says that no option stands for, in plain values."""
+
+    def validate(self: Any) -> None:
+        live.Speed(self.pace)
+        check_port(self.host, self.port)
+        if self.record is not None:
+            check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
+            check_writable("record", self.record)
+        check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
+
+    def effective(self: Any) -> dict[str, Any]:
+        values = {**table(self), **self.scene}
+        return values if self.task is None else {**values, "task": {"name": self.task.name, **values["task"]}}
+
+    @property
+    def pace(self) -> float:
+        return math.inf if self.speed == "max" else self.speed
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """The tables of a scene file that no option of the command line stands for."""
+
+    stage: live.Stage = dataclasses.field(default_factory=live.Stage)
+    planet: Planet | None = None
+
+
+def run(arguments: list[str]) -> int:
+    if not arguments or set(arguments) <= {"-h", "--help"}:
+        return _usage(0 if arguments else 2)
+    given = read(arguments)
+    place, model, scene, given = _parts(given)
+    given = _with_run(given)
+    if model is not None:
+        kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
+        options = resolve(kind, given, "sim MODEL")
+        check(options.run is None, "run", str(options.run), "left out with a model, which has no learner")
+        setup = _named(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
+    else:
+        options = _learner_options(given, scene)
+        setup = _named(given, lambda: _setup(options, place))
+    return _show(setup, options)
+
+
+def _learner_options(given: Given, scene: Mapping[str, Any]) -> Any:
+    """The options with those of the task and its learner, whose defaults depend on each other."""
+    name, given = task_of(given)
+    check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
+    about_task = any(argument.startswith("--task") for argument in given.rest)
+    settings = {key: value for key, value in given.table.items() if key == "task"}
+    draft = given._replace(table=settings, rest=given.rest if about_task else [])
+    asked = fill(_command(TASKS[str(name)]()), draft, f"sim {name}").get("task", {})
+    task = as_hinted(TASKS[str(name)], asked, "task")
+    kind = _command(task, policy_of(given))
+    kind.scene = scene
+    return resolve(kind, given, f"sim {name}")
+
+
+def _setup(options: Any, place: Place) -> Any:
+    agent = settled(options.agent, settings_for(options.task, policy=options.agent.policy))
+    seed = options.seed
+    if options.run is not None:
+        known = load(options.run)
+        seed = known.seeds[0] if seed is None else seed
+        if isinstance(known.config["agent"]["policy"], dict):  # made in Python, and not to be made again
+            why = "true: the learner of this run was made in Python, so that its policy can only act"
+            check(options.frozen, "frozen", options.frozen, why)
+            agent = live.acting(known, seed)
+    rest = {"frozen": options.frozen, "stage": place.stage, "planet": place.planet}
+    return live.setup_of(options.task, agent, seed or 0, run=options.run, **rest)
+
+
+def _show(setup: Any, options: Options) -> int:
+    warn_of(options.host)
+    until = math.inf if options.seconds is None else time.monotonic() + options.seconds
+    print(f"{setup.name}: starting …", file=sys.stderr)
+    with (
+        live.Session(setup, playing=not options.paused, speed=options.pace) as session,
+        Page(session, options.host, options.port) as page,
+    ):
+        print(f"{setup.name}: {page.url}   (Ctrl-C ends it)", flush=True)
+        film = None if options.record is None else page.record(options.record)
+        if options.browser:
+            page.open()
+        try:
+            while time.monotonic() < until and not session.ended:
+                time.sleep(min(0.2, max(0.0, until - time.monotonic())))
+        except KeyboardInterrupt:
+            print(f"{setup.name}: ended", file=sys.stderr)
+        finally:
+            if film is not None:
+                film.stop()
+                print(f"film: {film.path}")
+        if session.ended:
+            raise RuntimeError(page.last_words)
+    return 0
+
+
+def _parts(given: Given) -> tuple[Place, Path | str | None, dict[str, Any], Given]:
+    """The stage and the planet of a scene file; the model or the body, if that is what is shown; both in plain values;
+    and the rest."""
+    values, rest, model, scene = dict(given.table), list(given.rest), None, {}
+    try:
+        place = build(Place, {name: values.pop(name) for name in ("stage", "planet") if name in values})
+        scene = table(place)
+        for name in ("model", "body"):
+            if (word := values.pop(name, None)) is None:
+                continue
+            check(isinstance(word, str) and word, name, word, "a path" if name == "model" else "the name of a body")
+            check(model is None and "task" not in values, name, word, "the only one of task, body and model")
+            # a path in a file is meant from where that file is
+            model = given.file.parent / word if name == "model" and given.file else _body(word)
+            scene[name] = str(model.absolute()) if isinstance(model, Path) else model
+    except ValueError as error:
+        raise ValueError(f"{given.file}: {error}" if given.file else str(error)) from None
+    if rest and not rest[0].startswith("-"):
+        word = rest[0]
+        if live.is_path(word) or (word in live.BODIES and word not in TASKS):
+            check(model is None, "the first word", word, f"left out, as {given.file} says what is shown")
+            model, rest = (Path(word) if live.is_path(word) else word), rest[1:]
+            scene["model" if live.is_path(word) else "body"] = str(model)
+        elif word not in TASKS:
+            raise unknown("task, body or file (.xml)", word, {*TASKS, *live.BODIES})
+    return place, model, scene, given._replace(table=values, rest=rest)
+
+
+def _body(word: str) -> str:
+    if word not in live.BODIES:
+        raise unknown("body", word, live.BODIES)
+    return word
+
+
+def _with_run(given: Given) -> Given:
+    """What a run's own configuration says of its task and learner, below what else is given."""
+    word, _ = take("run", given.rest)
+    word = word or given.table.get("run")
+    if not isinstance(word, str):
+        return given
+    file = Path(word) / "config.toml"
+    if not file.is_file():
+        raise RunDirectoryError(f"{word} is not a run directory: it has no config.toml")
+    config, values = read_toml(file), dict(given.table)
+    try:
+        own_name, settings = config["task"]["name"], config["agent"]["policy"]
+    except (KeyError, TypeError):
+        raise RunDirectoryError(f"{file}: damaged: it does not say which task was learnt, and how") from None
+    if isinstance(settings, dict):  # made in Python
+        config["agent"] = {}
+    asked = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None
+    if asked is None and isinstance(values.get("task"), Mapping):
+        asked = values["task"].get("name")
+    if asked not in (None, own_name):
+        raise ValueError(f"{word}: a run of the task {own_name!r}, but this is {asked!r}")
+    for part in ("task", "agent"):
+        own = values.get(part, {})
+        values[part] = {**config[part], **own} if isinstance(own, Mapping) else own
+    return given._replace(table=values, file=given.file or file)
+
+
+def _named(given: Given, make: Any) -> Any:
+    """What is refused of a scene file is refused by its name."""
+    try:
+        return make()
+    except ValueError as error:
+        told = str(error)
+        raise ValueError(told if given.file is None or str(given.file) in told else f"{given.file}: {told}") from None
+
+
+def _command(task: Any, policy: dict[str, str] | None = None) -> Any:
+    return with_learner(Options, "Sim", "See it learn", task, policy)
+
+
+def _usage(status: int) -> int:
+    print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(live.BODIES)}\n")
+    print("motorgrad sim TASK --help lists the options, with those of a task and of its learner.")
+    return status

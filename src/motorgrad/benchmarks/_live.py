@@ -1,0 +1,96 @@
+"""TimSim: how fast a learner learns while it is watched."""
+
+import math
+import multiprocessing
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from motorgrad.benchmarks._measure import Row
+from motorgrad.sim.live import Pause, Play, Session, learner
+from motorgrad.sim.page import Page
+from motorgrad.training import settings_for, stepper_of
+
+PATIENCE = 300.0  # seconds for what takes some ten
+
+
+def watched_row(task: str, seconds: float, pairs: int, wanted: str = "") -> Row:
+    """Decisions per second of a learner in a page that one client watches, which receives everything and does not draw,
+    against the same learner alone; in turn, each in a process of its own."""
+    context = multiprocessing.get_context("spawn")
+    pipe, theirs = context.Pipe()
+    alone = context.Process(target=_learn, args=(theirs, task), daemon=True)
+    alone.start()
+    rates: list[list[float]] = [[], []]
+    with Session(learner(task), playing=False, speed=math.inf) as session, Page(session) as page:
+        port = page.server.get_port()
+        length = 2 * pairs * (seconds + 5) + 60
+        command = [sys.executable, "-m", "motorgrad.benchmarks._watcher", str(port), str(length)]
+        client = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        try:
+            _until(lambda: bool(page.server.get_clients()))
+            _receive(pipe)  # it has compiled
+
+            _played(session, seconds)  # compiles
+            for _ in range(pairs):
+                rates[0].append(_played(session, seconds))
+                pipe.send(seconds)
+                rates[1].append(_receive(pipe))
+        finally:
+            client.terminate()
+            client.wait()
+            pipe.send(None)
+            alone.join()
+    return _row(f"{task}, watched by a client ÷ headless, 1 seed", rates, wanted)
+
+
+def _row(name: str, rates: list[list[float]], wanted: str) -> Row:
+    ours, other = np.array(rates)
+    ratios = ours / other
+    spread = (float(ratios.min()), float(ratios.max()))
+    medians = (float(np.median(ours)), float(np.median(other)))
+    return Row(name, *medians, "decisions/s", float(np.median(ratios)), spread, wanted)
+
+
+def _played(session: Session, seconds: float) -> float:
+    """Decisions per second of a session that plays for so long."""
+    before, start = session.snapshot().decision, time.perf_counter()
+    session.order(Play())
+    time.sleep(seconds)
+    session.order(Pause())
+    _until(lambda: not session.snapshot().playing)
+    return (session.snapshot().decision - before) / (time.perf_counter() - start)
+
+
+def _learn(pipe: Connection, name: str) -> None:
+    """A process that learns alone whenever it is told for how long, and says how many decisions a second it made."""
+    from motorgrad.tasks import make
+
+    task = make(name)
+    stepper = stepper_of(task, settings_for(task).agent(task), [0], threads=1)
+    stepper.advance(200)
+    pipe.send(0.0)
+    while (seconds := pipe.recv()) is not None:
+        made, start = 0, time.perf_counter()
+        while (took := time.perf_counter() - start) < seconds:
+            stepper.advance(200)
+            made += 200
+        pipe.send(made / took)
+
+
+def _receive(pipe: Connection) -> float:
+    if not pipe.poll(PATIENCE):
+        raise RuntimeError("the learner without a page did not answer")
+    return pipe.recv()
+
+
+def _until(true: Callable[[], bool]) -> None:
+    until = time.monotonic() + PATIENCE
+    while not true():
+        if time.monotonic() > until:
+            raise RuntimeError("the page did not answer")
+        time.sleep(0.01)

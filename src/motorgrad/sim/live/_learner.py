@@ -1,0 +1,252 @@
+"""A learner that can be watched and changed while it runs."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.learning import IndexedAgent
+from motorgrad.sim.live._body_part import BodyPart
+from motorgrad.sim.live._exploring import explores, hotter
+from motorgrad.sim.live._learner_settings import EXPLORATION, named_rates, put_rate, rebuilt, with_changes
+from motorgrad.sim.live._looking import Seen, gradient_norm, watch
+from motorgrad.sim.live._muscle_settings import check_number
+from motorgrad.sim.live._policy_file import load_policy, save_policy
+from motorgrad.sim.live._replies import Ready
+from motorgrad.sim.live._setup import Setup
+from motorgrad.sim.live._snapshot import Sizes
+from motorgrad.sim.live._subject import Look, Tally
+from motorgrad.training import Stepper, stepper_of
+
+ROOM = 20.0  # simulated seconds of the trail
+MADE = 4  # engines kept, so that going back to a setting compiles nothing
+
+
+class Learner:
+    """One seed of a task's learner, in the engine of training; and, while they are compared, an untrained body."""
+
+    def __init__(self, setup: Setup):
+        assert setup.task is not None
+        assert setup.agent is not None
+        self._setup, self.task, self.agent = setup, setup.task, setup.agent
+        self.frozen = setup.frozen
+        self._changes: dict[str, float] = {}
+        self._engines: dict[Any, Stepper] = {}
+        self._watches: dict[Stepper, Any] = {}
+        self._body = BodyPart(stepper := self._engine())
+        if setup.memory is not None:
+            stepper.use(stepper.policies(), setup.memory)
+        self._stepper, self._comparing = stepper, False
+        self._untrained: Stepper | None = None
+        self.settings = named_rates(stepper.state) | rebuilt(self.task, self.agent) | self._body.read()
+        if explores(stepper.policy):
+            self.settings[EXPLORATION] = 1.0
+        self._pushed_until = self._counted = 0
+        self._last: Seen | None = None
+        self._start = self.state
+
+    @property
+    def decision(self) -> int:
+        return self._stepper.decision
+
+    @property
+    def period(self) -> float:
+        return self.task.period
+
+    @property
+    def fields(self) -> dict[str, np.ndarray]:
+        return self._body.fields
+
+    def about(self) -> Ready:
+        width = {name: array.shape[1] for name, array in self._see().items() if array.ndim == 2}
+        body, readings, units = self._body, list(self.task.reports), width["probability"]
+        room = int(np.clip(ROOM / self.period, 200, 4000))
+        moved = (width["position"], width["velocity"], 0, len(body.muscles))
+        learnt = (width["observation"], units, width["parameters"])
+        sizes = Sizes(*moved, *learnt, len(body.feet), room, len(readings))
+        inputs = list(self.task.observation_names)
+        actions = body.groups if len(body.groups) == units else [f"unit {i}" for i in range(units)]
+        return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
+
+    def skip(self, decisions: int) -> None:
+        """Make decisions; a push ends between two of them."""
+        while decisions > 0:
+            left = self._pushed_until - self.decision
+            count = min(decisions, left) if left > 0 else decisions
+            for stepper in self._shown:
+                stepper.advance(count)
+            decisions -= count
+            if left > 0 and self.decision == self._pushed_until:
+                self._body.release(self._stepper)
+        self._last = None
+
+    def step(self) -> Look:
+        before = self._see() if self._last is None else self._last
+        self.skip(1)
+        return self._look(before)
+
+    def look(self) -> Look:
+        return self._look(None)
+
+    def tally(self) -> Tally:
+        count, record = self.decision - self._counted, self._stepper.harvest()
+        self._counted, self._last = self.decision, None
+        for stepper in self._shown[1:]:
+            stepper.harvest()
+        reports = self.task.reports
+        lost = int(record["diverged"][0]) if "diverged" in record else 0
+        values = [record["reward"][0] / max(count - lost, 1), *(record[name][0] for name in reports)]
+        counts = [count, *(record[f"{name}_count"][0] for name in reports)]
+        return Tally(np.asarray(values, float), np.asarray(counts, float))
+
+    @property
+    def state(self) -> Any:
+        return {
+            "learner": self._stepper.state,
+            "untrained": self._beside.state if self._comparing else None,
+            "frozen": self.frozen,
+            "changes": dict(self._changes),
+            "settings": dict(self.settings),
+            "pushed": self._pushed_until,
+            "counted": self._counted,
+        }
+
+    def restore(self, state: Any) -> None:
+        self.frozen, self._changes = state["frozen"], dict(state["changes"])
+        self._stepper = self._engine()
+        self.settings = dict(state["settings"])
+        self._pushed_until, self._counted, self._last = state["pushed"], state["counted"], None
+        self._body.put(self.settings, self._all)
+        self._stepper.restore(state["learner"])
+        self._comparing = state["untrained"] is not None
+        if self._comparing:
+            self._beside.restore(state["untrained"])
+
+    def begin_again(self) -> None:
+        settings = {name: value for name, value in self.settings.items() if name != EXPLORATION}
+        kept = {"frozen": self.frozen, "changes": self._changes, "settings": {**self._start["settings"], **settings}}
+        self.restore({**self._start, **kept, "untrained": self._untouched if self._comparing else None})
+        for name in named_rates(self._stepper.state):
+            self._change_state(lambda state, name=name: put_rate(state, name, settings[name]))
+
+    def edit(self, name: str, value: float) -> None:
+        value = float(value)
+        if name in self._body.numbers:
+            check_number(name, self._body.numbers[name], value)
+            self._body.put({**self.settings, name: value}, self._all)
+        elif name in rebuilt(self.task, self.agent):
+            self._switch({**self._changes, name: value}, self.frozen)
+        elif name == EXPLORATION:
+            check(value > 0, name, value, "above 0")
+            self._change_state(lambda state: _explore(state, value / self.settings[EXPLORATION]))
+        else:
+            self._change_state(lambda state: put_rate(state, name, value))
+        self.settings[name] = value
+
+    def freeze(self, on: bool) -> None:
+        if on != self.frozen:
+            known = not isinstance(self.agent, IndexedAgent)
+            check(known, "freeze", on, "left alone with a learner whose units are indexed")
+            self._switch(self._changes, on)
+
+    def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
+        self._body.release(self._stepper)
+        self._body.push(body, force, self._stepper)
+        self._pushed_until = self.decision + max(1, round(seconds / self.period))
+
+    def compare(self, on: bool) -> None:
+        if on and not self._comparing:
+            self._beside.restore(self._untouched)
+        self._comparing, self._last = on, None
+
+    def save(self, path: str) -> None:
+        policy = jax.tree.map(lambda leaf: leaf[0], self._stepper.policies())
+        save_policy(path, policy, self.task.name)
+
+    def load(self, path: str, seed: int | None) -> None:
+        policy, memory = load_policy(path, self._stepper.policy, self.task.name, seed)
+        self._stepper.use(policy, memory)
+        self._last = None
+        if EXPLORATION in self.settings:
+            self.settings[EXPLORATION] = 1.0
+
+    def control(self, actuator: int, value: float) -> None:
+        raise ValueError("control: the learner moves this body")
+
+    @property
+    def _shown(self) -> list[Stepper]:
+        return [self._stepper, self._beside] if self._comparing else [self._stepper]
+
+    @property
+    def _all(self) -> list[Stepper]:
+        return [*self._engines.values(), *([] if self._untrained is None else [self._untrained])]
+
+    def _switch(self, changes: dict[str, float], frozen: bool) -> None:
+        """Go on in an engine of other settings, from the same state; or, where it refuses, in the same."""
+        before, state = (self._changes, self.frozen), self._stepper.state
+        self._changes, self.frozen = changes, frozen
+        try:
+            stepper = self._engine()
+            self._body.put(self.settings, [stepper])
+            stepper.restore(state)
+        except ValueError:
+            self._changes, self.frozen = before
+            raise
+        self._stepper, self._last = stepper, None
+
+    def _engine(self) -> Stepper:
+        """The engine for the present settings."""
+        key = (self.frozen, *sorted(self._changes.items()))
+        if key not in self._engines:
+            task, agent = with_changes(self.task, self.agent, self._changes)
+            mode = "sample" if self.frozen else "learn"
+            made = stepper_of(task, agent, [self._setup.seed], mode, threads=1, initial=self._setup.initial)
+            while len(self._engines) >= MADE:
+                old = self._engines.pop(next(iter(self._engines)))
+                self._watches.pop(old, None)
+            self._engines[key] = made
+        self._engines[key] = self._engines.pop(key)  # the newest last
+        return self._engines[key]
+
+    @property
+    def _beside(self) -> Stepper:
+        """The engine of the untrained body."""
+        if self._untrained is None:
+            self._untrained = stepper_of(self.task, self.agent, [self._setup.seed], "sample", threads=1)
+            self._untouched = self._untrained.state
+            self._body.put(self.settings, [self._untrained])
+        return self._untrained
+
+    def _change_state(self, change: Any) -> None:
+        state = self._stepper.state
+        change(state)
+        self._stepper.restore(state)
+        self._last = None
+
+    def _see(self) -> Seen:
+        """Every body in view as it is now, one below the other."""
+        parts = []
+        for stepper in self._shown:
+            if stepper not in self._watches:
+                self._watches[stepper] = watch(stepper, self._body.feet)
+            parts.append(self._watches[stepper]() | {"control": self._body.control(stepper)})
+        if len(parts) == 1:
+            return parts[0]
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    def _look(self, before: Seen | None) -> Look:
+        after = self._last = self._see()
+        look = {name: after[name] for name in after if name not in ("paid", "rates", "batch")}
+        look["activation"] = np.zeros((len(after["position"]), 0))
+        unknown = np.full(len(after["position"]), np.nan)
+        known = before is not None and len(before["paid"]) == len(after["paid"])
+        look["reward"] = (after["paid"].astype(float) - before["paid"]).sum(axis=1) if known and before else unknown
+        look["gradient_norm"] = gradient_norm(before, after) if known and before else unknown
+        return look
+
+
+def _explore(state: Any, factor: float) -> None:
+    cycle = state["cycle"]
+    policy = jax.tree.map(np.asarray, hotter(cycle.agent.policy, factor))
+    state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))

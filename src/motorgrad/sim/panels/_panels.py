@@ -1,0 +1,77 @@
+"""All panels of a page, as tabs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from motorgrad.sim.panels._capture import CapturePanel
+from motorgrad.sim.panels._gait import GaitPanel
+from motorgrad.sim.panels._learning import LearningPanel
+from motorgrad.sim.panels._muscles import MusclesPanel
+from motorgrad.sim.panels._panel import Panel, notify
+from motorgrad.sim.panels._policy import PolicyPanel
+from motorgrad.sim.panels._run import RunPanel
+
+if TYPE_CHECKING:
+    import viser
+
+    from motorgrad.sim.live import Event, Session, Snapshot
+    from motorgrad.sim.scene import Pose
+
+PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
+"""In the order of their tabs."""
+SAID = {
+    "saved": ("Saved", "green"),
+    "loaded": ("Loaded", "green"),
+    "error": ("Not done", "red"),
+    "ended": ("Ended", "red"),
+}
+
+
+class Panels:
+    """The tabs of a page: those of `PANELS` that apply to its run.
+
+    It takes in the session's events: every browser is told of what was refused, saved or loaded, and the log of
+    changes keeps the rest. Nothing else may read them.
+
+    **Attributes:** `tabs`, viser's tab group, to which others may add; `panels`, by title.
+    """
+
+    def __init__(self) -> None:
+        self.panels: dict[str, Panel] = {}
+        self.tabs: Any = None
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Add the tabs, in the container that is open."""
+        self._server, self._session = server, session
+        self.tabs = server.gui.add_tab_group()
+        for kind in PANELS:
+            if kind.applies(session):
+                panel = kind()
+                with self.tabs.add_tab(kind.title, kind.icon):
+                    panel.build(server, session)
+                self.panels[kind.title] = panel
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Show the present moment; each panel sees to it that it is not renewed too often."""
+        self._tell(self._session.events())
+        for panel in self.panels.values():
+            panel.update(snapshot, pose)
+
+    def close(self) -> None:
+        """End recordings that are under way, so that their files are whole."""
+        capture = self.panels.get(CapturePanel.title)
+        if isinstance(capture, CapturePanel):
+            capture.close()
+
+    def _tell(self, events: Sequence[Event]) -> None:
+        if not events:
+            return
+        for panel in self.panels.values():
+            panel.tell(list(events))
+            panel.renew()
+        for event in events:
+            if event.kind in SAID:
+                title, colour = SAID[event.kind]
+                notify(self._server, event.text, title, colour)

@@ -1,0 +1,112 @@
+"""Settings that are edited as text, so that 5e-4 can be written, and are taken together with Enter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from motorgrad.sim.panels._panel import Panel
+
+WORDS = {
+    "agent.rate": ("step size α", "Of every parameter; the learning rate."),
+    "agent.decay": ("trace decay β", "How much of the trace is left after a decision, from 0 to 1."),
+    "task.reward_scale": ("reward scale", "A factor on every reward."),
+    "exploration": ("exploration", "A factor on the temperature of the units, or on their noise."),
+    "strength": ("strength (N)", "The greatest force."),
+    "rest_length": ("rest length (m)", "Where the force is greatest."),
+    "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
+}
+
+RATES = "agent.rates."
+
+
+class SettingsForm:
+    """Some of a session's settings as a form: what was changed is sent when it is submitted.
+
+    **Arguments:** the panel that it stands in; `label`, of the form; `button`, what submits it.
+
+    A setting that the run refuses, or that is no number, is put back to what it is, and the user is told why.
+    """
+
+    def __init__(self, panel: Panel, label: str = "Settings", button: str = "Apply") -> None:
+        self._panel, self._label, self._button = panel, label, button
+        self._fields: list[Any] = []
+        self._names: list[str] = []
+        self._shown: dict[str, float] = {}
+
+    def fill(self, gui: Any, names: Sequence[str]) -> None:
+        """Add the form, with a field for each setting."""
+        self._names = list(names)
+        with gui.add_form(self._label) as form:
+            for name in names:
+                label, hint = words_of(name)
+                self._fields.append(gui.add_text(label, self._text(name), hint=f"{hint} {name}".strip()))
+            button = gui.add_button(self._button, icon="check")
+        button.on_click(lambda _: form.submit())
+        form.on_submit(self._panel.guarded(self._submit))
+
+    def point_at(self, names: Sequence[str]) -> None:
+        """Show other settings in the same fields; one too many is hidden."""
+        self._names = list(names)
+        for field, name in zip(self._fields, names, strict=False):
+            field.value, field.label = self._text(name), words_of(name)[0]
+        for row, field in enumerate(self._fields):
+            field.visible = row < len(names)
+
+    def follow(self) -> None:
+        """Show what was changed elsewhere: by another browser, or by going back in time."""
+        for field, name in zip(self._fields, self._names, strict=False):
+            if self._shown.get(name) != self._panel.session.settings[name]:
+                field.value = self._text(name)
+
+    def _text(self, name: str) -> str:
+        value = self._panel.session.settings[name]
+        self._shown[name] = value
+        return f"{value:.6g}"
+
+    def _submit(self, _: Any) -> None:
+        from motorgrad.sim.live import Edit
+
+        try:
+            changes = []
+            for field, name in zip(self._fields, self._names, strict=False):
+                if field.value.strip() != f"{self._shown[name]:.6g}":
+                    changes.append(Edit(name, number_of(words_of(name)[0], field.value)))
+            for change in changes:
+                self._panel.order(change)
+        finally:
+            for field, name in zip(self._fields, self._names, strict=False):
+                if not _is_number(field.value):
+                    field.value = self._text(name)
+
+    def refused(self) -> None:
+        """Put every field back to what the run has."""
+        self._shown.clear()
+        self.follow()
+
+
+def words_of(name: str) -> tuple[str, str]:
+    """A setting's label and what it means."""
+    if name.startswith(RATES):  # of parameters that have step sizes of their own
+        label, hint = WORDS["agent.rate"]
+        return f"{label}, {name.removeprefix(RATES).replace('_', ' ')}", hint
+    for key in (name, name.rsplit(".", 1)[-1] if name.startswith("body.") else name):
+        if key in WORDS:
+            return WORDS[key]
+    return name.split(".", 1)[-1].replace("_", " "), ""
+
+
+def number_of(name: str, text: str) -> float:
+    """The number that a text says. **Raises** `ValueError` that names the field."""
+    if not _is_number(text):
+        raise ValueError(f"{name} = {text!r}: must be a number, such as 0.5 or 5e-4")
+    return float(text)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

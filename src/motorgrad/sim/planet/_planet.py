@@ -1,0 +1,177 @@
+"""A planet's settings, and the ground that they make."""
+
+import dataclasses
+import functools
+import math
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from motorgrad._errors import check, choice
+from motorgrad.sim.planet._elevation import Elevation, Kind, MapElevation, SeededElevation
+from motorgrad.sim.planet._ellipsoid import Ellipsoid, towards
+from motorgrad.sim.planet._frame import Frame, frame_at
+from motorgrad.sim.planet._patch import Patch
+from motorgrad.sim.planet._surface import Surface
+
+SMALLEST, LARGEST = 1.0, 1e6  # m, of the radii
+LEAST_CELL = 0.05  # m
+MOST_POINTS = 250_000  # of the patch
+LEAST_TRIANGLES = 20_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Detail:
+    """How finely a planet is drawn, and what that may cost.
+
+    **Arguments:**
+
+    - `tolerance` (pixels): by which the drawn ground may be off in the picture, as far as the budget allows.
+    - `triangles`: drawn at most at any time, for all who watch together.
+    - `changes`: tiles sent at most with one update.
+    - `milliseconds`: after which an update begins no further tile.
+    - `cache`: tiles at most that a browser keeps, hidden, beyond those in use.
+    """
+
+    tolerance: float = 2.0
+    triangles: int = 100_000
+    changes: int = 8
+    milliseconds: float = 10.0
+    cache: int = 400
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "milliseconds"):
+            value = getattr(self, name)
+            check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
+        for name, least in (("triangles", LEAST_TRIANGLES), ("changes", 1), ("cache", 0)):
+            value = getattr(self, name)
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            check(whole and value >= least, name, value, f"a whole number >= {least:,}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Planet:
+    """A round world of three radii, uneven by a seed or by a map.
+
+    **Arguments:**
+
+    - `radii` (m): of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z.
+    - `kind`: "bumps", random heights with smooth ground between them; "steps", plateaus at random heights; "waves",
+      eight sines of random directions and phases; "fractal", bumps on ever smaller bumps.
+    - `height` (m): from the lowest to the highest point that is possible; 0 is smooth. Where a body starts the ground
+      is at the height of the ellipsoid.
+    - `spacing` (m): from one bump, wave or pair of plateaus to the next, of "fractal" the widest.
+    - `seed`: of the random numbers.
+    - `clearing` (m): radius of the level disc on which a body starts; around it the ground rises within a metre.
+    - `map`: a NumPy file (.npy) of heights (rows, columns) in m, used instead of the five above: from the north pole
+      to the south pole, and around from longitude −180°.
+    - `latitude`, `longitude` (degrees): where a body starts; `heading` (degrees): which way it looks, 0 north, 90 east.
+    - `patch` (m): half a side of the square of ground on which its physics runs. The body must be well within it.
+    - `cell` (m): between two points of the patch; finer ground is not felt.
+    - `travel`: the share of `patch` that the body goes before the patch is laid anew around it.
+    - `detail`: how finely it is drawn.
+
+    **Raises:** `ValueError` naming the field and what it may be; for a map, the file and what is wrong with it.
+    """
+
+    radii: tuple[float, float, float] = (3.0, 3.0, 3.0)
+    kind: Kind = "bumps"
+    height: float = 0.1
+    spacing: float = 1.0
+    seed: int = 0
+    clearing: float = 0.6
+    map: Path | None = None
+    latitude: float = 0.0
+    longitude: float = 0.0
+    heading: float = 90.0
+    patch: float = 1.5
+    cell: float = 0.1
+    travel: float = 0.1
+    detail: Detail = Detail()
+
+    def __post_init__(self) -> None:
+        radii = tuple(self.radii)
+        right = len(radii) == 3 and all(SMALLEST <= radius <= LARGEST for radius in radii)
+        check(right, "radii", radii, f"three lengths from {SMALLEST:g} to {LARGEST:,.0f} m")
+        object.__setattr__(self, "radii", radii)
+        choice("kind", self.kind, get_args(Kind))
+        for name in ("spacing", "patch", "cell"):
+            value = getattr(self, name)
+            check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
+        for name in ("height", "clearing"):
+            value = getattr(self, name)
+            check(math.isfinite(value) and value >= 0.0, name, value, "a finite number >= 0")
+        whole = isinstance(self.seed, int) and not isinstance(self.seed, bool)
+        check(whole and 0 <= self.seed < 2**63, "seed", self.seed, "a whole number >= 0")
+        check(-90.0 <= self.latitude <= 90.0, "latitude", self.latitude, "from -90 to 90 degrees")
+        for name in ("longitude", "heading"):
+            value = getattr(self, name)
+            check(-360.0 <= value <= 360.0, name, value, "from -360 to 360 degrees")
+        check(0.0 < self.travel <= 0.5, "travel", self.travel, "in (0, 0.5]")
+        check(self.cell >= LEAST_CELL, "cell", self.cell, f"at least {LEAST_CELL} m")
+        check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
+        tightest = self.ellipsoid.tightest
+        allowed = f"from two cells, {2 * self.cell:g} m, to half of the least radius of curvature, {tightest / 2:g} m"
+        check(2.0 * self.cell <= self.patch <= tightest / 2.0, "patch", self.patch, allowed)
+        points = (2.0 * self.patch / self.cell + 1.0) ** 2
+        check(points <= MOST_POINTS, "patch", self.patch, f"such that it has at most {MOST_POINTS:,} points")
+        if self.map is None:
+            check(self.height <= tightest / 4.0, "height", self.height, f"at most {tightest / 4:g} m on these radii")
+        else:
+            object.__setattr__(self, "map", Path(self.map))
+            reach = max(abs(self.elevation.least), abs(self.elevation.greatest))
+            allowed = f"heights of at most {tightest / 8:g} m up or down on these radii"
+            check(reach <= tightest / 8.0, f"{self.map}", f"{reach:g} m", allowed)
+
+    @property
+    def ellipsoid(self) -> Ellipsoid:
+        """Without elevation."""
+        return Ellipsoid(self.radii)
+
+    @functools.cached_property
+    def elevation(self) -> Elevation:
+        """Above the ellipsoid."""
+        if self.map is not None:
+            return _read(self.map)
+        start = self.ellipsoid.points(self.ellipsoid.tangent(towards(self.latitude, self.longitude)))
+        numbers = (self.height, self.spacing, 4.0 * self.cell, self.seed, self.clearing)
+        return SeededElevation(self.kind, *numbers, tuple(map(float, start)))
+
+    @functools.cached_property
+    def surface(self) -> Surface:
+        """The ground."""
+        return Surface(self.ellipsoid, self.elevation)
+
+    @property
+    def ground(self) -> Patch:
+        """What of it a body's physics knows."""
+        return Patch(self.surface, self.patch, self.cell)
+
+    @property
+    def lift(self) -> float:
+        """How far a body must be raised at the start, in m, to stand on the highest ground of the clearing.
+
+        Nothing where ground is made by a seed, which is level there; a map may be anything.
+        """
+        heights, axis = self.ground.heights(self.start), self.ground.axis
+        return float(heights[np.hypot(*np.meshgrid(axis, axis)) <= self.clearing].max())
+
+    @property
+    def start(self) -> Frame:
+        """The local frame at the start."""
+        return frame_at(self.ellipsoid, self.latitude, self.longitude, self.heading)
+
+
+def _read(path: Path) -> MapElevation:
+    try:
+        heights = np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise ValueError(f"map = {str(path)!r}: {error.strerror or 'not a NumPy file'}") from None
+    except (ValueError, EOFError) as error:
+        raise ValueError(f"map = {str(path)!r}: must be a NumPy file (.npy) of numbers: {error}") from None
+    check(isinstance(heights, np.ndarray), "map", str(path), "a NumPy file of one array (.npy)")
+    try:
+        return MapElevation(heights)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -1,0 +1,166 @@
+"""A planet in the page: its tiles follow the cameras of those who watch."""
+
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from motorgrad.sim.planet._body import PLANET, OnPlanet, check_names
+from motorgrad.sim.planet._cover import Cover
+from motorgrad.sim.planet._culling import Camera
+from motorgrad.sim.planet._detail import select
+from motorgrad.sim.planet._ellipsoid import Ellipsoid
+from motorgrad.sim.planet._frame import Frame, quaternion
+from motorgrad.sim.planet._glb import to_glb
+from motorgrad.sim.planet._patch import FIELD
+from motorgrad.sim.planet._planet import Planet
+from motorgrad.sim.planet._tile import TRIANGLES, errors, make_tile
+from motorgrad.sim.planet._tree import CELLS, Key
+
+if TYPE_CHECKING:
+    import viser
+
+SETTLE = 1.0  # s, from sending a tile to taking it as arrived
+_SAFE = 1.5  # errors are measured at some places; others may be somewhat worse
+_READ = 0.5  # s, between two readings on the page
+_SHADOW = 0.35
+
+
+class PlanetScene:
+    """A part of the page that draws the planet under a body, where the task's body is `OnPlanet`; else it is nothing.
+
+    The planet stands where the body's posture has it, so that every other part goes on in local coordinates. At each
+    update it asks where all cameras are, finds the tiles that they need, sends some of those that are missing, and
+    shows the best of what has arrived.
+
+    **Attributes:** `triangles` shown now; `milliseconds` that the last update took; `tiles` that browsers have.
+    """
+
+    def __init__(self) -> None:
+        self._planet: Planet | None = None
+        self.triangles, self.milliseconds, self.tiles = 0, 0.0, 0
+
+    @property
+    def applies(self) -> bool:
+        """Whether there is a planet, once it was built."""
+        return self._planet is not None
+
+    def build(self, server: viser.ViserServer, session: Any) -> None:
+        """Add the planet's node and a folder "Planet" with what it costs."""
+        body = getattr(session.task, "dynamics", None)
+        if session.model is None or not isinstance(body, OnPlanet) or not check_names(session.model):
+            return
+        planet = body.planet
+        self._planet, self._server, self._detail = planet, server, planet.detail
+        self._errors = _SAFE * errors(planet.surface, deepest(planet))
+        self._cover = Cover(planet.detail.cache, SETTLE)
+        self._handles: dict[Key, Any] = {}
+        self._frame: Frame | None = None
+        self._cameras: list[Camera] = []
+        self._node = server.scene.add_frame("/planet", show_axes=False)
+        with server.gui.add_folder("Planet"):
+            self._cost = server.gui.add_text("Triangles", "", disabled=True)
+            self._time = server.gui.add_text("Update", "", disabled=True)
+        self._read = 0.0
+
+    def update(self, snapshot: Any, pose: Any) -> None:
+        """Put the planet under the body and send what the cameras need, within the budget."""
+        if self._planet is None or not pose.bodies:
+            return
+        begin = time.perf_counter()
+        model, data = pose.model, pose.bodies[0]
+        address = int(model.joint(PLANET).qposadr[0])
+        frame = Frame.of_pose(data.qpos[address : address + 7])
+        if self._frame is None or any(np.any(a != b) for a, b in zip(frame, self._frame, strict=True)):
+            self._frame, self._middle = frame, self._planet.ground.lay(model, frame)
+            with self._server.atomic():
+                self._node.position, self._node.wxyz = frame.shift + pose.offset[0], quaternion(frame.rotation)
+        # so that contacts that the page works out for itself are those of the ground under the body
+        data.mocap_pos[model.body(FIELD).mocapid[0]] = self._middle
+        self._draw(frame, pose.offset[0], begin)
+        self.milliseconds = 1e3 * (time.perf_counter() - begin)
+        self._tell()
+
+    def _draw(self, frame: Frame, offset: np.ndarray, begin: float) -> None:
+        planet, detail = self._planet, self._detail
+        assert planet is not None
+        clients = list(self._server.get_clients().values())
+        cameras = [each for client in clients if (each := _camera(client, frame, offset, planet.ellipsoid)) is not None]
+        self._cameras = cameras or self._cameras or [_overview(planet)]
+        most = detail.triangles // TRIANGLES
+        wanted = select(planet.surface, self._errors, self._cameras, detail.tolerance, most)
+        plan = self._cover.plan(wanted, time.monotonic())
+        sent = []
+        for key in plan.send[: detail.changes]:
+            if sent and 1e3 * (time.perf_counter() - begin) > detail.milliseconds:
+                break
+            self._send(key)
+            sent.append(key)
+        with self._server.atomic():
+            for key, handle in self._handles.items():
+                if handle.visible != (key in plan.show):
+                    handle.visible = key in plan.show
+            for key in plan.drop:
+                self._handles.pop(key).remove()
+        self._cover.note(sent, plan.drop, time.monotonic())
+        self.triangles, self.tiles = TRIANGLES * len(plan.show), len(self._handles)
+
+    def _send(self, key: Key) -> None:
+        """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
+        assert self._planet is not None
+        coarsest, coarser, own = (float(self._errors[level]) for level in (0, max(0, key.level - 1), key.level))
+        tile = make_tile(self._planet.surface, key, coarser + own, coarsest)
+        name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
+        place: Any = tuple(map(float, tile.centre))
+        self._handles[key] = self._server.scene.add_glb(
+            name, to_glb(tile), position=place, visible=False, cast_shadow=False, receive_shadow=_SHADOW
+        )
+
+    def _tell(self) -> None:
+        """Show on the page what it costs, not more often than can be read."""
+        if time.monotonic() - self._read > _READ:
+            self._read = time.monotonic()
+            self._cost.value = f"{self.triangles:,} of {self._detail.triangles:,}"
+            self._time.value = f"{self.milliseconds:.1f} ms, {self.tiles} tiles"
+
+
+def deepest(planet: Planet) -> int:
+    """The deepest level of tiles: their cells are half of those that the body feels, or smaller."""
+    longest = planet.ellipsoid.greatest * np.pi / 2.0 / CELLS
+    return max(0, int(np.ceil(np.log2(2.0 * longest / planet.cell))))
+
+
+def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid) -> Camera | None:
+    """A browser's camera in the planet's coordinates; None while it has not said where it is."""
+    import viser.transforms as vt
+
+    try:
+        camera = client.camera
+        turn, place = vt.SO3(camera.wxyz).as_matrix(), np.array(camera.position)
+        seen = Camera(
+            frame.to_planet(place - offset),
+            frame.rotation.T @ turn,
+            float(camera.fov),
+            float(camera.aspect),
+            int(camera.image_height),
+        )
+    except (AssertionError, ZeroDivisionError):
+        return None
+    if seen.pixels <= 0 or not (np.isfinite(seen.position).all() and seen.aspect > 0.0 and 0.0 < seen.fov < np.pi):
+        return None
+    # the far side of what can be seen of a large planet, which the page would cut off
+    far = 1.1 * (float(np.linalg.norm(seen.position)) + ellipsoid.greatest)
+    if far > camera.far:
+        camera.far = 2.0 * far
+    return seen
+
+
+def _overview(planet: Planet) -> Camera:
+    """Of the whole planet, for pages without a browser, whose scene may be recorded."""
+    up = planet.start.rotation[2]
+    turn = np.stack([planet.start.rotation[1], planet.start.rotation[0], -up], axis=1)
+    return Camera(3.0 * planet.ellipsoid.greatest * up, turn, np.pi / 3.0, 1.0, 720)

@@ -1,0 +1,145 @@
+"""Worlds without a body: the plane of a particle, its trail, its goal and its policy's units."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from motorgrad.sim.scene import _turns
+from motorgrad.sim.scene._board import FACING, LIFT, Board
+from motorgrad.sim.scene._ground import floor
+from motorgrad.sim.scene._layer import Layer
+from motorgrad.sim.scene._pool import Pool
+from motorgrad.sim.scene._shapes import arrow, ball, ring, rod
+
+if TYPE_CHECKING:
+    import viser
+
+    from motorgrad.sim.live import Session
+    from motorgrad.sim.scene._pose import Pose
+
+FLOOR = np.array([0.74, 0.77, 0.77])
+WHO = ((0.82, 0.01, 0.11), (0.45, 0.48, 0.52))
+"""Colours of the particle that learns, and of an untrained one."""
+TRAIL = 80  # decisions of the path that are kept
+BALL, LINE = 0.018, 0.0035  # m
+MOST = 1_000  # units that are drawn
+PERIOD = 0.25  # s between two looks at the policy, which cost some milliseconds
+
+
+def _is_particle(session: Session) -> bool:
+    from motorgrad.tasks import ParticleTask
+
+    return session.model is None and isinstance(session.task, ParticleTask)
+
+
+class Plane(Layer):
+    """A board with the reward painted on it, green where it is positive, and the particle with its last decisions."""
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        self.applies = _is_particle(session)
+        if not self.applies:
+            return
+        task: Any = session.task
+        board = self._board = Board(task.physics.walls)
+        middle = np.array([0.0, 0.0, board.half[1] + LIFT])
+        scene = server.scene
+        scene.add_glb("/plane/floor", floor(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
+        scene.add_glb("/plane/reward", board.glb(task), wxyz=FACING, position=middle)
+        back = (2 * board.half[0] + 0.03, 0.02, 2 * board.half[1] + 0.03)
+        scene.add_box(
+            "/plane/back", color=(64, 68, 76), dimensions=back, position=middle + np.array([0.0, 0.0125, 0.0])
+        )
+        self.pools = [
+            Pool(scene, "/plane/particle", ball(), 2),
+            Pool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
+        ]
+        self._trails: list[deque[np.ndarray]] = []
+        self._began = -1
+
+    def draw(self, pose: Pose) -> None:
+        snapshot = pose.snapshot
+        assert snapshot is not None
+        count = len(snapshot.position)
+        if snapshot.reset_count != self._began or len(self._trails) != count:
+            self._began, self._trails = snapshot.reset_count, [deque(maxlen=TRAIL) for _ in range(count)]
+        for trail, place in zip(self._trails, snapshot.position, strict=True):
+            if trail and np.linalg.norm(place[:2] - trail[-1]) * self._board.scale > 0.25:
+                trail.clear()  # a new episode begins elsewhere
+            trail.append(np.array(place[:2]))
+        here = self._board.place(snapshot.position[:, :2], BALL)
+        colours = np.array(WHO)[np.arange(count) % len(WHO)]
+        self.pools[0].show(here, _turns.still(count), np.full((count, 3), BALL), colours)
+        paths = [self._board.place(np.array(trail), 2 * LINE) for trail in self._trails]
+        along = np.concatenate([np.diff(path, axis=0) for path in paths])
+        middle = np.concatenate([(path[1:] + path[:-1]) / 2 for path in paths])
+        age = np.concatenate([np.linspace(0.25, 1, TRAIL)[TRAIL - len(path) + 1 :] for path in paths])
+        size = np.stack([LINE * age, LINE * age, np.linalg.norm(along, axis=1)], axis=1)
+        who = np.repeat(colours, [len(path) - 1 for path in paths], axis=0)
+        self.pools[1].show(middle, _turns.towards(along), size, who)
+
+
+class PlaneUnits(Layer):
+    """The units of a local policy: an ellipse as wide as each, filled as it fires, and an arrow of its force."""
+
+    name = "Units of the policy"
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        if not _is_particle(session) or session.agent is None:
+            return
+        from motorgrad.sim._plane_units import shapes_of
+        from motorgrad.sim.panels._present_policy import PresentPolicy
+
+        self._policy = PresentPolicy(session)
+        policy = self._policy.of(session.snapshot().parameters[0])
+        try:
+            shapes_of(policy)  # type: ignore[arg-type]
+        except ValueError:  # units that have no place in the plane
+            return
+        self.applies = True
+        task: Any = session.task
+        self._board = Board(task.physics.walls)
+        self._forces = np.asarray(task.dynamics.forces, float)
+        room, scene = min(len(self._forces), MOST), server.scene
+        self.pools = [
+            Pool(scene, "/units/rims", ring(), room, shadow=False),
+            Pool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
+            Pool(scene, "/units/forces", arrow(), room, shadow=False),
+        ]
+        self._due = 0.0
+
+    def draw(self, pose: Pose) -> None:
+        snapshot, now = pose.snapshot, time.monotonic()
+        assert snapshot is not None
+        if now >= self._due:
+            self._due = now + PERIOD
+            self._look(snapshot.parameters[0])
+        firing = np.nan_to_num(snapshot.probability[0])[: len(self._forces)][self._there]
+        count = len(firing)
+        turn = np.tile(FACING, (count, 1))
+        flat = np.column_stack([self._half, np.full(count, 0.002)])
+        self.pools[0].show(self._at, turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
+        self.pools[1].show(self._at, turn, flat, self._colours, 0.08 + 0.8 * firing)
+
+    def _look(self, parameters: np.ndarray) -> None:
+        """Where the units are by now."""
+        from motorgrad.sim._plane_units import direction_colours, shapes_of
+
+        policy = self._policy.of(parameters)
+        if policy is None:
+            return
+        shapes = shapes_of(policy)
+        self._there = np.flatnonzero(shapes.there)[:MOST]
+        self._half = shapes.half[self._there] * self._board.scale
+        self._at = self._board.place(shapes.centre[self._there])
+        # discs in one plane would show in stripes where they overlap
+        self._at[:, 1] -= 0.004 + 0.0005 * (np.arange(len(self._there)) % 32)
+        self._colours = direction_colours(self._forces)[self._there, :3]
+        forces = self._forces[self._there]
+        strength = np.linalg.norm(forces, axis=1)
+        long = 0.07 * strength / max(float(strength.max(initial=0.0)), 1e-12)
+        size = np.repeat(long[:, None], 3, axis=1) * [2.0, 2.0, 1.0]
+        self.pools[2].show(self._at, _turns.towards(self._board.direction(forces)), size, self._colours)

@@ -1,0 +1,104 @@
+"""The bodies in view as a page has them: MuJoCo data of its own, put where a snapshot says."""
+
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motorgrad.sim import _framing
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from motorgrad.sim.live import Snapshot
+
+APART = 1.6  # bodies side by side stand so many of their widths from each other
+
+
+class Pose:
+    """The bodies in view in their present posture, with forces and contacts; one for each page.
+
+    **Arguments:** `model`, which is read and never changed; None for a world without one.
+
+    **Attributes:**
+
+    - `model`, as given.
+    - `bodies`: an `MjData` for each body in view, after `mj_forward`.
+    - `activation` `(bodies, nu)`: of each actuator, in [0, 1].
+    - `offset` `(bodies, 3)`: how far each is drawn from where it is, so that bodies stand side by side, in m.
+    - `size`: of one body, the diagonal of the box that holds it, in m; `middle` `(3,)`: of that box at the start.
+    - `snapshot`: what was placed last; None before.
+    """
+
+    def __init__(self, model: mujoco.MjModel | None) -> None:
+        self.model = model
+        self.bodies: list[mujoco.MjData] = []
+        self.activation = np.zeros((0, 0 if model is None else model.nu))
+        self.offset = np.zeros((0, 3))
+        self.size, self.middle = 1.4, np.array([0.0, 0.0, 0.55])  # of the board on which a plane is drawn
+        self.snapshot: Snapshot | None = None
+        if model is None:
+            return
+        import mujoco
+
+        from motorgrad.bodies import install_muscle_callback
+
+        if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
+            install_muscle_callback()
+        start = model.key_qpos[0] if model.nkey else model.qpos0
+        low, high = _framing.box(model, start)
+        self.size, self.middle = float(np.linalg.norm(high - low)), (low + high) / 2
+        self._step = _side_step(model, high - low)
+
+    def place(self, snapshot: Snapshot) -> None:
+        """Put the bodies where `snapshot` has them. One whose state is not finite stays where it was."""
+        self.snapshot = snapshot
+        if self.model is None:
+            return
+        import mujoco
+
+        model, count = self.model, len(snapshot.position)
+        while len(self.bodies) < count:
+            self.bodies.append(mujoco.MjData(model))
+        del self.bodies[count:]
+        self.offset = np.arange(count)[:, None] * self._step
+        self.activation = np.zeros((count, model.nu))
+        for row, data in enumerate(self.bodies):
+            state = (snapshot.position, snapshot.velocity, snapshot.activation, snapshot.control)
+            if not all(np.all(np.isfinite(array[row])) for array in state[:3]):
+                continue
+            control = np.nan_to_num(state[3][row])
+            data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = (*(array[row] for array in state[:3]), control)
+            data.time = snapshot.seconds
+            mujoco.mj_forward(model, data)
+            self.activation[row] = _activation(model, data)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """The centre of mass of the first body, `(3,)`, as drawn."""
+        return self.bodies[0].subtree_com[0] + self.offset[0] if self.bodies else self.middle
+
+
+def _activation(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """How active each actuator is, in [0, 1]: its last activation state, else its control, as a share of the most."""
+    last = model.actuator_actadr + model.actuator_actnum - 1
+    level = np.array(data.ctrl)
+    has_state = model.actuator_actadr >= 0
+    level[has_state] = data.act[last[has_state]]
+    most = np.abs(model.actuator_ctrlrange).max(axis=1)
+    bounded = (model.actuator_ctrllimited > 0) & (most > 0) & ~has_state
+    return np.clip(np.abs(np.where(bounded, level / np.where(bounded, most, 1), level)), 0, 1)
+
+
+def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:
+    """From one body to the next: across the way that it goes; none on a terrain, which is at one place only."""
+    import mujoco
+
+    if np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD):
+        return np.zeros(3)
+    if np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        return np.array([0.0, APART * extent[1], 0.0])
+    return np.array([APART * max(extent[0], extent[1]), 0.0, 0.0])

@@ -1,0 +1,255 @@
+"""The parts of a run that need no learner: shared memory, pace, history, curve, stage, bare models."""
+
+import math
+import threading
+import time
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
+from motorgrad.sim import live
+from motorgrad.sim.live._history import History
+from motorgrad.sim.live._pace import Pace
+from motorgrad.sim.live._recorder import CurveRecorder
+from motorgrad.sim.live._shared import Shared
+from motorgrad.sim.live._snapshot import POINTS, Sizes, layout
+from motorgrad.sim.live._subject import Tally
+from motorgrad.sim.live._worker import LOOKS, STRETCH, Watching
+from motorgrad.sim.page._footing import footing_on
+from motorgrad.sim.planet import Planet, on_planet
+from motorgrad.tasks import make
+
+MUSCLE = """
+<mujoco>
+  <asset><mesh name="bone" file="{mesh}" scale=".1 .1 .1"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="upper" pos="0 0 1">
+      <geom type="mesh" mesh="bone" mass="1"/><site name="high" pos=".05 0 0"/>
+      <body name="lower" pos="0 0 -.3">
+        <joint name="elbow" axis="0 1 0" range="-2 2" limited="true"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3"/><site name="low" pos=".05 0 -.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon><spatial name="flexor"><site site="high"/><site site="low"/></spatial></tendon>
+  <actuator>
+    <general name="flexor" tendon="flexor" dyntype="muscle" gaintype="muscle" biastype="muscle" ctrllimited="true"
+      ctrlrange="0 1" dynprm=".01 .04" gainprm=".75 1.05 100 200 .5 1.6 1.5 1.3 1.2"
+      biasprm=".75 1.05 100 200 .5 1.6 1.5 1.3 1.2" lengthrange=".15 .35"/>
+  </actuator>
+</mujoco>
+"""
+CUBE = "\n".join(
+    ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]
+)  # a tetrahedron
+
+
+@pytest.fixture
+def muscled(tmp_path):
+    """A model in MyoSuite's style: a general actuator as the muscle, with activation, and a mesh."""
+    (tmp_path / "bone.obj").write_text(CUBE)
+    path = tmp_path / "elbow.xml"
+    path.write_text(MUSCLE.format(mesh="bone.obj"))
+    return path
+
+
+def test_a_reader_never_sees_half_a_write():
+    block = Shared({"a": (4000,), "b": (4000,)})
+    other, stop, seen = Shared({"a": (4000,), "b": (4000,)}, block.name), threading.Event(), []
+
+    def write():
+        number = 0.0
+        while not stop.is_set():
+            number += 1
+            with block.writing() as arrays:
+                arrays["a"][:] = number
+                arrays["b"][:] = number
+            time.sleep(1e-4)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    end = time.monotonic() + 60
+    while len(set(seen)) < 50 and time.monotonic() < end:
+        read = other.read()
+        both = np.concatenate([read["a"], read["b"]])
+        seen.append(both[0] if both.min() == both.max() else None)
+    stop.set()
+    writer.join()
+    assert None not in seen
+    assert len(set(seen)) == 50
+    other.close()
+    block.close()
+
+
+def test_a_writer_that_died_is_told():
+    block = Shared({"a": (2,)})
+    block._sequence[0] += 1
+    with pytest.raises(RuntimeError, match="stopped while it was writing"):
+        block.read()
+    block.close()
+
+
+def test_the_pace_is_kept_and_what_was_missed_is_not_made_up():
+    pace = Pace(0.01, 2.0)
+    for _ in range(100):
+        pace.made(1, 1e-6)
+    made, start = 0, time.perf_counter()
+    while time.perf_counter() - start < 0.3:
+        made += pace.due()
+        time.sleep(0.002)
+    took = time.perf_counter() - start
+    assert 0.7 * took * 200 < made <= took * 200 + 1
+    time.sleep(1.0)
+    assert sum(pace.due() for _ in range(100)) < 0.4 * 200
+    assert Pace(0.01, math.inf).due() >= 1
+
+
+def test_history_is_bounded_and_finds_the_state_before():
+    history = History(most_bytes=10 * 800, most_states=50)
+    for decision in range(0, 400, 10):
+        history.keep(decision, {"x": np.zeros(100)})
+    assert (history.oldest, history.newest) == (300, 390)
+    assert history.before(355).decision == 350
+    history.keep(345, {"x": np.zeros(1)})  # changed by hand: what came after is no longer what follows
+    assert history.newest == 345
+
+
+def test_what_is_looked_at_comes_in_stretches():
+    watching = Watching()
+    assert watching.take(100) == 100
+    assert watching.take(450) == 450
+    assert watching.take(100) == 0
+    watching._credit = STRETCH - 1
+    watching._then += 100.0  # no time has passed
+    assert watching.take(100) == 0
+    watching._credit = STRETCH + LOOKS * 100
+    assert watching.take(100) == 100
+
+
+def test_a_curve_keeps_its_mean_while_it_is_thinned():
+    sizes = Sizes(0, 0, 0, 0, 0, 0, 0, 0, 200, 1)
+    block = Shared(layout(sizes)["curve"])
+    curve, rewards = CurveRecorder(block, sizes, 1.0), np.random.default_rng(0).normal(size=3 * POINTS)
+    for decision, reward in enumerate(rewards, 1):
+        happened = decision % 3 == 0
+        curve.add(decision, Tally(np.array([reward, decision]), np.array([1.0, float(happened)])), False)
+    found = block.read()
+    count = int(found["count"])
+    assert count < POINTS
+    ends = found["decision"][:count]
+    assert ends[-1] == len(rewards)
+    spans = np.diff(ends, prepend=0)
+    assert np.sum(spans * found["values"][0, :count]) == pytest.approx(rewards.sum())
+    assert found["values"][1, 0] == 3.0
+    curve.drop_after(int(ends[9]))
+    assert int(block.read()["count"]) == 10
+    block.close()
+
+
+def test_a_stage_changes_a_task_and_its_rewards_stay():
+    stage = live.Stage(0.0005, (0.0, 0.0, -1.62), Terrain(height=0.02), {"far": live.Camera((3.0, 0.0, 1.0))})
+    task = stage.of_task(make("hopper", penalty=0.3))
+    model = compile_model(task.dynamics)
+    assert model.opt.timestep == 0.0005
+    assert task.substeps == 20
+    assert model.opt.gravity[2] == -1.62
+    assert model.nhfield == 1
+    assert task.penalty == 0.3
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    away = -data.camera("far").xmat.reshape(3, 3)[:, 2]
+    np.testing.assert_allclose(away, -np.array([3.0, 0.0, 1.0]) / math.hypot(3, 1), atol=1e-6)
+
+
+def test_a_camera_that_follows_keeps_its_distance():
+    spec = Hexapod().spec()
+    live.Camera((1.0, 0.0, 0.5), follow="front").add(spec, "ahead")
+    model = compile_model(spec)
+    data = mujoco.MjData(model)
+    for shift in (0.0, 2.0):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.qpos[0] += shift
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.camera("ahead").xpos - data.body("front").xpos, [1.0, 0.0, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make_it", "says"),
+    [
+        (lambda: live.Stage(gravity=(0.0, math.nan, 0.0)), "gravity = "),
+        (lambda: live.Stage(timestep=0.0), "timestep = 0.0: must be above 0"),
+        (lambda: live.Camera((0.0, 0.0, 0.0)), "target = "),
+        (
+            lambda: live.Stage(gravity=(0.0, 0.0, -1.0)).of_task(make("chain")),
+            "task = 'chain': must be one with a body",
+        ),
+        (lambda: live.Camera((1.0, 0.0, 0.0), follow="fot").add(Hopper().spec(), "a"), "did you mean 'foot'"),
+        (lambda: live.Camera((1.0, 0.0, 0.0)).add(Hopper().spec(), "side"), "cameras = 'side': must be other"),
+        (lambda: live.Speed(0.01), "speed = 0.01: must be at least 0.05"),
+        (lambda: live.Speed(math.nan), "speed = nan"),
+        (lambda: live.Push("load", (1.0, 0.0), 1.0), "force = "),
+        (lambda: live.Edit("agent.rate", math.nan), "agent.rate = nan"),
+        (lambda: live.Save("policy.txt"), "path = 'policy.txt': must be a file ending in .npz"),
+        (lambda: live.setup_of("hoper"), "unknown task or body 'hoper': did you mean 'hopper'?"),
+        (lambda: live.setup_of("arm", run="runs/x"), "run = 'runs/x': must be left out"),
+        (lambda: live.setup_of(3), "task = 3: must be a task, a body"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(make_it, says):
+    with pytest.raises(ValueError, match=r".") as refused:
+        make_it()
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_model_with_muscles_and_meshes_is_simulated(muscled, driven):
+    elbow = driven(live.setup_of(muscled))
+    assert elbow.worker.subject.about().muscles == ["flexor"]
+    elbow(live.Control(0, 1.0), live.Step(20))
+    bent = elbow.seen()
+    assert bent["activation"][0, 0] > 0.9
+    assert bent["control"][0, 0] == 1.0
+    assert abs(bent["position"][0, 0]) > 0.03
+    elbow(live.Scrub(5))
+    assert elbow.seen()["decision"] == 5
+    elbow(live.Step(15))
+    assert np.array_equal(elbow.seen()["position"], bent["position"])
+    elbow(live.Edit("body.flexor.strength", 0.0), live.Reset(), live.Control(0, 1.0), live.Step(20))
+    assert abs(elbow.seen()["position"][0, 0]) < abs(bent["position"][0, 0])
+    assert elbow(live.Freeze()) == [("error", "freeze: this model has no learner")]
+    ((kind, text),) = elbow(live.Control(0, 2.0))
+    assert (kind, text) == ("error", "control = 2.0: must be from 0 to 1")
+
+
+def test_broken_models_are_told_in_one_line(muscled, tmp_path):
+    broken = tmp_path / "broken.xml"
+    for text, says in (
+        ("<mujoco><worldbody>", "broken.xml: "),
+        ("<mujoco><worldbody><body><geom size='1' typ='box'/></body></worldbody></mujoco>", "typ"),
+        (MUSCLE.format(mesh="gone.obj"), "gone.obj"),
+    ):
+        broken.write_text(text)
+        with pytest.raises(ValueError, match=r"broken\.xml") as refused:
+            live.setup_of(broken)
+        assert says in str(refused.value)
+        assert "\n" not in str(refused.value)
+    with pytest.raises(ValueError, match="must be a file that exists"):
+        live.setup_of(tmp_path / "none.xml")
+
+
+def test_who_walks_on_a_planet_stands_on_its_ground():
+    planet = Planet(radii=(3.0, 3.0, 3.0), height=0.0)
+    task = on_planet(make("hexapod"), planet)
+    model = compile_model(task.dynamics)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    pose = SimpleNamespace(bodies=[data], offset=np.array([[0.0, 5.0, 0.0]]))
+    footing = footing_on(task, model, pose)
+    ground, up = footing(np.array([4.0, 5.0, -3.0]))  # a quarter around
+    np.testing.assert_allclose(ground, [3.0, 5.0, -3.0], atol=1e-6)
+    np.testing.assert_allclose(up, [1.0, 0.0, 0.0], atol=1e-6)
+    assert footing_on(make("hexapod"), model, pose) is None

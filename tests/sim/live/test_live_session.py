@@ -1,0 +1,175 @@
+"""Whole sessions: a process, a page, clients that come and go."""
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.benchmarks._watcher import watch
+from motorgrad.sim import live
+from motorgrad.sim.page import ExposedWarning, warn_of
+from motorgrad.training import settings_for, stepper_of
+
+PATIENCE = 120.0
+
+
+def until(true):
+    end = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def resident(pid):
+    """Resident memory of a process in bytes."""
+    with open(f"/proc/{pid}/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.fixture
+def page():
+    """A hopper's page, at first paused."""
+    with mg.sim.view("hopper", seed=3, playing=False) as page:
+        yield page
+
+
+def test_a_page_is_played_stepped_and_left(page):
+    session = page.session
+    assert session.snapshot().decision == 0
+    session.order(live.Step(3))
+    until(lambda: session.snapshot().decision == 3)
+    session.order(live.Speed(math.inf))
+    session.order(live.Play())
+    until(lambda: session.snapshot().decision > 500)
+    snapshot, trail, curve = session.snapshot(), session.trail(), session.curve()
+    assert snapshot.playing
+    assert snapshot.position.shape == (1, session.model.nq)
+    assert np.all(np.diff(trail.decision) >= 1)
+    assert trail.activation.shape == (len(trail.decision), len(session.muscles))
+    assert set(curve.values) == {"reward", "apex"}
+    session.order(live.Pause())
+    until(lambda: not session.snapshot().playing)
+    session.order(live.Edit("body.flexor_left.strength", 250.0))
+    session.order(live.Edit("agent.decay", 3.0))
+    until(lambda: session.settings["body.flexor_left.strength"] == 250.0)
+    assert session.model.actuator_gainprm[0, 0] == -250.0
+    until(lambda: len(session.log) == 2)
+    assert [event.kind for event in session.log] == ["change", "error"]
+    for wrong, says in (
+        (live.Edit("agent.ratte", 1.0), "did you mean 'agent.rate'"),
+        (live.Push("loaf", (1.0, 0.0, 0.0)), "did you mean 'load'"),
+        (live.Control(0, 1.0), "actuator = 0"),
+        (live.Scrub(10**9), "decision = 1000000000: must be from 0 to"),
+    ):
+        with pytest.raises(ValueError, match=r".") as refused:
+            session.order(wrong)
+        assert says in str(refused.value)
+    with pytest.raises(ValueError, match=f"port = {page.server.get_port()}: cannot be listened at"):
+        mg.sim.view("hopper", port=page.server.get_port())
+    assert page.url in page._repr_html_()
+    page.close()
+    page.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        session.snapshot()
+
+
+def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
+    session = page.session
+    os.kill(session._process.pid, signal.SIGKILL)
+    until(lambda: session.ended)
+    with pytest.raises(RuntimeError, match="hopper: the simulation has ended"):
+        session.order(live.Play())
+
+
+def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, process_environment):
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "import motorgrad as mg, time\n"
+        "class Mine(type(mg.make('chain'))):\n"
+        "    name = 'mine'\n"
+        "agent = mg.Agent(lambda key: mg.policies.softmax(task), mg.learning.Olgarb(0.5))\n"
+        "task = Mine()\n"
+        "page = mg.sim.view(task, agent, speed=float('inf'))\n"
+        "while page.session.snapshot().decision < 100: time.sleep(0.02)\n"
+        "page.close()\n"
+        "print('done')\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=process_environment)
+    assert done.stdout.split() == ["done"], done.stderr
+    assert done.stderr == ""
+
+
+def test_another_host_is_warned_of():
+    with pytest.warns(ExposedWarning, match=r"host = '0.0.0.0': whoever reaches this port can drive"):
+        warn_of("0.0.0.0")
+    with mg.sim.view("chain") as page, socket.socket() as probe:
+        address = next(a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET))
+        if address.startswith("127."):
+            pytest.skip("this machine has no other address than its own")
+        assert probe.connect_ex((address, page.server.get_port())) != 0
+
+
+def soak(seconds, speed, clients):
+    """Learn for so long while clients come, reload and leave; what grew, and what was learnt."""
+    failed, visits = [], []
+
+    def visit(number):
+        rng = np.random.default_rng(number)
+        while time.monotonic() < end - 1:
+            pause = 0.3 if number == 0 else 0.0  # one is slow
+            try:
+                messages, _ = watch(page.server.get_port(), rng.uniform(0.5, 2.0), pause)
+                visits.append(messages)
+            except Exception as error:
+                failed.append(error)
+
+    with mg.sim.view("hopper", seed=3, speed=speed) as page:
+        until(lambda: page.session.snapshot().decision > 200)
+        end = time.monotonic() + seconds
+        threads = [threading.Thread(target=visit, args=(number,)) for number in range(clients)]
+        for thread in threads:
+            thread.start()
+        time.sleep(min(60.0, seconds / 2))  # until everything was compiled and every buffer made
+        before = resident(page.session._process.pid), resident(os.getpid())
+        for thread in threads:
+            thread.join()
+        after = resident(page.session._process.pid), resident(os.getpid())
+        grown = [now - then for now, then in zip(after, before, strict=True)]
+        page.session.order(live.Pause())
+        until(lambda: not page.session.snapshot().playing)
+        events, end = list(page.session.log), page.session.snapshot()
+        assert page.failures == 0
+    assert failed == []
+    assert np.count_nonzero(visits) > 0.9 * len(visits)  # on a busy machine half a second may be too short to be served
+    assert [event for event in events if event.kind in ("error", "ended")] == []
+    task = mg.make("hopper")
+    alone = stepper_of(task, settings_for(task).agent(task), [3])
+    alone.advance(end.decision)
+    assert np.array_equal(alone.harvest()["parameters"][0], end.parameters[0])
+    assert np.array_equal(alone.batch.packed[0, :6], end.position[0].astype(np.float32))
+    # the page's process holds what its visitors' connections took, some 0.2 MB each
+    return end, grown[0], grown[1] - len(visits) * 0.4 * 2**20
+
+
+def test_clients_that_come_and_go_change_nothing(capfd):
+    end, *grown = soak(6.0, 5.0, 3)
+    assert "Traceback" not in capfd.readouterr().err
+    assert end.decision > 500
+    assert max(grown) < 64 * 2**20
+
+
+@pytest.mark.slow
+def test_ten_minutes_of_clients_that_come_and_go(capfd):
+    """The worker may keep 256 MB of states to go back to, of which a hopper needs a few."""
+    end, *grown = soak(600.0, 10.0, 4)
+    assert "Traceback" not in capfd.readouterr().err
+    assert end.decision > 50_000
+    assert max(grown) < 64 * 2**20

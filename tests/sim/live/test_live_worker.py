@@ -1,0 +1,190 @@
+"""Orders, edits and the way back, in a worker without a page."""
+
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.sim import live
+from motorgrad.training import settings_for, stepper_of
+
+KEYS = ("position", "velocity", "control", "observation", "probability", "baseline", "parameters")
+
+
+def same(a, b, keys=KEYS):
+    return all(np.array_equal(a[key][: int(a["bodies"])], b[key][: int(b["bodies"])]) for key in keys)
+
+
+def headless(task, seed, decisions):
+    task = mg.make(task)
+    stepper = stepper_of(task, settings_for(task).agent(task), [seed])
+    stepper.advance(decisions)
+    return stepper
+
+
+@pytest.mark.parametrize("task", ["hopper", "particle"])
+def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
+    watched = driven(live.learner(task, seed=5))
+    for decisions in (1, 400, 1, 350):  # with and without looking at each
+        watched(live.Step(decisions))
+    seen, alone = watched.seen(), headless(task, 5, 752)
+    assert seen["decision"] == 752
+    assert np.array_equal(seen["parameters"][0], alone.harvest()["parameters"][0])
+    if task == "hopper":
+        assert np.array_equal(seen["position"][0].astype(np.float32), alone.batch.packed[0, :6])
+
+
+def test_going_back_and_on_again_is_the_same_to_the_last_bit(hopper):
+    hopper(live.Reset(), live.Step(300))
+    hopper.worker._keep()
+    hopper(live.Step(150), live.Edit("agent.rate", 2e-3), live.Step(100), live.Push("load", (30.0, 0.0, 0.0), 0.2))
+    hopper(live.Step(100))
+    end, trail = hopper.seen(), hopper.seen("trail")
+    assert [kind for kind, _ in hopper(live.Scrub(10))] == ["change"]
+    back = hopper.seen()
+    assert back["decision"] == 10
+    assert (back["oldest"], back["newest"]) == (0, 650)
+    assert hopper.worker.subject.settings["agent.rate"] == 5e-4
+    hopper(live.Scrub(650))
+    assert same(hopper.seen(), end)
+    assert hopper.worker.subject.settings["agent.rate"] == 2e-3
+    hopper(live.Scrub(400), live.Step(1))  # what came after is forgotten with the first step
+    assert hopper.seen()["newest"] == 401
+    hopper(live.Step(49), live.Edit("agent.rate", 2e-3), live.Step(100), live.Push("load", (30.0, 0.0, 0.0), 0.2))
+    hopper(live.Step(100))
+    assert same(hopper.seen(), end)
+    again = hopper.seen("trail")
+    last = [(t["decision"] == 650).nonzero()[0][0] for t in (trail, again)]
+    assert trail["reward"][last[0]] == again["reward"][last[1]]
+
+
+def test_a_push_moves_the_body_and_ends(hopper):
+    def forces():
+        return hopper.worker.subject.state["learner"]["physics"]["state"][0]
+
+    hopper(live.Reset(), live.Step(100), live.Push("load", (0.0, 0.0, 43.0), 0.1), live.Step(9))
+    assert 43.0 in forces()
+    hopper(live.Step(1))
+    assert 43.0 not in forces()
+    pushed = hopper.seen()["position"][0].copy()
+    hopper(live.Scrub(99), live.Step(11))
+    assert np.abs(hopper.seen()["position"][0] - pushed).max() > 1e-3
+
+
+def test_edits_take_effect_where_they_are_meant(hopper):
+    hopper(live.Reset(), live.Step(50))
+    said = hopper(
+        live.Edit("agent.rate", 1e-3),
+        live.Edit("body.extensor_left.strength", 500.0),
+        live.Edit("exploration", 2.0),
+    )
+    assert ("change", "agent.rate: 0.0005 → 0.001") in said or ("change", "agent.rate: 0.002 → 0.001") in said
+    model = hopper.worker.subject._body.model
+    assert model.actuator_gainprm[1, 0] == -500.0
+    before = hopper.seen()
+    hopper(live.Edit("exploration", 4.0))
+    after = hopper.seen()
+    np.testing.assert_allclose(after["parameters"][0], before["parameters"][0] / 2, rtol=1e-6)
+    assert same(after, before, ("position", "velocity", "baseline"))
+    rates = hopper.worker.subject._see()["rates"]
+    assert np.all(rates == np.float32(1e-3))
+    hopper(live.Edit("body.extensor_left.strength", 400.0), live.Edit("agent.rate", 5e-4))
+
+
+def test_decay_and_reward_go_on_from_the_same_state(hopper):
+    hopper(live.Reset(), live.Step(50))
+    before = hopper.seen()
+    hopper(live.Edit("agent.decay", 0.5), live.Edit("task.reward_scale", 7.0))
+    assert same(hopper.seen(), before)
+    task = mg.make("hopper", reward_scale=7.0)
+    agent = settings_for(task, decay=0.5).agent(task)
+    stepper = stepper_of(task, agent, [3])
+    stepper.restore(hopper.worker.subject.state["learner"])
+    stepper.advance(80)
+    hopper(live.Step(80))
+    assert np.array_equal(hopper.seen()["parameters"][0], stepper.harvest()["parameters"][0])
+    hopper(live.Edit("agent.decay", 0.995), live.Edit("task.reward_scale", 100.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "names"),
+    [
+        ("agent.decay", 1.5, "decay = 1.5: must be in [0, 1)"),
+        ("agent.rate", -1.0, "agent.rate = -1.0: must be"),
+        ("task.penalty", -1.0, "penalty = -1.0: must be"),
+        ("exploration", 0.0, "exploration = 0.0: must be above 0"),
+        ("body.flexor_left.rest_length", 0.0, "body.flexor_left.rest_length = 0.0: must be above 0"),
+    ],
+)
+def test_an_impossible_edit_changes_nothing(name, value, names, hopper):
+    before, settings = hopper.seen(), dict(hopper.worker.subject.settings)
+    ((kind, text),) = hopper(live.Edit(name, value))
+    assert kind == "error"
+    assert names in text
+    assert hopper.worker.subject.settings == settings
+    assert same(hopper.seen(), before)
+
+
+def test_frozen_nothing_is_learnt_and_thawed_it_goes_on(hopper):
+    hopper(live.Reset(), live.Step(200), live.Freeze())
+    before = hopper.seen()
+    hopper(live.Step(100))
+    frozen = hopper.seen()
+    assert frozen["frozen"] == 1
+    assert same(frozen, before, ("parameters", "baseline"))
+    assert not same(frozen, before, ("position",))
+    hopper(live.Thaw(), live.Step(100))
+    assert not same(hopper.seen(), frozen, ("parameters",))
+
+
+def test_an_untrained_body_stands_beside(hopper):
+    hopper(live.Reset(), live.Step(300), live.Compare(True), live.Step(20))
+    seen = hopper.seen()
+    assert seen["bodies"] == 2
+    assert not seen["parameters"][1].any()  # hyperplanes begin at zero
+    assert seen["parameters"][0].any()
+    learnt = seen["parameters"][0].copy()
+    hopper(live.Scrub(300), live.Compare(False), live.Step(20))
+    assert np.array_equal(hopper.seen()["parameters"][0], learnt)
+    assert hopper.seen()["bodies"] == 1
+
+
+def test_policies_are_saved_and_loaded(hopper, tmp_path, driven):
+    hopper(live.Reset(), live.Step(200))
+    learnt = hopper.seen()["parameters"][0].copy()
+    file = str(tmp_path / "policy.npz")
+    assert hopper(live.Save(file)) == [("saved", f"policy saved to {file}")]
+    hopper(live.Reset(), live.Load(file))
+    assert np.array_equal(hopper.seen()["parameters"][0], learnt)
+    other = driven(live.learner("particle"))
+    ((kind, text),) = other(live.Load(file))
+    assert (kind, text) == ("error", f"{file}: holds a policy of the task 'hopper', but this is 'particle'")
+    (tmp_path / "broken.npz").write_bytes(b"no")
+    ((kind, text),) = hopper(live.Load(str(tmp_path / "broken.npz")))
+    assert kind == "error"
+    assert "broken.npz: no policy that was saved here" in text
+
+
+def test_the_curve_is_the_mean_of_the_rewards(hopper):
+    hopper(live.Reset())
+    hopper.worker._counted = -np.inf
+    rewards = []
+    for _ in range(100):
+        hopper.worker._counted = -np.inf
+        hopper(live.Step(1))
+        rewards.append(float(hopper.seen()["reward"][0]))
+    curve = hopper.seen("curve")
+    assert int(curve["count"]) == 1
+    assert curve["decision"][0] == 100
+    assert curve["values"][0, 0] == pytest.approx(np.mean(rewards), abs=1e-5)
+
+
+def test_a_run_is_gone_on_with(tmp_path, driven):
+    run = mg.train("hopper", steps=300, seeds=[2, 7], out=tmp_path / "run", progress=False)
+    gone_on = driven(live.learner("hopper", seed=7, run=tmp_path / "run"))
+    policy = run.policy(7)
+    flat = np.concatenate([np.ravel(policy.weights), np.ravel(policy.bias)])
+    assert np.array_equal(np.sort(gone_on.seen()["parameters"][0]), np.sort(flat))
+    with pytest.raises(ValueError, match="a run of the task 'hopper', but this is 'chain'"):
+        live.learner("chain", run=tmp_path / "run", seed=7)
+    with pytest.raises(ValueError, match="seed = 3: must be one of the run's seeds"):
+        live.learner("hopper", run=tmp_path / "run", seed=3)

@@ -1,0 +1,28 @@
+"""Real sessions to watch."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+from panel_studio import until
+
+from motorgrad.sim.live import Session, Setup, learner
+
+LEG = Path(__file__).parents[1] / "leg.xml"
+
+
+@pytest.fixture(scope="session")
+def hopping():
+    """A hopper that learns, four times as fast as the clock."""
+    with Session(learner("hopper", seed=3), speed=4.0) as session:
+        assert until(lambda: session.snapshot().decision > 450, 120)
+        yield session
+
+
+@pytest.fixture(scope="session")
+def legged():
+    """A bare model with four muscles."""
+    model = mujoco.MjModel.from_xml_path(str(LEG))
+    with Session(Setup("leg", model=model)) as session:
+        assert until(lambda: session.snapshot().decision > 20, 60)
+        yield session

@@ -1,0 +1,71 @@
+"""Numbers as tables and as words."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from motorgrad.sim.panels._curves import smoothed
+from motorgrad.sim.panels._numbers import brief, columns_of, csv_of, table
+from motorgrad.sim.panels._settings_form import number_of, words_of
+
+
+def test_a_table_can_be_read_back():
+    rows = np.array([[0.1, np.nan], [2.5e-7, 3.0]])
+    columns = {"decision": np.array([7, 8]), **columns_of("level, in %", ["a", "b"], rows)}
+    found = list(csv.DictReader(io.StringIO(csv_of(columns).decode())))
+    assert [row["decision"] for row in found] == ["7", "8"]
+    assert float(found[0]["level, in % a"]) == 0.1
+    assert float(found[1]["level, in % a"]) == 2.5e-7
+    assert found[0]["level, in % b"] == ""
+
+
+def test_columns_of_different_lengths_are_refused():
+    with pytest.raises(ValueError, match="zip"):
+        csv_of({"a": np.zeros(2), "b": np.zeros(3)})
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0, "0"),
+        (-2e-13, "0"),
+        (1234.5678, "1,235"),
+        (0.012345, "0.0123"),
+        (-2.5, "−2.50"),
+        (3.2e-7, "3.20e−07"),
+        (8.8e9, "8.80e+09"),
+        (float("nan"), "–"),
+        (float("inf"), "∞"),
+        (9.999, "10.00"),
+    ],
+)
+def test_numbers_for_people(value, said):
+    assert brief(value) == said
+
+
+def test_words_from_models_are_text_and_not_markup():
+    assert "<script>" not in table([("<script>", "<b>")])
+    assert "&lt;script&gt;" in table([("<script>", "1")])
+
+
+def test_running_means_are_of_what_is_there():
+    values = np.arange(101.0)
+    np.testing.assert_allclose(smoothed(values)[2:-2], values[2:-2])
+    assert smoothed(np.array([1.0, 5.0]))[0] == 3.0
+    assert smoothed(np.zeros(0)).size == 0
+
+
+@pytest.mark.parametrize("text", ["", "fast", "1,5", "0x10", "5e"])
+def test_what_is_no_number_is_refused_by_name(text):
+    with pytest.raises(ValueError, match="step size") as refused:
+        number_of("step size α", text)
+    assert "\n" not in str(refused.value)
+
+
+def test_settings_have_words():
+    assert words_of("agent.rate")[0] == "step size α"
+    assert words_of("body.flexor_left.damping")[0] == "damping (N·s/m)"
+    assert words_of("agent.rates.log_width")[0] == "step size α, log width"
+    assert words_of("task.hop_height")[0] == "hop height"

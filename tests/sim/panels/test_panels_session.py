@@ -1,0 +1,216 @@
+"""Panels of real sessions: which there are, what they show, what they say when something is refused."""
+
+import csv
+import io
+import types
+
+import numpy as np
+import pytest
+import viser
+from panel_studio import until
+
+from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
+from motorgrad.sim.live import Edit, Pause, Trail
+from motorgrad.sim.panels import Panels
+from motorgrad.sim.panels._numbers import csv_of
+from motorgrad.sim.panels._present_policy import PresentPolicy, weights_of
+from motorgrad.sim.panels._walked import Walked, is_hexapod
+from motorgrad.sim.scene import Pose
+
+
+@pytest.fixture(scope="module")
+def server():
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+def panels_of(server, session):
+    server.gui.reset()
+    panels = Panels()
+    panels.build(server, session)
+    return panels
+
+
+def nobody(**more):
+    """An event that no browser caused."""
+    return types.SimpleNamespace(client=None, **more)
+
+
+def test_panels_that_do_not_apply_do_not_appear(server, hopping, legged):
+    assert list(panels_of(server, hopping).panels) == ["Run", "Learning", "Muscles", "Policy", "Capture"]
+    assert list(panels_of(server, legged).panels) == ["Run", "Muscles", "Capture"]
+    assert is_hexapod(compile_model(Hexapod()))
+    assert not is_hexapod(hopping.model)
+    assert not is_hexapod(None)
+
+
+def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping, legged):
+    for session in (hopping, legged):
+        panels, pose = panels_of(server, session), Pose(session.model)
+        snapshot = session.snapshot()
+        pose.place(snapshot)
+        for panel in panels.panels.values():
+            panel.show(snapshot, pose)
+            try:
+                columns = panel.numbers()
+            except NotImplementedError:
+                assert panel.title == "Capture"
+                continue
+            rows = list(csv.reader(io.StringIO(csv_of(columns).decode())))
+            assert len(rows) > 3
+            assert len({len(row) for row in rows}) == 1
+
+
+def test_the_policy_on_the_page_is_the_one_that_acts(hopping):
+    present, snapshot = PresentPolicy(hopping), hopping.snapshot()
+    policy = present.of(snapshot.parameters[0])
+    seen = np.asarray(snapshot.observation[0], np.float32)
+    np.testing.assert_allclose(policy.prob(seen), snapshot.probability[0], atol=1e-5)
+    assert weights_of(policy).shape == (2, 4)
+    assert present.of(snapshot.parameters[0][:-1]) is None
+
+
+def test_nothing_is_drawn_for_nobody(server, hopping):
+    panels, pose = panels_of(server, hopping), Pose(hopping.model)
+    for _ in range(3):
+        snapshot = hopping.snapshot()
+        pose.place(snapshot)
+        panels.update(snapshot, pose)
+    assert [panel.spent for panel in panels.panels.values()] == [0.0] * 5
+
+
+def test_what_is_refused_changes_nothing_and_is_told(server, hopping):
+    panels = panels_of(server, hopping)
+    learning = panels.panels["Learning"]
+    before, told = dict(hopping.settings), []
+    learning.guarded(lambda _: learning.order(Edit("agent.rate", -1.0)))(nobody())
+    assert until(lambda: told.extend(hopping.events()) or any(event.kind == "error" for event in told))
+    (error,) = [event for event in told if event.kind == "error"]
+    assert "\n" not in error.text
+    assert "agent.rate" in error.text
+    assert hopping.settings == before
+    learning.tell(told)
+    assert "agent.rate" in learning._lines.content
+    learning.guarded(lambda _: learning.order(Edit("speed of light", 1.0)))(nobody())  # raises nothing
+    assert hopping.settings == before
+
+
+def test_an_edit_is_made_and_logged(server, hopping):
+    panels = panels_of(server, hopping)
+    learning, told = panels.panels["Learning"], []
+    learning.order(Edit("agent.rate", 2.5e-4))
+    assert until(lambda: hopping.settings["agent.rate"] == pytest.approx(2.5e-4))
+    assert until(lambda: told.extend(hopping.events()) or told)
+    learning.tell(told)
+    assert "0.00025" in learning._lines.content
+
+
+def test_a_fault_of_ours_is_not_taken_for_the_users(server, legged):
+    panel = panels_of(server, legged).panels["Run"]
+    with pytest.raises(ZeroDivisionError):
+        panel.guarded(lambda _: 1 / 0)(nobody())
+
+
+def test_a_bare_models_muscles_are_driven_by_hand(server, legged):
+    muscles = panels_of(server, legged).panels["Muscles"]
+    muscles._which.value = legged.muscles[2]
+    muscles._drive.value = 0.75
+    muscles._control(types.SimpleNamespace(client=object()))
+    assert until(lambda: legged.snapshot().control[0, 2] == pytest.approx(0.75))
+    legged.order(Pause())
+    assert until(lambda: not legged.snapshot().playing)
+    pose, snapshot = Pose(legged.model), legged.snapshot()
+    pose.place(snapshot)
+    muscles.show(snapshot, pose)
+    assert "75%" in muscles._said.content
+
+
+@pytest.fixture(scope="module")
+def march():
+    """A walk of the fixed controller, and the trail that a session would have of it."""
+    body = Hexapod(drive="servos")
+    recorded = walk(body, seconds=5.0)
+    late = recorded.time > 2.0
+    model = compile_model(body)
+    reading = type(recorded.reading)(*(part[late] for part in recorded.reading))
+    feet = [model.sensor(i).name for i in range(model.nsensor) if "contact_" in model.sensor(i).name]
+    return recorded, late, model, reading, feet
+
+
+def test_a_gait_is_what_the_recording_of_the_walk_says(march):
+    recorded, late, model, reading, feet = march
+    count = int(late.sum())
+    position = recorded.posture[late, 0]
+    velocity = np.zeros((count, model.nv))
+    import mujoco
+
+    for row in range(count):  # as the engine had them, from one posture to the next
+        other = min(row + 1, count - 1)
+        mujoco.mj_differentiatePos(model, velocity[row], recorded.period, position[max(other - 2, 0)], position[other])
+        velocity[row] /= max(other - max(other - 2, 0), 1)
+    nothing = np.zeros((count, 0))
+    trail = Trail(
+        decision=np.arange(count),
+        seconds=recorded.time[late],
+        position=position,
+        velocity=velocity,
+        activation=nothing,
+        action=nothing,
+        reward=np.zeros(count),
+        contacts=np.asarray(reading.contact)[:, 0],
+        observation=nothing,
+        probability=nothing,
+    )
+    walked = Walked(model, recorded.period, feet)
+    found, expected = walked.gait(trail), measure_gait(reading, recorded.period)
+    assert found.kind[0] == expected.kind[0] == "tripod"
+    for name in ("phase", "correlation", "duty", "net", "frequency"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(found.speed, expected.speed, rtol=0.05)
+    again = walked.gait(trail)  # from what it remembers
+    np.testing.assert_array_equal(again.speed, found.speed)
+    assert walked.contacts(trail).shape == (count, 6)
+    broken = trail._replace(decision=np.concatenate([np.arange(count - 20), 10_000 + np.arange(20)]))
+    assert walked.gait(broken) is None  # too little since the break
+
+
+def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
+    import asyncio
+
+    from motorgrad.sim.live import Play, Scrub, Step
+    from motorgrad.sim.panels import DragPush
+    from motorgrad.sim.scene import Scene
+
+    scene, pose = Scene(), Pose(hopping.model)
+    scene.build(server, hopping)
+    hopping.order(Pause())
+    assert until(lambda: not hopping.snapshot().playing)
+    begin = hopping.snapshot().decision + 1
+    hopping.order(Step())
+    assert until(lambda: hopping.snapshot().decision == begin)
+    pose.place(hopping.snapshot())
+    scene.update(hopping.snapshot(), pose)
+    drag = DragPush(scene.grips)
+    drag.build(server, hopping)
+    for _ in range(2):  # of which the second finds nothing new
+        drag.update(hopping.snapshot(), pose)
+    handles = [handle for handle, _ in scene.grips()]
+    assert handles
+    assert [len(handle._impl.drag_cb) for handle in handles] == [1] * len(handles)
+    free = hopping.model.body_weldid[hopping.model.geom_bodyid] > 0
+    handle, geoms = next((handle, geoms) for handle, geoms in scene.grips() if free[geoms].any())
+    pull, moving = handle._impl.drag_cb[0].callback, int(np.argmax(free[geoms]))
+    ends = []
+    for phase, copy in (("end", moving), ("update", len(geoms)), ("update", moving)):
+        hopping.order(Scrub(begin))
+        assert until(lambda: hopping.snapshot().decision == begin)
+        grip = {"start_position": (0.0, 0.0, 0.3), "end_position": (0.0, 0.0, 1.3)}
+        asyncio.run(pull(types.SimpleNamespace(instance_index=copy, phase=phase, client=None, **grip)))
+        hopping.order(Step(5))
+        assert until(lambda: hopping.snapshot().decision == begin + 5)
+        ends.append(hopping.snapshot().position[0])
+    np.testing.assert_array_equal(ends[0], ends[1])  # neither the end of a drag nor the untrained body pulls
+    assert np.abs(ends[2] - ends[1]).max() > 1e-3
+    hopping.order(Play())
+    server.scene.reset()

@@ -1,0 +1,43 @@
+"""A page's scene on a server of its own."""
+
+import contextlib
+import io
+
+import pytest
+import viser
+
+from motorgrad.bodies import Hexapod, Hopper, compile_model
+from motorgrad.sim.live import bare
+from motorgrad.sim.scene import Pose, Scene
+
+
+@pytest.fixture(scope="module")
+def hexapod():
+    return compile_model(Hexapod())
+
+
+@pytest.fixture(scope="module")
+def hopper():
+    return compile_model(Hopper())
+
+
+@pytest.fixture
+def server():
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer("127.0.0.1", 0, verbose=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def staged(server):
+    """Builds a scene of a model, with every layer on: the scene and its pose."""
+
+    def build(model, layers=None):
+        scene, pose = Scene(layers), Pose(model)
+        for layer in scene.layers:
+            layer.shown = True
+        scene.build(server, bare(model))
+        return scene, pose
+
+    return build

@@ -1,0 +1,52 @@
+"""The plane of a particle, of a real run."""
+
+import time
+
+import numpy as np
+import pytest
+
+from motorgrad.sim.live import Session, Step, learner
+from motorgrad.sim.scene import Pose, Scene
+from motorgrad.sim.scene._board import Board
+from motorgrad.sim.scene._plane import BALL, Plane, PlaneUnits
+from motorgrad.worlds import Walls
+
+
+def test_a_board_keeps_proportions_and_stands_on_the_floor():
+    board = Board(Walls(left=-1.0, right=3.0, bottom=0.0, top=2.0))
+    corners = board.place(np.array([(-1, 0), (3, 0), (3, 2)]))
+    assert np.linalg.norm(corners[1] - corners[0]) == pytest.approx(1.0)
+    assert np.linalg.norm(corners[2] - corners[1]) == pytest.approx(0.5)
+    np.testing.assert_allclose(corners[:, 1], 0.0)
+    assert corners[0, 2] > 0
+    np.testing.assert_allclose(corners[0, 0], -corners[1, 0])
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server):
+    with Session(learner("particle"), playing=False) as session:
+        scene, pose = Scene(), Pose(session.model)
+        scene.build(server, session)
+        plane = next(layer for layer in scene.layers if isinstance(layer, Plane))
+        units = next(layer for layer in scene.layers if isinstance(layer, PlaneUnits))
+        for _ in range(3):
+            before = session.snapshot().decision
+            session.order(Step(4))
+            while session.snapshot().decision < before + 4:
+                time.sleep(0.01)
+            snapshot = session.snapshot()
+            pose.place(snapshot)
+            scene.update(snapshot, pose)
+        board = Board(session.task.physics.walls)
+        ball, trail = (pool.handle for pool in plane.pools)
+        np.testing.assert_allclose(ball.batched_positions[0], board.place(snapshot.position[:, :2], BALL)[0], atol=1e-6)
+        assert (trail.batched_scales[:, 2] > 1e-4).sum() == 2
+        discs = units.pools[1].handle
+        assert len(discs.batched_opacities) >= len(session.actions)
+        order = np.argsort(discs.batched_opacities[: len(session.actions)])
+        assert np.all(np.diff(snapshot.probability[0][order]) >= -1e-6)
+        policy = units._policy.of(snapshot.parameters[0])
+        # the policy is looked at four times a second, and learns meanwhile
+        centre = board.place(np.asarray(policy.centre)[:1, :2])[0]
+        np.testing.assert_allclose(discs.batched_positions[0, [0, 2]], centre[[0, 2]], atol=1e-3)

@@ -1,0 +1,190 @@
+"""Decisions that nothing periodic follows: skipping what has nothing to do changes nothing that is learnt."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from training_examples import assert_differ, assert_same
+
+from motorgrad._compiler import in_one_piece
+from motorgrad.learning import (
+    NEVER,
+    Agent,
+    Annealed,
+    Estimator,
+    Features,
+    FisherMetric,
+    Gae,
+    Growth,
+    LeastSquares,
+    LinearCritic,
+    TemporalDifference,
+    WeightAverage,
+    sgd,
+)
+from motorgrad.policies import Hyperplanes, hyperplanes
+from motorgrad.tasks import Hopper
+from motorgrad.training import stepper_of
+from motorgrad.training._packing import LARGE, Packing
+
+IMPROVE, INTERVAL = 20, 15
+CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, interval=INTERVAL))
+
+
+def agent(task, improve=IMPROVE):
+    metric = FisherMetric(0.01, kl=Annealed(0.1, 0.01, 5))
+    return Agent(hyperplanes(task), Gae(CRITIC, 0.9, improve), sgd(1.0), metric, average=WeightAverage(2))
+
+
+def stepper(complete=False, mode: Any = "learn"):
+    """An engine of two hoppers; `complete`, one that settles every decision with everything that might follow."""
+    found: Any = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
+    if complete:
+        found._settle_resting = found._settle
+    return found
+
+
+def watched(found):
+    """For every decision, whether it was settled resting."""
+    seen = []
+
+    def watch(settle, rested):
+        def call(*told):
+            seen.append(rested)
+            return settle(*told)
+
+        return call
+
+    found._settle_resting = watch(found._settle_resting, True)
+    found._settle = watch(found._settle, False)
+    return seen
+
+
+def test_what_is_learnt_is_the_same_with_and_without_resting():
+    resting, complete = stepper(), stepper(complete=True)
+    before = resting.state
+    seen = watched(resting)
+    for found in (resting, complete):
+        found.advance(130)
+    due = [t % IMPROVE == 0 or t % INTERVAL == 0 for t in range(1, 131)]
+    assert seen == [not each for each in due]
+    one, other = resting.state, complete.state
+    assert_differ(one, before)
+    assert int(one["cycle"].agent.steps[0]) == 130 // IMPROVE
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-5), one, other)
+
+
+def test_an_engine_restored_between_two_steps_rests_when_the_saved_one_does():
+    saved, fresh = stepper(), stepper()
+    saved.advance(IMPROVE + 7)
+    fresh.restore(saved.state)
+    rests = watched(saved), watched(fresh)
+    for found in (saved, fresh):
+        found.advance(2 * IMPROVE)
+    assert rests[0] == rests[1]
+    assert set(rests[0]) == {True, False}
+    assert_same(fresh.state, saved.state)
+
+
+def test_a_decision_that_diverged_puts_off_the_step_of_its_own_seed_alone():
+    found = stepper()
+    seen = watched(found)
+    found.advance(5)
+    found._out = found._out.at[0, 0].set(np.nan)  # a control with which the first diverges
+    found.advance(1 + 3 * IMPROVE)
+    learners = found.state["cycle"].agent
+    assert found.batch.diverged.tolist() == [1, 0]
+    assert learners.steps.tolist() == [3, 3]
+    assert learners.gradient.count.tolist() == [5, 6]
+    own = {t for t in range(1, 67) if t % IMPROVE == 0 or t % INTERVAL == 0}
+    assert {t for t, rested in enumerate(seen, 1) if not rested} == own | {t + 1 for t in own}
+
+
+def test_frozen_policies_always_rest():
+    found = stepper(mode="sample")
+    seen = watched(found)
+    found.advance(50)
+    assert seen == [True] * 50
+
+
+def test_the_rest_is_up_to_the_nearest_that_is_due():
+    y, policy = jnp.array([0.5, -0.2]), Hyperplanes(np.zeros((3, 2)), np.zeros(3))
+    learner = Agent(policy, Gae(CRITIC, 0.9, IMPROVE), sgd(1.0), FisherMetric())
+    state = learner.init(jax.random.key(0))
+    rests, improve = [], jax.jit(learner.improve)
+
+    @jax.jit
+    def live(state):
+        state, action = learner.act(state, y, jnp.full(3, 0.3))
+        return learner.reinforce(state, jnp.sum(action), y)
+
+    for t in range(1, 61):
+        rested = int(learner.rest(state)) > 0
+        state = live(state)
+        after = improve(state)
+        same = jax.tree.map(lambda a, b: bool(np.array_equal(a, b)), after, state)
+        assert jax.tree.all(same) == rested == (t % IMPROVE != 0 and t % INTERVAL != 0)
+        state = after
+        rests.append(int(learner.rest(state)))
+    assert rests[:16] == [*range(13, -1, -1), 4, 3]
+
+
+@pytest.mark.parametrize(
+    ("learner", "rests", "rest"),
+    [
+        (Estimator(improve=1), False, 0),
+        (Estimator(improve="episode"), False, 0),
+        (Estimator(improve=5), True, 4),
+        (Estimator(improve="never"), True, NEVER),
+        (Gae(LinearCritic(fit=TemporalDifference()), improve=9), True, 8),
+        (Gae(LinearCritic(fit=LeastSquares(interval=1)), improve=9), True, 0),
+    ],
+)
+def test_who_rests_and_for_how_long(learner, rests, rest):
+    agent = Agent(Hyperplanes(np.zeros((3, 2)), np.zeros(3)), learner)
+    assert agent.rests is rests
+    assert int(agent.rest(agent.init(jax.random.key(0)))) == rest
+
+
+def test_a_growing_learner_never_rests():
+    from motorgrad.policies import LocalGaussians, Masked
+
+    pool = LocalGaussians(np.zeros((3, 2)), np.zeros((3, 2)))
+    growing = Agent(Masked(pool, np.array([True, False, False])), Estimator(improve=5), growth=Growth())
+    assert not growing.rests
+
+
+@pytest.mark.parametrize("still", [(), (0, 2, 3)])
+def test_a_packed_tree_comes_back_bit_for_bit_and_what_is_still_stands_apart(still):
+    large = jnp.arange(LARGE + 1, dtype=jnp.float32)
+    tree = {
+        "a": jnp.array([np.nan, -0.0]),
+        "b": jnp.int32(-3),
+        "c": jnp.ones((2, 3)),
+        "d": large,
+        "e": jnp.array([True]),
+    }
+    packing = Packing(tree, 1, still)
+    packed = packing.pack(tree)
+    jax.tree.map(np.testing.assert_array_equal, packing.unpack(packed), tree)
+    assert set(packed) == {"uint32", "bool", "leaf 3"} | ({"still uint32"} if still else set())
+    assert packing.still == ({"still uint32", "leaf 3"} if still else set())
+    assert packed["uint32"].size == (1 if still else 9)
+    assert "leaf 2" in Packing(tree, LARGE).pack(tree)  # six numbers of so many seeds
+
+
+def test_one_piece_computes_the_same_and_is_compiled_as_one_call():
+    def function(carry, x):
+        carry = carry + jnp.sin(x) * x[::-1]
+        return carry, jnp.sum(carry, keepdims=True) + jnp.concatenate([x, carry])
+
+    x = jnp.linspace(0, 1, 300)
+    whole: Any = in_one_piece(function)
+    text = whole.lower(jnp.zeros(300), x).compile().as_text()
+    main = text[text.index("ENTRY") :]
+    assert "xla_cpu_small_call" in main
+    assert main.count(" fusion(") <= 1  # the empty output that the loop begins with
+    for found, wanted in zip(whole(jnp.zeros(300), x), function(jnp.zeros(300), x), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6)
