@@ -147,7 +147,15 @@ def test_results_for_machines_alone_on_the_standard_output(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "mode"), [*((name, "sample") for name in TASKS), ("hopper", "mode"), ("chain", "mode")]
+    ("name", "mode"),
+    [
+        *(
+            pytest.param(n, "sample", marks=() if n in ("hopper", "chain", "particle") else pytest.mark.slow)
+            for n in TASKS
+        ),
+        ("hopper", "mode"),
+        ("chain", "mode"),
+    ],
 )
 def test_evaluate_judges_every_seed(name, mode, runs, capsys):
     assert status("evaluate", runs / name, "--steps", 60, "--mode", mode, "--no-film", "--json", "e.json") == 0

@@ -45,7 +45,10 @@ def done(out):
     return of
 
 
-@pytest.mark.parametrize("name", NAMES)
+LONG = ("sec-4.4.1-rate-modulation", "sec-4.4-growth")  # to compile
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in NAMES])
 def test_each_runs_from_end_to_end(name, done):
     found = done(name)
     assert len(found.claims) == CLAIMS[name]

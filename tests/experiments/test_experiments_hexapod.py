@@ -28,7 +28,10 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-@pytest.mark.parametrize("name", CLAIMED)
+LONG = ("sec-5.3.3-terrain", "fig-5.9")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

@@ -49,6 +49,7 @@ def test_units_are_moved_as_far_as_their_margins_let_them():
     assert strain.max() <= 1
 
 
+@pytest.mark.slow
 def test_it_is_reproduced(tmp_path):
     assert EXPERIMENTS["sec-6.5.4-index"] is Index
     reproduce(Index.quick(), tmp_path, progress=False)

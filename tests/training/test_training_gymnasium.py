@@ -323,7 +323,7 @@ SLOW = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param("mountain-car", marks=pytest.mark.ci), "acrobot"])
+@pytest.mark.parametrize("name", ["mountain-car", "acrobot"])
 def test_a_goal_that_chance_seldom_finds_is_learnt(name):
     """The settings of `docs/foreign-environments.md`, for a share of the decisions."""
     settings = dict(SLOW[name])

@@ -23,6 +23,7 @@ def grown(grows, **settings):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("grows", "settings"),
     [

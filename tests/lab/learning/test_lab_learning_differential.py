@@ -97,6 +97,7 @@ def test_other_baselines_and_ascents_are_the_librarys(name):
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_normalised_batches_with_a_decay_are_the_librarys():
     """A scale of advantages, means of batches and a decay of weights, put between blocks that are there."""
     task = mg.make("three-state")
@@ -148,6 +149,7 @@ def test_a_whole_learner_in_one_block_is_the_librarys(name):
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_interpreter_learns_the_same():
     made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, rate=0.05)
     fast = lab.Run(made, [7], watch=["policy.parameters"]).advance(12)["policy.parameters"][0, -1]

@@ -219,7 +219,6 @@ def test_diagrams_are_drawn(seen):
 
 
 @pytest.mark.slow
-@pytest.mark.ci
 def test_capture_a_picture_and_the_scene(browser, hopping, tmp_path):
     with studio(hopping, Scene()) as place:
         page = browser.new_page(viewport=SMALL, accept_downloads=True)

@@ -93,7 +93,6 @@ def test_what_cannot_be_filmed_is_refused_before_it_begins(hopping, tmp_path, na
 
 
 @pytest.mark.slow
-@pytest.mark.ci
 def test_the_plane_of_a_particle_is_filmed_and_what_has_no_picture_is_not(tmp_path):
     with Session(learner("particle-navigation", seed=1)) as session:
         film = FilmRecorder(session, tmp_path / "plane.mp4", width=160, height=120)

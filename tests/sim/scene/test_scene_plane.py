@@ -23,7 +23,6 @@ def test_a_board_keeps_proportions_and_stands_on_the_floor():
 
 
 @pytest.mark.slow
-@pytest.mark.ci
 def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server):
     with Session(learner("particle"), playing=False) as session:
         scene, pose = Scene(), Pose(session.model)
