@@ -11,7 +11,7 @@ from motorgrad.sim.live import Session, Setup, learner
 LEG = Path(__file__).parents[1] / "leg.xml"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def hopping():
     """A hopper that learns, four times as fast as the clock."""
     with Session(learner("hopper", seed=3), speed=4.0) as session:
@@ -19,7 +19,7 @@ def hopping():
         yield session
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def legged():
     """A bare model with four muscles."""
     model = mujoco.MjModel.from_xml_path(str(LEG))
