@@ -48,6 +48,7 @@ def sound(tmp_path_factory):
             ("reproduce", {"experiments": ["all"], "quick": True}),
             ("demo", {"out": "demo", "seconds": 10.0, "seeds": 2}),
             ("bench", {"quick": True}),
+            ("lab", {"gallery": "chain", "port": 0, "browser": False}),
             ("list", {"json": "-"}),
             ("sim", {"run": str(runs["hopper"]), "frozen": True, "agent": {"rate": 0.1}}),
             *(("sim", tomllib.loads(scene.read_text())) for scene in SCENES),

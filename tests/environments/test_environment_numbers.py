@@ -22,7 +22,7 @@ def test_the_hopper_of_training_is_the_environments(paid):
         observation, reward, terminated, truncated, info = environment.step(action)
         stepper.advance(1)
         record = stepper.harvest()
-        assert np.float32(reward) == record["reward"][0]
+        assert reward == pytest.approx(record["reward"][0], rel=1e-6)  # compiled apart, they may round apart
         assert (terminated or truncated) == bool(record["episodes"][0]) == (decision % 300 == 299)
         assert ("apex" in info) == bool(record["apex_count"][0])
         if "apex" in info:
