@@ -78,7 +78,7 @@ def test_edits_take_effect_where_they_are_meant(hopper):
         live.Edit("exploration", 2.0),
     )
     assert ("change", "agent.rate: 0.0005 → 0.001") in said or ("change", "agent.rate: 0.002 → 0.001") in said
-    model = hopper.worker.subject._body.model
+    model = hopper.worker.subject._stepper.batch.model  # of the engine in use
     assert model.actuator_gainprm[1, 0] == -500.0
     before = hopper.seen()
     hopper(live.Edit("exploration", 4.0))
