@@ -38,10 +38,12 @@ def test_a_slider_without_a_kernel_leaves_its_picture_and_fetches_nothing(path):
             assert "image/png" in picture
 
 
+RUN = [pytest.param(path, marks=[pytest.mark.ci] if path == NOTEBOOKS[0] else []) for path in NOTEBOOKS]
+
+
 @pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_leaves_what_it_holds(path, tmp_path, monkeypatch):
     monkeypatch.delenv("MPLBACKEND", raising=False)  # or no figure would be shown in the notebook
     held = nbformat.read(path, 4)
