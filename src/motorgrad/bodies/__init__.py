@@ -24,6 +24,7 @@ from motorgrad.bodies._slope import SlopeBatch
 from motorgrad.bodies._terrain import OnTerrain, Terrain
 from motorgrad.bodies._tripod import TRIPODS, LegState, TripodController, Turning
 from motorgrad.bodies._walk import Walk, walk
+from motorgrad.bodies._wrapped_body import WrappedBody
 from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "VerticalPair",
     "Walk",
     "Wrap",
+    "WrappedBody",
     "add_muscles",
     "away_angle",
     "biomimetic_hexapod",

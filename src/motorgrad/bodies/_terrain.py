@@ -5,7 +5,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import mujoco
@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, choice
-from motorgrad.bodies._body import Body
-from motorgrad.bodies._muscle import Muscle, not_negative, positive
-from motorgrad.bodies._servo import Servo
+from motorgrad.bodies._muscle import not_negative, positive
+from motorgrad.bodies._wrapped_body import WrappedBody
 
 Kind = Literal["bumps", "slopes", "steps", "waves"]
 LEAST_CELL = 0.1  # m; MuJoCo takes at most 50 contacts of a pair, and a fine grid spends them on the first triangles
@@ -113,7 +112,7 @@ class Terrain:
 
 
 @dataclasses.dataclass(frozen=True)
-class OnTerrain:
+class OnTerrain(WrappedBody):
     """A body on uneven ground: a body like any other, whose floor is a height field.
 
     Any body with a geom "floor" will do. Seeds on different ground are a `BodyBatch` of several such bodies, which
@@ -122,28 +121,7 @@ class OnTerrain:
     **Arguments:** `body`, and the `terrain` under it.
     """
 
-    body: Body
     terrain: Terrain = Terrain()
-
-    @property
-    def muscles(self) -> tuple[Muscle, ...]:
-        """The body's."""
-        return self.body.muscles
-
-    @property
-    def servos(self) -> tuple[Servo, ...]:
-        """The body's, if it has any."""
-        return getattr(self.body, "servos", ())
-
-    @property
-    def groups(self) -> tuple[str, ...]:
-        """The body's."""
-        return self.body.groups
-
-    @property
-    def sensor_components(self) -> Mapping[str, int]:
-        """The body's."""
-        return self.body.sensor_components
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh, editable `mujoco.MjSpec` of the body on its ground."""

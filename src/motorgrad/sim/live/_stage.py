@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import Body, Muscle, Servo, Terrain
+from motorgrad.bodies import Body, Terrain, WrappedBody
 from motorgrad.tasks import BodyTask, Task
 
 
@@ -115,31 +115,10 @@ class Stage:
 
 
 @dataclasses.dataclass(frozen=True)
-class Staged:
+class Staged(WrappedBody):
     """A body on a stage: a body like any other."""
 
-    body: Body
     stage: Stage
-
-    @property
-    def muscles(self) -> tuple[Muscle, ...]:
-        """The body's."""
-        return self.body.muscles
-
-    @property
-    def servos(self) -> tuple[Servo, ...]:
-        """The body's, if it has any."""
-        return getattr(self.body, "servos", ())
-
-    @property
-    def groups(self) -> tuple[str, ...]:
-        """The body's."""
-        return self.body.groups
-
-    @property
-    def sensor_components(self) -> Mapping[str, int]:
-        """The body's."""
-        return self.body.sensor_components
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh description of the body on its stage."""

@@ -4,13 +4,12 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 import dataclasses
-from collections.abc import Mapping
 
 import mujoco
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import Body, Muscle, Servo, compile_model
+from motorgrad.bodies import WrappedBody, compile_model
 from motorgrad.sim.planet._patch import FIELD
 from motorgrad.sim.planet._planet import Planet
 
@@ -21,7 +20,7 @@ _LIGHT = 1e-6  # kg; what it weighs must not count in the centre of mass
 
 
 @dataclasses.dataclass(frozen=True)
-class OnPlanet:
+class OnPlanet(WrappedBody):
     """A body on a planet: a body like any other, whose floor is the patch of ground around it.
 
     Its posture says where it is on the planet too, since the planet is a part of the model, last in `qpos`. Simulate it
@@ -32,28 +31,7 @@ class OnPlanet:
     **Raises:** `ValueError` for a body that is held by the world, or has no geom "floor".
     """
 
-    body: Body
     planet: Planet = dataclasses.field(default_factory=Planet)
-
-    @property
-    def muscles(self) -> tuple[Muscle, ...]:
-        """The body's."""
-        return self.body.muscles
-
-    @property
-    def servos(self) -> tuple[Servo, ...]:
-        """The body's, if it has any."""
-        return getattr(self.body, "servos", ())
-
-    @property
-    def groups(self) -> tuple[str, ...]:
-        """The body's."""
-        return self.body.groups
-
-    @property
-    def sensor_components(self) -> Mapping[str, int]:
-        """The body's."""
-        return self.body.sensor_components
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh, editable `mujoco.MjSpec` of the body, its patch of ground, and the planet."""
