@@ -42,7 +42,7 @@ def stepper(complete=False, mode: Any = "learn"):
     """An engine of two hoppers; `complete`, one that settles every decision with everything that might follow."""
     found: Any = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
     if complete:
-        found._settle_resting = found._settle
+        found._call = found._call._replace(settle_resting=found._call.settle)
     return found
 
 
@@ -57,8 +57,8 @@ def watched(found):
 
         return call
 
-    found._settle_resting = watch(found._settle_resting, True)
-    found._settle = watch(found._settle, False)
+    resting, complete = watch(found._call.settle_resting, True), watch(found._call.settle, False)
+    found._call = found._call._replace(settle_resting=resting, settle=complete)
     return seen
 
 

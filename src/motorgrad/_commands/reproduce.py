@@ -31,7 +31,7 @@ class Reproduce:
     animate: bool = False
     """Also film how it is learnt, where an experiment has learners in a plane: animation.mp4 in its folder."""
     threads: int = 0
-    """Threads that step the physics; 0 for one per processor."""
+    """Threads that work on bodies; 0 for one per processor."""
     json: Path | None = None
     """Also write claims, numbers and versions to this file, for machines; - for the standard output."""
 

@@ -44,7 +44,7 @@ class Options:
     checkpoint_every: float = 30.0
     """Seconds between checkpoints."""
     threads: int = 0
-    """Threads that step the physics; 0 for one per processor."""
+    """Threads that work on bodies; 0 for one per processor."""
     tensorboard: bool = False
     """Keep TensorBoard event files in tensorboard/ of the run directory, up to date with every checkpoint."""
     json: Path | None = None

@@ -6,15 +6,17 @@ from mujoco.batch import Batch
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import compile_model
 from motorgrad.tasks import BodyTask
-from motorgrad.training import BodyStepper, settings_for
+from motorgrad.training import BodyStepper, SideBySide, learner_of, settings_for
 
 
 def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """Physics steps per second of learning by the task's own learner, against `mujoco.batch` alone on the actions that
     the learner took."""
 
-    def make() -> BodyStepper:
-        return BodyStepper(task, settings_for(task).agent(task), range(seeds))
+    def make() -> BodyStepper | SideBySide:
+        found = learner_of(task, settings_for(task).agent(task), range(seeds))
+        assert isinstance(found, BodyStepper | SideBySide)
+        return found
 
     twin, learner = make(), make()
     learner.advance(decisions)  # compiles
@@ -24,7 +26,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
     group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
     model = compile_model(body)
     bare = Batch(model, seeds)
-    bare.state[:] = twin.batch.snapshot()["state"]
+    bare.state[:] = twin.state["physics"]["state"]
     control = bare.bind("ctrl")
     actions = np.empty((pairs, decisions, seeds, model.nu))
     for part in actions:  # the twin learns bit for bit as the learner will

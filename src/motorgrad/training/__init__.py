@@ -14,9 +14,10 @@ from motorgrad.training._resume import resume, settings_in
 from motorgrad.training._run import Run, given_initial, load
 from motorgrad.training._settings import AgentSettings, settings_for, settled
 from motorgrad.training._settings_parts import ESTIMATORS
+from motorgrad.training._side_by_side import SideBySide
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import check_tensorboard, write_tensorboard
-from motorgrad.training._train import stepper_of, train
+from motorgrad.training._train import learner_of, stepper_of, train
 from motorgrad.training._world_stepper import WorldStepper
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Run",
     "RunDirectoryError",
     "RunWarning",
+    "SideBySide",
     "Stepper",
     "WorldStepper",
     "check_tensorboard",
@@ -37,6 +39,7 @@ __all__ = [
     "fingerprint",
     "folders_of",
     "given_initial",
+    "learner_of",
     "learning_curves",
     "load",
     "provenance",

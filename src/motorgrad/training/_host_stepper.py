@@ -1,8 +1,9 @@
 """Engines whose dynamics run on the host for all seeds, and one compiled call per decision for everything else."""
 
 import functools
+import threading
 from collections.abc import Callable, Sequence, Set
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -21,11 +22,30 @@ from motorgrad.training._stepper import Look, Record, Stepper, fits
 Numbers = dict[str, Float[Array, " size"]]
 
 
+class Compiled(NamedTuple):
+    """The functions of a `HostStepper`, each for all seeds. Other engines of the same task, agent and mode may call
+    them too: `draw`, and what makes a decision, from other threads as well."""
+
+    sizes: dict[str, int]
+    draw: Callable[[np.ndarray, int], np.ndarray]
+    pack: Callable[..., Packed]
+    unpack: Callable[..., CycleState]
+    start: Callable[..., Packed]
+    first: Callable[..., tuple[Packed, Array]]
+    settle: Callable[..., tuple[Packed, Array]]
+    settle_resting: Callable[..., tuple[Packed, Array]]
+    again: Callable[..., tuple[Packed, Array]]
+    harvest: Callable[..., tuple[Packed, dict[str, Array]]]
+    with_rest: Callable[..., Array]
+
+
 class HostStepper(Stepper):
     """Learning in dynamics on the host: Gymnasium environments, and bodies (`BodyStepper`). Data cross once each way
     per decision, in packed arrays.
 
-    **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them.
+    **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them;
+    `like`, an engine of the same task, agent and mode and at least as many seeds, whose compiled functions this one is
+    to call as well.
     """
 
     task: HostTask
@@ -38,37 +58,41 @@ class HostStepper(Stepper):
         mode: Mode = "learn",
         threads: int = 0,
         initial: Policy | None = None,
+        like: Self | None = None,
     ):
         super().__init__(task, agent, seeds, mode, diverges=True)
         self.batch = task.batch(list(map(int, self.seeds)), threads)
         own = jax.tree.map(lambda leaf: leaf[0], initial)
-        self._compile(jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0]), own))
+        begun = jax.eval_shape(self._begin, jnp.int32(0), jnp.asarray(self.batch.packed[0]), own)
+        self._call = self._compile(begun) if like is None else like._call
+        width, drawn = self.batch.packed.shape[1], sum(self._call.sizes.values())
+        self._seen = np.empty((len(self.seeds), width + drawn), np.float32)
+        self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
         self._block, self._drawn = -1, np.empty(0)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
-        cycles = self._start(self.seeds, self.batch.packed, initial)
-        self._cycles, self._out = self._first(cycles, self._input())
+        cycles = self._call.start(self.seeds, self.batch.packed, initial)
+        self._cycles, self._out = self._call.first(cycles, self._input())
 
     def advance(self, decisions: int) -> None:
         out, has_episodes = np.asarray(self._out), self.task.has_episodes
         for _ in range(decisions):
-            settle = self._settle_resting if out[:, -1].min() > 0 else self._settle
+            settle = self._call.settle_resting if out[:, -1].min() > 0 else self._call.settle
             self.batch.step(out[:, :-2])
             self.decision += 1
             self._cycles, self._out = settle(self._cycles, self._input())
-            # Waits for the compiled call, which reads its input in place.
             out = np.asarray(self._out)
             self.ended = None
             if (has_episodes or self.batch.lost) and np.count_nonzero(out[:, -2]):
                 ended = out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))
-                self._cycles, self._out = self._again(self._cycles, self._input(), ended, self._out)
+                self._cycles, self._out = self._call.again(self._cycles, self._input(), ended, self._out)
                 out = np.asarray(self._out)
 
     @property
     def state(self) -> PyTree[np.ndarray]:
-        cycle = self._unpack(self._cycles)
+        cycle = self._call.unpack(self._cycles)
         # How long it may rest follows from the cycle, and from whether this engine learns: it is not kept.
         parts = {"cycle": cycle, "action": np.asarray(self._out)[:, :-1], "physics": self.batch.snapshot()}
         return jax.tree.map(np.array, {"decision": self.decision, **parts})
@@ -76,42 +100,42 @@ class HostStepper(Stepper):
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
         self.batch.restore(state["physics"])
-        self._cycles = self._pack(state["cycle"])
-        self._out = self._with_rest(self._cycles, jnp.array(state["action"]))
+        self._cycles = self._call.pack(state["cycle"])
+        self._out = self._call.with_rest(self._cycles, jnp.array(state["action"]))
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
-        self._cycles, look = self._harvest(self._cycles)
+        self._cycles, look = self._call.harvest(self._cycles)
         return jax.tree.map(np.array, look)
 
     def policies(self) -> Policy:
-        return jax.tree.map(np.array, self.cycle.agent.kept(self._unpack(self._cycles).agent))
+        return jax.tree.map(np.array, self.cycle.agent.kept(self._call.unpack(self._cycles).agent))
 
     def use(self, policies: Policy, memory: Any = None) -> None:
-        cycles = self._unpack(self._cycles)
+        cycles = self._call.unpack(self._cycles)
         cycles = cycles._replace(agent=self.cycle.agent.use(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
             cycles = jax.jit(jax.vmap(self._adopt))(self.seeds, cycles, jnp.array(self.batch.packed), memory)
         if self.cycle.mode == "learn":  # the action under way has its score in the trace; the next is the new policy's
-            self._cycles = self._pack(cycles)
+            self._cycles = self._call.pack(cycles)
         else:
-            self._cycles, self._out = self._first(self._pack(cycles), self._input())
+            self._cycles, self._out = self._call.first(self._call.pack(cycles), self._input())
 
     def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
         one = jax.vmap(lambda cycle, packed: look(cycle, self.batch.unpack(packed)))
-        seen = jax.jit(lambda cycles, packed: one(self._unpack(cycles), packed))
+        seen = jax.jit(lambda cycles, packed: one(self._call.unpack(cycles), packed))
         return lambda: jax.tree.map(np.array, seen(self._cycles, self.batch.packed))
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
         block = self.decision // BLOCK
         if block != self._block:
-            self._block, self._drawn = block, np.asarray(self._draw(np.uint32(block)))
+            self._block, self._drawn = block, self._call.draw(self.seeds, block)
         self._dynamics[...] = self.batch.packed
         self._chance[...] = self._drawn[self.decision % BLOCK]
         return self._seen
 
-    def _compile(self, example: CycleState) -> None:
+    def _compile(self, example: CycleState) -> Compiled:
         """Map the functions of one seed below over all seeds, packed outside and unpacked inside."""
         task, width = self.task, self.batch.packed.shape[1]
         sizes = {"policy": self.policy.uniforms, "observe": task.uniforms}
@@ -121,9 +145,16 @@ class HostStepper(Stepper):
         packing = Packing(example, len(self.seeds), self._still(example, numbers) if self.cycle.rests else ())
         pack, unpack = packing.pack, packing.unpack
 
-        def draw(block: Array) -> Float[Array, "decisions seeds size"]:
-            drawn = [draw_block(self.seeds, name, block, size) for name, size in sizes.items()]
-            return jnp.swapaxes(jnp.concatenate(drawn, axis=1), 1, 2)
+        alone = threading.Lock()  # XLA's own threads can wait for each other for ever where two of ours call it at once
+
+        @jax.jit
+        def drawn(seeds: Array, block: Array) -> Float[Array, "decisions seeds size"]:
+            parts = [draw_block(seeds, name, block, size) for name, size in sizes.items()]
+            return jnp.swapaxes(jnp.concatenate(parts, axis=1), 1, 2)
+
+        def draw(seeds: np.ndarray, block: int) -> Float[np.ndarray, "decisions seeds size"]:
+            with alone:
+                return np.asarray(drawn(seeds, np.uint32(block)))
 
         def over_seeds(function: Any, still: Set[str] = frozenset()) -> Any:
             """`function(cycle, packed, numbers, *rest) -> (cycle, out)` compiled for all seeds. Arrays of the names in
@@ -138,11 +169,11 @@ class HostStepper(Stepper):
             compiled = in_one_piece(jax.vmap(one))
 
             def call(cycles: Packed, *rest: Any) -> tuple[Packed, Array]:
-                if not still:
-                    return compiled(cycles, {}, *rest)
-                moving = {name: part for name, part in cycles.items() if name not in still}
-                moving, out = compiled(moving, {name: cycles[name] for name in still}, *rest)
-                return cycles | moving, out
+                moving = {name: part for name, part in cycles.items() if name not in still} if still else cycles
+                with alone:
+                    moving, out = compiled(moving, {name: cycles[name] for name in still}, *rest)
+                    out.block_until_ready()
+                return cycles | moving if still else moving, out
 
             return call
 
@@ -150,17 +181,19 @@ class HostStepper(Stepper):
             state, look = self._look(unpack(cycle))
             return pack(state), look
 
-        self._seen = np.empty((len(self.seeds), ends[-1]), np.float32)
-        self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
-        self._draw = jax.jit(draw)
-        self._pack, self._unpack = jax.jit(jax.vmap(pack)), jax.jit(jax.vmap(unpack))
-        self._start = jax.jit(jax.vmap(lambda seed, packed, own: pack(self._begin(seed, packed, own))))
-        self._first = over_seeds(self._act)
-        self._settle = over_seeds(self._settle_and_act)
-        self._settle_resting = over_seeds(functools.partial(self._settle_and_act, resting=True), packing.still)
-        self._again = over_seeds(self._restart_and_act)
-        self._harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
-        self._with_rest = jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype))))
+        return Compiled(
+            sizes,
+            draw=draw,
+            pack=jax.jit(jax.vmap(pack)),
+            unpack=jax.jit(jax.vmap(unpack)),
+            start=jax.jit(jax.vmap(lambda seed, packed, own: pack(self._begin(seed, packed, own)))),
+            first=over_seeds(self._act),
+            settle=over_seeds(self._settle_and_act),
+            settle_resting=over_seeds(functools.partial(self._settle_and_act, resting=True), packing.still),
+            again=over_seeds(self._restart_and_act),
+            harvest=jax.jit(jax.vmap(harvest), donate_argnums=0),
+            with_rest=jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype)))),
+        )
 
     def _still(self, example: CycleState, numbers: Numbers) -> list[int]:
         """The leaves of a cycle that a decision settled resting hands on as they are."""

@@ -28,6 +28,7 @@ from motorgrad.training._progress import Report
 from motorgrad.training._records import Records
 from motorgrad.training._run import Run, memory_in
 from motorgrad.training._settings import AgentSettings
+from motorgrad.training._side_by_side import MOST, SideBySide
 from motorgrad.training._stepper import Stepper
 from motorgrad.training._tensorboard import EventFiles, began, check_tensorboard
 from motorgrad.training._world_stepper import WorldStepper
@@ -50,6 +51,15 @@ def stepper_of(
         return HostStepper(task, agent, seeds, mode, threads, initial)
     engine = IndexedStepper if isinstance(agent, IndexedAgent) and mode == "learn" else WorldStepper
     return engine(task, agent, seeds, mode, initial)
+
+
+def learner_of(
+    task: Task, agent: Agent, seeds: Sequence[int], threads: int = 0, initial: Policy | None = None
+) -> Stepper:
+    """The engine of training: as `stepper_of`, or several side by side where there are many seeds in a body."""
+    if isinstance(task, BodyTask) and len(seeds) > MOST:
+        return SideBySide(task, agent, seeds, threads, initial)
+    return stepper_of(task, agent, seeds, "learn", threads, initial)
 
 
 def train(
@@ -80,7 +90,7 @@ def train(
     - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run under way
       has.
     - `checkpoint_every`: seconds of wall time between checkpoints.
-    - `threads`: that step the physics of bodies; 0 for one per processor.
+    - `threads`: that work on bodies, with physics and learning; 0 for one per processor.
     - `progress`: whether to show how far it is.
     - `tensorboard`: whether to keep TensorBoard event files in `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint, once, also where the run was killed and has gone on.
@@ -114,7 +124,7 @@ class _Training:
     ):
         task, agent, settings, steps, seeds, initial = asked
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
-        self.stepper = stepper_of(task, agent, seeds, threads=threads, initial=initial)
+        self.stepper = learner_of(task, agent, seeds, threads, initial)
         self.config: dict[str, Any] = {
             "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
             "task": {"name": task.name, **table(task)},

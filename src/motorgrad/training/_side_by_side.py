@@ -1,0 +1,101 @@
+"""Several engines for one training, side by side."""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import BodyTask
+from motorgrad.training._body_stepper import BodyStepper
+from motorgrad.training._stepper import Look, Record, Stepper, fits
+
+MOST = 8
+"""Seeds of one engine. With fewer each costs more, as a compiled call has its price whatever its size; with more there
+are fewer engines for the other threads."""
+
+T = TypeVar("T")
+
+
+class SideBySide(Stepper):
+    """Learning in a body, the seeds shared out to engines that do not wait for each other.
+
+    Within one engine, physics and learners wait for each other at every decision, and threads share physics alone. So
+    many seeds are learnt in several, a thread to each; only their learners take turns. The shares depend on nothing but
+    the number of seeds: with any number of threads, results are the same in every bit.
+
+    **Arguments:** as `BodyStepper`, in the mode "learn".
+    """
+
+    def __init__(
+        self, task: BodyTask, agent: Agent, seeds: Sequence[int], threads: int = 0, initial: Policy | None = None
+    ):
+        super().__init__(task, agent, seeds, diverges=True)
+        threads = threads or os.cpu_count() or 1
+        count = 2 ** max(0, math.ceil(math.log2(len(self.seeds) / MOST)))  # which as many threads divide evenly
+        shares = np.array_split(np.arange(len(self.seeds)), count)
+        self._ends = [int(share[-1]) + 1 for share in shares[:-1]]
+        self._threads = min(threads, count)
+        self.engines: list[BodyStepper] = []
+        for share in shares:
+            own = jax.tree.map(lambda leaf, share=share: leaf[share], initial)
+            like = self.engines[0] if self.engines else None  # which has as many seeds as any
+            each = max(1, threads // count)
+            self.engines.append(BodyStepper(task, agent, self.seeds[share].tolist(), "learn", each, own, like))
+
+    def advance(self, decisions: int) -> None:
+        self._each(lambda engine: engine.advance(decisions))
+        self.decision += decisions
+
+    @property
+    def state(self) -> PyTree[np.ndarray]:
+        return self._joined([engine.state for engine in self.engines])
+
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        fits(state, self.state)
+        for engine, part in zip(self.engines, self._parted({**state, "decision": None}), strict=True):
+            engine.restore({**part, "decision": state["decision"]})
+        self.decision = int(state["decision"])
+
+    def harvest(self) -> Record:
+        return self._joined([engine.harvest() for engine in self.engines])
+
+    def policies(self) -> Policy:
+        return self._joined([engine.policies() for engine in self.engines])
+
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        parts = zip(self.engines, self._parted(policies), self._parted(memory), strict=True)
+        for engine, policy, remembered in parts:
+            engine.use(policy, remembered)
+
+    def watch(self, look: Look) -> Callable[[], PyTree[np.ndarray]]:
+        watches = [engine.watch(look) for engine in self.engines]
+        return lambda: self._joined([seen() for seen in watches])
+
+    @property
+    def activation(self) -> Float[np.ndarray, "seeds groups"]:
+        """The actions under way, as of `BodyStepper`."""
+        return np.concatenate([engine.activation for engine in self.engines])
+
+    def _each(self, work: Callable[[BodyStepper], None]) -> None:
+        """Have all engines work; if one fails, when the others are done."""
+        with ThreadPoolExecutor(self._threads) as pool:
+            for _ in pool.map(work, self.engines):
+                pass
+
+    def _joined(self, parts: list[T]) -> T:
+        def join(*leaves: Any) -> Any:
+            return np.concatenate(leaves) if np.ndim(leaves[0]) else leaves[0]  # the number of decisions is one for all
+
+        return jax.tree.map(join, *parts)
+
+    def _parted(self, tree: T) -> list[T]:
+        leaves, structure = jax.tree.flatten(tree)
+        parts = [np.split(np.asarray(leaf), self._ends) for leaf in leaves]
+        return [jax.tree.unflatten(structure, part) for part in zip(*parts, strict=True)] or [tree] * len(self.engines)
