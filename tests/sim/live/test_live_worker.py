@@ -90,6 +90,14 @@ def test_edits_take_effect_where_they_are_meant(hopper):
     hopper(live.Edit("body.extensor_left.strength", 400.0), live.Edit("agent.rate", 5e-4))
 
 
+def test_what_is_told_of_muscles_is_true_of_the_engine_in_use(hopper):
+    for decay in (0.5, 0.6, 0.7, 0.8):  # an engine for each, until the first is forgotten
+        hopper(live.Edit("agent.decay", decay))
+    hopper(live.Edit("body.extensor_left.strength", 450.0))
+    assert hopper.worker.subject.fields["actuator_gainprm"][1, 0] == -450.0
+    hopper(live.Edit("agent.decay", 0.995), live.Edit("body.extensor_left.strength", 400.0))
+
+
 def test_decay_and_reward_go_on_from_the_same_state(hopper):
     hopper(live.Reset(), live.Step(50))
     before = hopper.seen()

@@ -39,10 +39,9 @@ class BodyPart:
         self._driven = [i for i, name in enumerate(self.muscles) if name in group_of]
         self._source = [self.groups.index(group_of[self.muscles[i]]) for i in self._driven]
 
-    @property
-    def fields(self) -> dict[str, np.ndarray]:
-        """The model's arrays that edits change."""
-        return {} if self.model is None else fields_of(self.model)
+    def fields(self, stepper: Stepper) -> dict[str, np.ndarray]:
+        """The arrays of an engine's model that edits change."""
+        return fields_of(stepper.batch.model) if isinstance(stepper, BodyStepper) else {}
 
     def read(self) -> dict[str, float]:
         """The present numbers of the muscles."""

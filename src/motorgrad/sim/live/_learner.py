@@ -56,7 +56,7 @@ class Learner:
 
     @property
     def fields(self) -> dict[str, np.ndarray]:
-        return self._body.fields
+        return self._body.fields(self._stepper)
 
     def about(self) -> Ready:
         width = {name: array.shape[1] for name, array in self._see().items() if array.ndim == 2}
