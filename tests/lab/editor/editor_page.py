@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from motorgrad.lab import Diagram
+from motorgrad.lab import Diagram, Gain, Scope, Sine
 from motorgrad.lab.editor import Server, Session
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -38,6 +38,17 @@ def served(folder: Path, diagram: Diagram | None = None) -> Iterator[Server]:
     finally:
         server.stop()
         session.close()
+
+
+def wave() -> Diagram:
+    """A sine, twice as large, on a scope."""
+    diagram = Diagram(tick=0.01)
+    diagram.add("sine", Sine())
+    diagram.add("gain", Gain(2.0))
+    diagram.add("scope", Scope())
+    diagram.connect("sine", "gain")
+    diagram.connect("gain", "scope")
+    return diagram
 
 
 class Editor:

@@ -1,56 +1,16 @@
 """The editor in a browser, used by mouse and by keyboard."""
 
-import contextlib
 import json
 import math
 import re
 
 import pytest
-from editor_page import CHROMIUM, Editor, needs, served, sync_api
+from editor_page import Editor, sync_api, wave
 
 import motorgrad.lab as lab
 from motorgrad.lab import gallery
 
 expect = sync_api.expect
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    needs()
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def opened(chromium, tmp_path):
-    """A page on a diagram: `opened(diagram)`."""
-    with contextlib.ExitStack() as stack:
-        used = []
-
-        def open(diagram=None, before=lambda page: None):
-            server = stack.enter_context(served(tmp_path, diagram))
-            context = chromium.new_context(viewport={"width": 1360, "height": 860})
-            stack.callback(context.close)
-            page = context.new_page()
-            before(page)
-            editor = Editor(page, server).open(server.url)
-            used.append(editor)
-            return editor
-
-        yield open
-        assert [editor.faults for editor in used] == [[]] * len(used)
-
-
-def wave() -> lab.Diagram:
-    diagram = lab.Diagram(tick=0.01)
-    diagram.add("sine", lab.Sine())
-    diagram.add("gain", lab.Gain(2.0))
-    diagram.add("scope", lab.Scope())
-    diagram.connect("sine", "gain")
-    diagram.connect("gain", "scope")
-    return diagram
 
 
 def test_build_run_retune_undo_save_and_reload_by_mouse(opened, tmp_path):
@@ -131,6 +91,7 @@ def test_build_run_and_save_by_keyboard_alone(opened, tmp_path):
     editor.press("Enter")
     editor.told("Saved as by keyboard.json")
     assert set(lab.load(tmp_path / "by keyboard.json").nodes) == {"sine", "scope"}
+    expect(editor.dialog).to_have_count(0)
     editor.press("?")
     expect(editor.dialog).to_contain_text("Keyboard shortcuts")
 

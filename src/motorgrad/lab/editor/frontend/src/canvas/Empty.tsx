@@ -1,4 +1,5 @@
 import { searchPalette } from "../commands/view";
+import { age } from "../session/recoverable";
 import { useDocument } from "../session/store";
 import { useScope } from "../session/useScope";
 import { openDialog, useUi } from "../ui/ui";
@@ -19,14 +20,15 @@ export function Empty() {
       {!inner && recoverable.length > 0 && (
         <div className="recover" role="region" aria-label="unsaved work">
           <p>A session ended with unsaved work.</p>
-          {recoverable.map(({ id, title, file }) => (
-            <div key={id} className="row">
-              <button type="button" className="primary" onClick={() => void ask({ op: "recover", id })}>
-                Take up {title || file || "it"}
+          {recoverable.map((work) => (
+            <div key={work.id} className="row">
+              <button type="button" className="primary" onClick={() => void ask({ op: "recover", id: work.id })}>
+                Take up {work.title || work.file || "it"}
               </button>
-              <button type="button" className="plain" onClick={() => void ask({ op: "recover", id, drop: true })}>
+              <button type="button" className="plain" onClick={() => void ask({ op: "recover", id: work.id, drop: true })}>
                 Forget it
               </button>
+              <span className="quiet">{age(work)}</span>
             </div>
           ))}
         </div>

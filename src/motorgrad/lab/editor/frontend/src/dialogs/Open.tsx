@@ -1,8 +1,9 @@
 import { useEffect, useState } from "react";
 import { useAsk } from "../session/context";
+import { age } from "../session/recoverable";
 import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
-import { enter, openDialog } from "../ui/ui";
+import { closeDialog, enter } from "../ui/ui";
 import { openText } from "./openText";
 
 /** Opens a diagram of the session's folder, or any file. */
@@ -13,9 +14,9 @@ export function Open() {
   useEffect(() => {
     void ask({ op: "files" }).then((answer) => setFiles((answer?.files as string[] | undefined) ?? []));
   }, [ask]);
-  const open = async (file: string) => {
-    if (!(await ask({ op: "open", file }))) return;
-    openDialog(null);
+  const open = async (which: { op: "open"; file: string } | { op: "recover"; id: string }) => {
+    if (!(await ask(which))) return;
+    closeDialog("open");
     enter([]);
   };
   return (
@@ -30,12 +31,12 @@ export function Open() {
         />
       </label>
       {recoverable.length > 0 && <h3>Unsaved work</h3>}
-      <ul className="list">
-        {recoverable.map(({ id, title, file, time }) => (
-          <li key={id}>
-            <button type="button" onClick={() => void ask({ op: "recover", id }).then(() => openDialog(null))}>
-              <b>{title || file || "Untitled"}</b>
-              {time}
+      <ul className="list" aria-label="unsaved work">
+        {recoverable.map((work) => (
+          <li key={work.id}>
+            <button type="button" onClick={() => void open({ op: "recover", id: work.id })}>
+              <b>{work.title || work.file || "Untitled"}</b>
+              {age(work)}
             </button>
           </li>
         ))}
@@ -45,7 +46,7 @@ export function Open() {
       <ul className="list" aria-label="files">
         {files?.map((file) => (
           <li key={file}>
-            <button type="button" onClick={() => void open(file)}>
+            <button type="button" onClick={() => void open({ op: "open", file })}>
               <b>{file}</b>
             </button>
           </li>

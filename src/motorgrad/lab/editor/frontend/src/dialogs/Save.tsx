@@ -2,7 +2,7 @@ import { useState } from "react";
 import { useAsk } from "../session/context";
 import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
-import { openDialog } from "../ui/ui";
+import { closeDialog } from "../ui/ui";
 
 const proposal = (): string => {
   const { file, scopes } = useDocument.getState();
@@ -21,7 +21,7 @@ export function Save() {
         className="row"
         onSubmit={(event) => {
           event.preventDefault();
-          void ask({ op: "save", file, over }).then((answer) => answer && openDialog(null));
+          void ask({ op: "save", file, over }).then((answer) => answer && closeDialog("save"));
         }}
       >
         <input

@@ -1,5 +1,5 @@
 import type { Ask } from "../session/context";
-import { enter, openDialog, toast } from "../ui/ui";
+import { closeDialog, enter, toast } from "../ui/ui";
 
 /** Open a file of the user's machine. What is wrong with it is said, and what was open stays. */
 export async function openText(ask: Ask, file: File): Promise<void> {
@@ -10,6 +10,6 @@ export async function openText(ask: Ask, file: File): Promise<void> {
     return toast(`${file.name}: is no text`, true);
   }
   if (!(await ask({ op: "open", text }))) return;
-  openDialog(null);
+  closeDialog("open");
   enter([]);
 }

@@ -1,4 +1,5 @@
 import { create } from "zustand";
+import type { Recoverable } from "./recoverable";
 import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./types";
 
 /** What the session holds, as this client last heard of it. */
@@ -18,13 +19,6 @@ export interface Document {
   gallery: GalleryEntry[];
   problems: Problem[];
   recoverable: Recoverable[];
-}
-
-export interface Recoverable {
-  id: string;
-  file: string | null;
-  title: string;
-  time: string;
 }
 
 export const emptyScope: Scope = {

@@ -59,6 +59,10 @@ export function toast(text: string, bad = false): void {
 
 export const openDialog = (dialog: Dialog): void => useUi.setState({ dialog });
 
+/** Closes this one, should it still be open: an answer may come after another has been opened. */
+export const closeDialog = (dialog: Dialog): void =>
+  useUi.setState((ui) => (ui.dialog === dialog ? { dialog: null } : ui));
+
 export function setTheme(theme: Theme): void {
   try {
     localStorage.setItem("timlab-theme", theme);

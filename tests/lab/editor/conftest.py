@@ -1,0 +1,38 @@
+"""A browser for the tests of the editor, loaded with the first test that asks for it, which skips aloud without one."""
+
+import contextlib
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    from editor_page import CHROMIUM, needs, sync_api
+
+    needs()
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium, tmp_path):
+    """A page on a diagram: `opened(diagram)`."""
+    from editor_page import Editor, served
+
+    with contextlib.ExitStack() as stack:
+        used = []
+
+        def open(diagram=None, before=lambda page: None):
+            server = stack.enter_context(served(tmp_path, diagram))
+            context = chromium.new_context(viewport={"width": 1360, "height": 860})
+            stack.callback(context.close)
+            page = context.new_page()
+            before(page)
+            editor = Editor(page, server).open(server.url)
+            used.append(editor)
+            return editor
+
+        yield open
+        assert [editor.faults for editor in used] == [[]] * len(used)
