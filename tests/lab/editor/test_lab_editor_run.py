@@ -180,7 +180,9 @@ def test_a_frozen_unit_keeps_its_parameters_and_the_others_learn(open_session):
     client = Client(open_session(gallery.example("motoneuron-pool")))
     client.do("watch", addresses=["policy.parameters"])
     client.do("tick", n=20)
+    assert client.view["nodes"]["policy"]["frozen"] == [False] * 4  # each can be frozen singly, before any is
     client.do("freeze", address="policy", on=True, unit=1)
+    assert client.view["nodes"]["policy"]["frozen"] == [False, True, False, False]
     client.do("tick", n=1)
     client.do("tick", n=200)
     seen = traces(client)["main", "policy.parameters"]

@@ -6,7 +6,8 @@ to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `co
 
 A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs`, which are lists of ports, and its
 `position`, `null` where it was never put anywhere; a subsystem, of type `"diagram"`, has the view of its diagram as
-`inner`. A sink that draws has the way in which it does as `drawing`.
+`inner`. A sink that draws has the way in which it does as `drawing`. What learns and can be frozen has `frozen`, whether
+it is: one truth value, or one for each unit where units can be frozen singly.
 """
 
 import dataclasses
@@ -58,7 +59,8 @@ def _block(block: Block) -> View:
     fields = {field.name: getattr(block, field.name) for field in dataclasses.fields(block) if field.init}
     own = {"type": block.name, "category": block.category, "fields": fields}
     drawing = getattr(type(block), "drawing", None)
-    return own if drawing is None else own | {"drawing": drawing}
+    own |= {} if drawing is None else {"drawing": drawing}
+    return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
 
 
 def ports(declared: Any) -> list[View]:

@@ -4,12 +4,8 @@ import type { BlockView } from "../session/types";
 /** Freezes what a block has learnt, all of it or unit by unit, while it runs. */
 export function Freeze({ path, view }: { path: string; view: BlockView }) {
   const ask = useAsk();
-  const frozen = view.fields.frozen;
-  if (frozen === undefined) return null;
-  const groups = Array.isArray(view.fields.groups) ? view.fields.groups.length : 0;
-  const units = Array.isArray(frozen) ? Math.max(groups, frozen.length) : groups;
-  const isFrozen = (unit: number) => (Array.isArray(frozen) ? frozen[unit] === true : frozen === true);
-  const all = Array.isArray(frozen) ? frozen.every((each) => each === true) : frozen === true;
+  if (view.frozen === undefined) return null;
+  const units = Array.isArray(view.frozen) ? view.frozen : [view.frozen];
   const freeze = (on: boolean, unit?: number) =>
     ask({ op: "freeze", address: path, on, ...(unit !== undefined && { unit }) });
   return (
@@ -18,21 +14,21 @@ export function Freeze({ path, view }: { path: string; view: BlockView }) {
       <label className="check">
         <input
           type="checkbox"
-          checked={all}
+          checked={units.every(Boolean)}
           aria-label="freeze all"
           onChange={(event) => void freeze(event.target.checked)}
         />
         all that it has learnt
       </label>
-      {units > 1 && (
+      {units.length > 1 && (
         <div className="chips">
-          {Array.from({ length: units }, (_, unit) => (
+          {units.map((still, unit) => (
             <button
               key={unit}
               type="button"
-              aria-pressed={isFrozen(unit)}
+              aria-pressed={still}
               aria-label={`freeze unit ${unit}`}
-              onClick={() => void freeze(!isFrozen(unit), unit)}
+              onClick={() => void freeze(!still, unit)}
             >
               {unit}
             </button>

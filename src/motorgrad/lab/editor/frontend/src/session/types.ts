@@ -23,6 +23,8 @@ export interface BlockView {
   position: [number, number] | null;
   /** How a sink shows what it sees. */
   drawing?: string;
+  /** Whether what has been learnt stays as it is: all of it, or each unit's. */
+  frozen?: boolean | boolean[];
 }
 
 export interface Remark {
