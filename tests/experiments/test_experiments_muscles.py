@@ -20,7 +20,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [MUSCLES.name, pytest.param(SYNERGIES.name, marks=pytest.mark.ci)])
+@pytest.mark.parametrize("name", [MUSCLES.name, SYNERGIES.name])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

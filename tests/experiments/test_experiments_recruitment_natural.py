@@ -39,6 +39,7 @@ def judged(found):
     return [claim.holds for claim in LargePools(pools=(2, 16, 64)).claims(found)]
 
 
+@pytest.mark.slow
 def test_it_leaves_a_figure_and_its_claims(tmp_path):
     found = reproduce(LargePools.quick(), tmp_path, quick=True, progress=False)
     assert found.figure.read_text().startswith("<?xml")

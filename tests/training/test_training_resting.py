@@ -92,7 +92,8 @@ def test_a_decision_that_diverged_puts_off_the_step_of_its_own_seed_alone():
     found = stepper()
     seen = watched(found)
     found.advance(5)
-    found._out = found._out.at[0, 0].set(np.nan)  # a control with which the first diverges
+    found._out = found._out.copy()
+    found._out[0, 0] = np.nan  # a control with which the first diverges
     found.advance(1 + 3 * IMPROVE)
     learners = found.state["cycle"].agent
     assert found.batch.diverged.tolist() == [1, 0]

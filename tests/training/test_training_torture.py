@@ -47,21 +47,21 @@ def alter_metrics(path, name, change):
 
 @pytest.mark.slow
 @pytest.mark.ci
-def test_ten_random_kills_leave_no_trace(process_environment):
-    command = [sys.executable, str(SCRIPT), "--kills", "10", "--seed", "7"]
+def test_five_random_kills_leave_no_trace(process_environment):
+    command = [sys.executable, str(SCRIPT), "--kills", "5", "--seed", "7"]
     done = subprocess.run(command, env=process_environment, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.search(
-        r"^10 kills \((\d+) before learning, (\d+) while learning, (\d+) during a commit\); "
+        r"^5 kills \((\d+) before learning, (\d+) while learning, (\d+) during a commit\); "
         r"(\d+) runs, each as if undisturbed; \d+ s, seed 7$",
         done.stdout,
         re.MULTILINE,
     )
     assert found, done.stdout
     *kills, compared = map(int, found.groups())
-    assert sum(kills) == 10
+    assert sum(kills) == 5
     assert kills[1] + kills[2] >= 1
-    assert compared >= 2
+    assert compared >= 1
 
 
 def test_wall_time_is_no_difference(torture, run, twin):

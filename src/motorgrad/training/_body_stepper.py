@@ -15,4 +15,4 @@ class BodyStepper(HostStepper):
     @property
     def activation(self) -> Float[np.ndarray, "seeds groups"]:
         """The actions under way: what each group of muscles does until the next decision."""
-        return np.asarray(self._out)[:, : len(self.batch.groups)]
+        return self._out[:, : len(self.batch.groups)]

@@ -31,10 +31,10 @@ class Compiled(NamedTuple):
     pack: Callable[..., Packed]
     unpack: Callable[..., CycleState]
     start: Callable[..., Packed]
-    first: Callable[..., tuple[Packed, Array]]
-    settle: Callable[..., tuple[Packed, Array]]
-    settle_resting: Callable[..., tuple[Packed, Array]]
-    again: Callable[..., tuple[Packed, Array]]
+    first: Callable[..., tuple[Packed, np.ndarray]]
+    settle: Callable[..., tuple[Packed, np.ndarray]]
+    settle_resting: Callable[..., tuple[Packed, np.ndarray]]
+    again: Callable[..., tuple[Packed, np.ndarray]]
     harvest: Callable[..., tuple[Packed, dict[str, Array]]]
     with_rest: Callable[..., Array]
 
@@ -75,33 +75,32 @@ class HostStepper(Stepper):
         self._cycles, self._out = self._call.first(cycles, self._input())
 
     def advance(self, decisions: int) -> None:
-        out, has_episodes = np.asarray(self._out), self.task.has_episodes
+        rests, has_episodes = self.cycle.rests, self.task.has_episodes
         for _ in range(decisions):
-            settle = self._call.settle_resting if out[:, -1].min() > 0 else self._call.settle
-            self.batch.step(out[:, :-2])
+            resting = rests and self._out[:, -1].min() > 0
+            self.batch.step(self._out[:, :-2])
             self.decision += 1
+            settle = self._call.settle_resting if resting else self._call.settle
             self._cycles, self._out = settle(self._cycles, self._input())
-            out = np.asarray(self._out)
             self.ended = None
-            if (has_episodes or self.batch.lost) and np.count_nonzero(out[:, -2]):
-                ended = out[:, -2] > 0
+            if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
+                ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 self.batch.reset(np.flatnonzero(ended))
                 self._cycles, self._out = self._call.again(self._cycles, self._input(), ended, self._out)
-                out = np.asarray(self._out)
 
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self._call.unpack(self._cycles)
         # How long it may rest follows from the cycle, and from whether this engine learns: it is not kept.
-        parts = {"cycle": cycle, "action": np.asarray(self._out)[:, :-1], "physics": self.batch.snapshot()}
+        parts = {"cycle": cycle, "action": self._out[:, :-1], "physics": self.batch.snapshot()}
         return jax.tree.map(np.array, {"decision": self.decision, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
         self.batch.restore(state["physics"])
         self._cycles = self._call.pack(state["cycle"])
-        self._out = self._call.with_rest(self._cycles, jnp.array(state["action"]))
+        self._out = np.asarray(self._call.with_rest(self._cycles, jnp.array(state["action"])))
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -168,12 +167,17 @@ class HostStepper(Stepper):
 
             compiled = in_one_piece(jax.vmap(one))
 
-            def call(cycles: Packed, *rest: Any) -> tuple[Packed, Array]:
-                moving = {name: part for name, part in cycles.items() if name not in still} if still else cycles
+            def in_turn(moving: Packed, still: Packed, *rest: Any) -> tuple[Packed, np.ndarray]:
                 with alone:
-                    moving, out = compiled(moving, {name: cycles[name] for name in still}, *rest)
-                    out.block_until_ready()
-                return cycles | moving if still else moving, out
+                    moving, out = compiled(moving, still, *rest)
+                    return moving, np.asarray(out)  # waits for the call, which reads its input in place
+
+            def call(cycles: Packed, *rest: Any) -> tuple[Packed, np.ndarray]:
+                if not still:
+                    return in_turn(cycles, {}, *rest)
+                moving = {name: part for name, part in cycles.items() if name not in still}
+                moving, out = in_turn(moving, {name: cycles[name] for name in still}, *rest)
+                return cycles | moving, out
 
             return call
 

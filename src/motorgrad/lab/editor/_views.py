@@ -6,8 +6,8 @@ to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `co
 
 A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs`, which are lists of ports, and its
 `position`, `null` where it was never put anywhere; a subsystem, of type `"diagram"`, has the view of its diagram as
-`inner`. A sink that draws has the way in which it does as `drawing`. What learns and can be frozen has `frozen`, whether
-it is: one truth value, or one for each unit where units can be frozen singly.
+`inner`. A sink that draws has the way in which it does as `drawing`. What learns and can be frozen has `frozen`, one
+truth value; or one for each unit, where units can be frozen singly.
 """
 
 import dataclasses
