@@ -65,7 +65,14 @@ CHECKS = {"docs/bodies.md": check_bodies}
 """What else holds on a page, given the names that its blocks define."""
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)], ids=name_of)
+LONG = ("docs/units/spatial-index.md", "docs/foreign-environments.md", "docs/reproduction-muscles.md")
+
+
+def paced(page):
+    return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else ())
+
+
+@pytest.mark.parametrize("page", [paced(page) for page in PAGES if python_of(page)], ids=name_of)
 def test_the_code_runs_and_prints_what_the_page_says(page, capsys):
     names: dict = {"__name__": "page"}
     for number, code in enumerate(python_of(page), 1):

@@ -43,7 +43,14 @@ def out(tmp_path_factory):
     return tmp_path_factory.mktemp("constructive")
 
 
-LONG = ("sec-6.4-criteria", "sec-6.5.4-hierarchy", "sec-6.5.4-hopper")  # to compile
+LONG = (
+    "sec-6.4-criteria",
+    "sec-6.4-placement",
+    "sec-6.5.4-hierarchy",
+    "sec-6.5.4-hopper",
+    "sec-6.5.4-navigation",
+    "fig-6.9",
+)  # to compile
 
 
 @pytest.mark.parametrize(

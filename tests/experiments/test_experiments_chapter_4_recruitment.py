@@ -21,6 +21,7 @@ from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import settings_for, train
 from motorgrad.worlds import immediate_reward
 
+LONG = ("fig-4.3", "fig-4.8")  # to compile
 CLAIMED = {
     "fig-4.1": 2,
     "fig-4.2": 0,
@@ -33,7 +34,7 @@ CLAIMED = {
 }
 
 
-@pytest.mark.parametrize("name", CLAIMED)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

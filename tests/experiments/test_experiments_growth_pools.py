@@ -45,7 +45,7 @@ def done(out):
     return of
 
 
-LONG = ("sec-4.4.1-rate-modulation", "sec-4.4-growth")  # to compile
+LONG = ("sec-4.4.1-rate-modulation", "sec-4.4-growth", "sec-4.4.1-active-learning")  # to compile
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in NAMES])
@@ -197,6 +197,7 @@ def test_growth_by_the_natural_step_has_settings_that_scale_to_any_reward():
     assert NORMAL["advantages"] == "normalised"
 
 
+@pytest.mark.slow
 def test_grown_pools_go_on_from_each_other(done, out):
     with np.load(done("sec-4.4-growth").folder / "values.npz") as values:
         phase, units = Growth.quick().phase, Growth.quick().units
@@ -282,6 +283,7 @@ def test_the_claims_about_graded_units_can_come_out_either_way():
     assert not any(claim.holds for claim in judged(rate(1.1, 700, 0.3)))
 
 
+@pytest.mark.slow
 def test_graded_pools_keep_above_their_floor(done):
     quick = RateModulation.quick()
     with np.load(done("sec-4.4.1-rate-modulation").folder / "values.npz") as values:

@@ -185,7 +185,7 @@ def test_one_seed_that_does_not_learn_refutes_that_every_seed_does():
 
 # --- from end to end ---
 
-QUICK = [HillClimbing, Learner, Baselines]
+QUICK = [HillClimbing, Learner, pytest.param(Baselines, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("kind", QUICK)

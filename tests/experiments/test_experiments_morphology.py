@@ -38,7 +38,9 @@ OTHERS = ("airborne", "belly", "net", "falls")
 CLAIMED = {"sec-5.3.3-morphology": 13, "sec-5.3.3-forces": 5}
 
 
-@pytest.mark.parametrize("name", [pytest.param("sec-5.3.3-morphology", marks=needs_evosax), "sec-5.3.3-forces"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("sec-5.3.3-morphology", marks=[needs_evosax, pytest.mark.slow]), "sec-5.3.3-forces"]
+)
 def test_each_leaves_a_figure_and_its_claims(name, tmp_path):
     found = reproduce(EXPERIMENTS[name].quick(), tmp_path, quick=True, progress=False)
     assert found.figure.read_text().startswith("<?xml")

@@ -29,7 +29,12 @@ CLAIMED = {
 SEEDS = 40
 
 
-LONG = ("sec-4.4.1-size-principle", "sec-4.4-negative-inputs", "sec-4.4-large-loads")  # to compile
+LONG = (
+    "sec-4.4.1-size-principle",
+    "sec-4.4-negative-inputs",
+    "sec-4.4-large-loads",
+    "sec-4.4.1-gain-decay",
+)  # to compile
 
 
 @pytest.mark.parametrize(
@@ -288,7 +293,10 @@ def test_the_least_error_is_that_of_ideal_thresholds():
     assert least_error(task, 1e-9) == pytest.approx(silent, rel=1e-3)
 
 
-@pytest.mark.parametrize(("name", "further"), [("sec-4.4-negative-inputs", 2), ("sec-4.4.1-gain-decay", 8)])
+@pytest.mark.parametrize(
+    ("name", "further"),
+    [pytest.param("sec-4.4-negative-inputs", 2, marks=pytest.mark.slow), ("sec-4.4.1-gain-decay", 8)],
+)
 def test_pools_learn_on_from_what_they_had_learnt(name, further, tmp_path):
     reproduce(EXPERIMENTS[name].quick(), tmp_path, progress=False)
     runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]
@@ -314,6 +322,7 @@ def test_order_is_one_where_small_units_come_first():
     np.testing.assert_allclose(order(values, "x"), [1.0, -1.0, 0.8])
 
 
+@pytest.mark.slow
 def test_orders_pay_alike_in_the_arm_where_units_are_equal():
     assert len(orders_of(3)) == 6
     assert orders_of(3)[0] == (0, 1, 2)

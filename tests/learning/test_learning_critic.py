@@ -66,7 +66,7 @@ def check_exact(weights, exact, centred, tolerance):
 
 
 @pytest.mark.parametrize("discount", [None, 0.8])
-@pytest.mark.parametrize("decay", [0.0, 0.7])
+@pytest.mark.parametrize("decay", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 @pytest.mark.parametrize("fit", FITS)
 @pytest.mark.parametrize("name", TASKS)
 def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, decay, discount):

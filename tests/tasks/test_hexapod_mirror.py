@@ -143,6 +143,7 @@ def test_equal_synergies_are_paired_in_their_order():
     assert Hexapod(synergies=(left, right, right, left)).mirror.outputs == (1, 0, 3, 2)
 
 
+@pytest.mark.slow
 def test_a_run_with_everything_resumes_and_loads(tmp_path):
     task = HexapodSynergy(observes=SENSES)
     changes = {

@@ -78,6 +78,7 @@ def test_seeds_learn_each_by_itself():
             np.testing.assert_allclose(mine[row], own[0], rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_run_is_read_as_any_other(tmp_path):
     run = go(tmp_path / "run")
     latest = columns(run.metrics)["parameters"][-3:]
@@ -102,6 +103,7 @@ def test_policies_that_are_put_in_place_are_learnt_from():
         np.testing.assert_allclose(mine, yours, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
     task, start = mg.make("particle", units=64), tiles(2, 64, copies=2, width=0.01)
     wide = dataclasses.replace(start, log_width=start.log_width + 1.2)
@@ -120,6 +122,7 @@ def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
         np.testing.assert_allclose(mine[0], own[0], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_what_is_neglected_is_so_in_training_too():
     stepper = stepper_of(TASK, settings_for(TASK, **SETTINGS).agent(TASK), [4, 5])
     worst = 0.0
