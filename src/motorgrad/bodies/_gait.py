@@ -74,6 +74,8 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
 def debounced(contact: np.ndarray, period: float) -> np.ndarray:
     """Contacts (decisions, …), true or false, without those and without gaps of less than 25 ms: the majority in a
     window of that length on either side. `period` between two decisions in s."""
+    if not len(contact):
+        return contact.astype(bool)
     reach = int(_DEBOUNCE / period + 1e-9)
     padded = np.pad(contact, ((reach, reach), *((0, 0),) * (contact.ndim - 1)), mode="edge").astype(float)
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)

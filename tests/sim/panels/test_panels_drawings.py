@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from motorgrad.bodies import debounced
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians
 from motorgrad.sim.panels import _svg
 from motorgrad.sim.panels._arrows import MOST, NEGATIVE, POSITIVE, draw_arrows
@@ -168,5 +169,5 @@ def test_a_footfall_does_not_bridge_what_was_not_seen():
     seconds = np.concatenate([np.arange(10) * 0.02, 2 + np.arange(10) * 0.02])
     made = draw_footfall(seconds, np.ones((20, 1), bool), ["left"], [True], 0.02)
     assert len([bar for bar in shapes(made, "rect") if bar.get("fill") == FIRST]) == 2
-    assert draw_footfall(np.zeros(0), np.zeros((0, 1), bool), ["left"], [True], 0.02)
+    assert draw_footfall(np.zeros(0), debounced(np.zeros((0, 1), bool), 0.02), ["left"], [True], 0.02)
     assert re.search("now", made)
