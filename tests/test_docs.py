@@ -65,7 +65,14 @@ CHECKS = {"docs/bodies.md": check_bodies}
 """What else holds on a page, given the names that its blocks define."""
 
 
-LONG = ("docs/units/spatial-index.md", "docs/foreign-environments.md", "docs/reproduction-muscles.md")
+LONG = (
+    "docs/units/spatial-index.md",
+    "docs/units/graded.md",
+    "docs/reproduction.md",
+    "docs/reproduction-natural.md",
+    "docs/foreign-environments.md",
+    "docs/reproduction-muscles.md",
+)
 
 
 def paced(page):

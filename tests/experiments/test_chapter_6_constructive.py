@@ -50,6 +50,7 @@ LONG = (
     "sec-6.5.4-hopper",
     "sec-6.5.4-navigation",
     "fig-6.9",
+    "fig-6.8",
 )  # to compile
 
 

@@ -54,7 +54,15 @@ def work(out):
     return Workspace(out / "some", out / "trained", progress=False)
 
 
-LONG = ("sec-6.5-mixtures", "sec-6.1.1-forgetting", "sec-6.3-noise", "fig-6.5", "fig-6.6")  # to compile
+LONG = (
+    "sec-6.5-mixtures",
+    "sec-6.1.1-forgetting",
+    "sec-6.3-noise",
+    "fig-6.5",
+    "fig-6.6",
+    "fig-6.4",
+    "beyond-6.2-natural",
+)  # to compile
 
 
 @pytest.mark.parametrize(

@@ -292,6 +292,7 @@ def test_graded_pools_keep_above_their_floor(done):
             assert (values[f"{units} deviation"] > quick.floor).all()
 
 
+@pytest.mark.slow
 def test_the_logarithm_of_the_deviation_runs_away_without_damping():
     task = LinearRecruitment(units=1)
     least = {}

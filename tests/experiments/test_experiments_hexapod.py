@@ -28,7 +28,7 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-LONG = ("sec-5.3.3-terrain", "fig-5.9", "fig-5.8")
+LONG = ("sec-5.3.3-terrain", "fig-5.9", "fig-5.8", "sec-5.3.4-gaits")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])

@@ -34,6 +34,7 @@ LONG = (
     "sec-4.4-negative-inputs",
     "sec-4.4-large-loads",
     "sec-4.4.1-gain-decay",
+    "sec-4.4.1-baseline",
 )  # to compile
 
 

@@ -206,6 +206,7 @@ def corner(key):
     return 3 + 0.2 * jax.random.uniform(key, (2,))
 
 
+@pytest.mark.slow
 def test_a_unit_is_placed_where_the_learner_has_been_of_late():
     growth = dataclasses.replace(QUICK, criterion=Clock(100), placement=Visited(slots=8, every=5))
     starts = []

@@ -36,6 +36,7 @@ def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
     assert (run.policies.strength != 0).any()
 
 
+@pytest.mark.slow
 def test_a_mixture_learns_all_its_parts():
     task = FallingParticle(units=10)
     rates = {"centre": 2e-4, "log_width": 8e-4, "weights": 0.03, "bias": 0.03}

@@ -240,6 +240,7 @@ def test_the_default_learner_gets_better(layout, least):
     assert rewards[:, -1].mean() > least
 
 
+@pytest.mark.slow
 def test_orbits_widen_or_narrow():
     for wanted, low, high in (("wide", 0.42, 0.6), ("narrow", 0.0, 0.26)):
         task = make("particle-orbit", wanted=wanted)

@@ -33,6 +33,7 @@ def test_each_activation_counts_as_far_as_it_is_between_nought_and_one(task):
     assert paid(task, 0.5, [1.0, 0.0])[1] == pytest.approx(small)
 
 
+@pytest.mark.slow
 def test_graded_units_learn_on_both_tasks():
     rates = {"gain": 2e-4, "threshold": 4e-4, "log_deviation": 2e-4}
     for task in (LinearRecruitment(units=2), ArmRecruitment(units=2)):
