@@ -121,6 +121,7 @@ def test_wires_that_do_not_fit_say_why(opened):
 def test_copies_groups_aligns_and_takes_apart(opened):
     editor = opened(wave())
     session = editor.server.session
+    expect(editor.block("scope")).to_be_visible()
     editor.press("Control+a", "Control+c", "Control+v")
     editor.wait(lambda: len(session.diagram.nodes) == 6)
     assert session.diagram.wires["gain 2", "u"] == ("sine 2", "y")

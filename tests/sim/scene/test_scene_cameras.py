@@ -99,6 +99,12 @@ class Looker:
         self.until(lambda: self.walker.view.cameras.chosen(self.id) == name)
         self.page.wait_for_timeout(500)
 
+    def stands(self):
+        """Whether the camera stays where it is."""
+        before = self.camera.position.copy()
+        self.page.wait_for_timeout(700)
+        return np.linalg.norm(self.camera.position - before) < 0.01
+
     def drag(self, across, steps=8):
         """Drag the mouse slowly, as a hand does."""
         self.page.mouse.move(60, 200)
@@ -159,7 +165,7 @@ def test_each_camera_moves_as_it_should(walker, browser):
         looker.page.keyboard.down(key)
         looker.until(lambda begun=begun: np.linalg.norm((camera.position - begun)[:2]) > 0.7)
         looker.page.keyboard.up(key)
-        looker.page.wait_for_timeout(700)
+        looker.until(looker.stands)
         feet, _ = cameras._on_model(camera.position)
         assert camera.position[2] - feet[2] == pytest.approx(EYES, abs=0.1 * EYES)
     stood, looked = camera.position.copy(), looker.away / np.linalg.norm(looker.away)

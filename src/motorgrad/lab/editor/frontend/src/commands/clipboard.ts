@@ -21,8 +21,15 @@ function withPlaces(fragment: Fragment, { flow }: Context): Value {
   return { ...fragment, layout: { ...fragment.layout, positions } } as Value;
 }
 
+let copying: Promise<boolean> = Promise.resolve(false);
+
 /** Keep the selected blocks as a document, here and for other windows. */
-export async function copy(context: Context): Promise<boolean> {
+export function copy(context: Context): Promise<boolean> {
+  copying = keep(context);
+  return copying;
+}
+
+async function keep(context: Context): Promise<boolean> {
   const { names } = selection(context);
   if (!names.length) return false;
   const answer = await context.ask({ op: "fragment", at: useUi.getState().at, names });
@@ -49,6 +56,7 @@ async function other(): Promise<Value> {
 
 /** Put in what was copied, a little lower at every time. */
 export async function paste(context: Context): Promise<void> {
+  await copying;
   const fragment = (await other()) ?? held;
   if (!fragment) return toast("Nothing was copied", true);
   times += 1;
