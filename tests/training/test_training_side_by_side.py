@@ -1,11 +1,15 @@
 """Many seeds of a body learn in several engines at once, and are what they would be in one."""
 
+import threading
+import time
+
 import jax
 import numpy as np
 import pytest
 from training_examples import assert_differ, assert_same, columns
 
 import motorgrad as mg
+from motorgrad._compiler import in_one_piece
 from motorgrad.tasks import Hopper
 from motorgrad.training import BodyStepper, settings_for
 from motorgrad.training._side_by_side import MOST, SideBySide
@@ -101,6 +105,29 @@ def test_what_goes_wrong_in_one_engine_is_raised(begun, monkeypatch):
     monkeypatch.setattr(begun.engines[1], "advance", fail)
     with pytest.raises(RuntimeError, match="the muscles tore"):
         begun.advance(5)
+
+
+def test_no_two_engines_are_in_compiled_code_at_once(monkeypatch):
+    busy, overlaps = threading.Lock(), []
+
+    def watched(function):
+        compiled = in_one_piece(function)
+
+        def call(*given):
+            alone = busy.acquire(blocking=False)
+            overlaps.append(not alone)
+            time.sleep(1e-3)
+            result = compiled(*given)
+            if alone:
+                busy.release()
+            return result
+
+        return call
+
+    monkeypatch.setattr("motorgrad.training._host_stepper.in_one_piece", watched)
+    SideBySide(TASK, AGENT, SEEDS, threads=2).advance(40)
+    assert len(overlaps) > 80
+    assert not any(overlaps)
 
 
 def test_a_run_of_many_seeds_goes_on_with_any_number_of_threads(tmp_path):

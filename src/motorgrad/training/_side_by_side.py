@@ -50,7 +50,9 @@ class SideBySide(Stepper):
             self.engines.append(BodyStepper(task, agent, self.seeds[share].tolist(), "learn", each, own, like))
 
     def advance(self, decisions: int) -> None:
-        self._each(lambda engine: engine.advance(decisions))
+        with ThreadPoolExecutor(self._threads) as pool:
+            for _ in pool.map(lambda engine: engine.advance(decisions), self.engines):
+                pass  # what went wrong in one is raised here, once the others are done
         self.decision += decisions
 
     @property
@@ -82,12 +84,6 @@ class SideBySide(Stepper):
     def activation(self) -> Float[np.ndarray, "seeds groups"]:
         """The actions under way, as of `BodyStepper`."""
         return np.concatenate([engine.activation for engine in self.engines])
-
-    def _each(self, work: Callable[[BodyStepper], None]) -> None:
-        """Have all engines work; if one fails, when the others are done."""
-        with ThreadPoolExecutor(self._threads) as pool:
-            for _ in pool.map(work, self.engines):
-                pass
 
     def _joined(self, parts: list[T]) -> T:
         def join(*leaves: Any) -> Any:
