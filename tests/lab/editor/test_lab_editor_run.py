@@ -70,6 +70,18 @@ def test_what_clients_see_is_what_a_run_gives(client):
     assert client.run()["tick"] == client.run()["head"] == 50
 
 
+def test_ticks_asked_for_at_once_are_all_made_and_before_what_follows_them(client):
+    client.do("tick", n=1)  # compiled
+    for _ in range(3):
+        client.session.handle(client.message("tick", n=1), client.inbox.put)
+    client.session.handle(client.message("parameter", address="gain.gain", value=3.0), client.inbox.put)
+    for _ in range(2):
+        client.session.handle(client.message("tick", n=200), client.inbox.put)
+    client.do("tick", n=1)
+    assert client.run()["tick"] == 1 + 3 + 2 * 200 + 1
+    assert [change["tick"] for change in client.log()["parts"][0]["changes"]] == [4]
+
+
 def test_a_parameter_is_set_while_it_plays_without_compiling_again(client):
     client.do("play", speed=None)
     client.until(lambda event: event["event"] == "run" and event["tick"] > 500)

@@ -112,8 +112,12 @@ class Runner:
                 return True
             case run.Tick():
                 check(operation.n >= 1, "n", operation.n, "a whole number from 1")
-                self._go(None, operation.n)
+                if self._until is None:
+                    self._go(None, operation.n)
+                else:
+                    self._until += operation.n
                 self._finish.append(done)
+                self._frame()  # at once: what is asked for next finds them made
                 return False
             case run.Speed():
                 self._speed = _checked(operation.speed)
