@@ -149,6 +149,7 @@ def test_settings_are_edited_by_enter_and_nonsense_is_told(seen, hopping):
     rate.fill("1.5e-4")
     rate.press("Enter")
     assert until(lambda: hopping.settings["agent.rate"] == pytest.approx(1.5e-4))
+    assert until(lambda: rate.input_value() == "0.00015")  # as the run has it
     rate.fill("quick")
     rate.press("Enter")
     told(seen, "must be a number")
