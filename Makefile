@@ -9,8 +9,9 @@ comma := ,
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
 
-# One test process per worker: libraries that would start a thread per core in each are told not to.
-QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+# One test process per worker: libraries that would start a thread per core in each are told not to. The processes that
+# tests start find the library's modules compiled, as a user's do, also where this is turned off.
+QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help

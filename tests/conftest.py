@@ -6,10 +6,13 @@ import tempfile
 
 import pytest
 
-# Most of the time of small tests goes into compiling the same few functions anew for every learner. Each worker has a
-# folder of its own, gone when it is done; processes that tests start compile for themselves (`process_environment`).
+# Most of the time of small tests goes into compiling the same few functions anew for every learner. All workers share
+# one folder, gone when the session is done: what one finds half written by another it compiles for itself. So do the
+# processes that tests start (`process_environment`).
+_FOLDER = "JAX_COMPILATION_CACHE_DIR"
+_WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _CACHE = {
-    "JAX_COMPILATION_CACHE_DIR": tempfile.mkdtemp(prefix="motorgrad-tests-"),
+    _FOLDER: os.environ[_FOLDER] if _WORKER else tempfile.mkdtemp(prefix="motorgrad-tests-"),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
 }
@@ -17,7 +20,8 @@ os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixtur
 
 
 def pytest_unconfigure() -> None:
-    shutil.rmtree(_CACHE["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+    if not _WORKER:
+        shutil.rmtree(_CACHE[_FOLDER], ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

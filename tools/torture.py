@@ -62,8 +62,9 @@ def main(arguments: list[str] | None = None) -> int:
         say(f"FAILED: {failure}\nthe runs are in {folder}; --seed {options.seed} draws the same instants again")
         return 1
     where = ", ".join(f"{landed[place]} {place}" for place in PLACES)
-    took = time.monotonic() - began
-    say(f"{landed.total()} kills ({where}); {compared} runs, each as if undisturbed; {took:.0f} s, seed {options.seed}")
+    took, total = time.monotonic() - began, landed.total()
+    noun = "kill" if total == 1 else "kills"
+    say(f"{total} {noun} ({where}); {compared} runs, each as if undisturbed; {took:.0f} s, seed {options.seed}")
     if options.keep:
         say(f"the runs are in {folder}")
     else:
