@@ -9,7 +9,6 @@ third once in a while (section 3.2.2 of the thesis). Nothing here knows the task
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,17 +22,14 @@ from motorgrad.learning._agent_state import AgentState, Decision, last_of, no_de
 from motorgrad.learning._ascent import adam, decayed, sgd
 from motorgrad.learning._choose import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._critic import LinearCritic
-from motorgrad.learning._entropy import entropy_gradient
 from motorgrad.learning._estimator import Estimator, Olgarb
 from motorgrad.learning._growth import Growth, GrowthState
 from motorgrad.learning._input_baselines import InputBaseline
 from motorgrad.learning._natural import FisherMetric, FisherState
-from motorgrad.learning._scale import ScaleState
+from motorgrad.learning._sample import gradient_sample, started
 from motorgrad.learning._schedule import Annealed, at
 from motorgrad.learning._weight_average import WeightAverage
 from motorgrad.policies import Policy, split, trainable
-
-Credit = Callable[[PyTree[Array], Float[Array, ""]], PyTree[Array]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -91,7 +87,7 @@ class Agent:
         return AgentState(
             policy=policy,
             trace=self.estimator.trace.init(parameters),
-            baseline=_started(baseline, policy, dtype),
+            baseline=started(baseline, policy, dtype),
             gradient=None if self.estimator.online else running_mean(zeros),
             ascent=self.ascent.init(parameters),  # type: ignore[arg-type]
             weight=None if self.estimator.discount is None else jnp.ones((), dtype),
@@ -150,11 +146,7 @@ class Agent:
         trace restarts.
         """
         estimator = self.estimator
-        sample, baseline, scale = self._compare(state, reward, next_observation, terminated, diverged)
-        if estimator.entropy != 0:
-            bonus = at(estimator.entropy, state.steps)
-            slope = entropy_gradient(state.policy, last_of(state).observation)
-            sample = jax.tree.map(lambda g, h: (g + bonus * h).astype(g.dtype), sample, slope)
+        sample, baseline, scale = gradient_sample(estimator, state, reward, next_observation, terminated, diverged)
         after = state._replace(
             baseline=baseline,
             gradient=sample if estimator.online else add_sample(running_of(state), sample),
@@ -254,51 +246,6 @@ class Agent:
             metric = self.metric.renew(metric, new)
         return state._replace(growth=growth, policy=policy, metric=metric)
 
-    def _compare(
-        self,
-        state: AgentState,
-        reward: Float[Array, ""],
-        next_observation: Float[Array, " inputs"],
-        terminated: Flag,
-        diverged: Flag,
-    ) -> tuple[PyTree[Array], Any, ScaleState | None]:
-        """The gradient sample of a reward, and the baseline and the scale afterwards."""
-        trace, baseline = self.estimator.trace, self.estimator.baseline
-        if isinstance(baseline, LinearCritic):
-            told = (last_of(state).action, reward, next_observation, terminated, diverged)
-            error, critic = baseline.follow(state.baseline, state.policy, *told)
-            scale, credit = self._credit(state, error)
-            return credit(trace.value(state.trace), error), critic, scale
-        level = baseline.value(state.baseline)
-        if not isinstance(baseline, InputBaseline):
-            scale, credit = self._credit(state, reward - level)
-            return credit(trace.value(state.trace), reward - level), baseline.update(state.baseline, reward), scale
-        observation, action = last_of(state)
-        expected = baseline.value_at(state.baseline, observation)
-        scale, credit = self._credit(state, reward - expected)
-        score = state.policy.score(observation, action)
-        newest = trace.value(trace.update(trace.init(trainable(state.policy)), score))
-        sample = jax.tree.map(
-            jnp.add, credit(trace.value(state.trace), reward - level), credit(newest, level - expected)
-        )
-        return sample, baseline.update(state.baseline, observation, reward), scale
-
-    def _credit(self, state: AgentState, advantage: Float[Array, ""]) -> tuple[ScaleState | None, Credit]:
-        """The scale, once it knows this advantage, and what then multiplies an eligibility by its worth."""
-        normal, scale, factors = self.estimator.scale, state.scale, []
-        if normal is not None and scale is not None:
-            scale = normal.update(scale, advantage)
-            factors.append(normal.factor(scale))
-        if state.weight is not None:
-            factors.append(state.weight)
-
-        def credit(eligibility: PyTree[Array], worth: Float[Array, ""]) -> PyTree[Array]:
-            for factor in factors:
-                worth = factor * worth
-            return jax.tree.map(lambda z: worth * z, eligibility)
-
-        return scale, credit
-
     def _measure(self, state: AgentState, diverged: Flag) -> FisherState | None:
         if self.metric is None or state.metric is None:
             return None
@@ -348,10 +295,3 @@ class Agent:
         if self.average is not None and average is not None:
             average = self.average.update(average, state.policy, steps)
         return state._replace(steps=steps, average=average)
-
-
-def _started(baseline: Any, policy: Policy, dtype: Any) -> Any:
-    """The state of a baseline before any reward."""
-    if isinstance(baseline, LinearCritic):
-        return baseline.init(dtype, policy)
-    return baseline.init(dtype, policy.inputs) if isinstance(baseline, InputBaseline) else baseline.init(dtype)
