@@ -122,12 +122,15 @@ def test_the_muscle_law_is_the_bodies():
     np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
 
 
-def test_a_tick_that_no_steps_make_up_is_refused():
-    with pytest.raises(ValueError, match=r"tick = 0\.003: must be a whole number of the time steps"):
+def test_a_tick_that_no_steps_make_up_is_refused_before_anything_runs():
+    with pytest.raises(ValueError, match=r"tick of the block = 0\.003: must be a whole number of the time steps"):
         driven(lab.MujocoModel(), 1, 0.003, ["angle"])
     diagram = lab.Diagram(tick=0.02)
     diagram.add("hopper", lab.Body("hopper"))
     diagram.add("rest", lab.Constant(0.0, (2,)))
     diagram.connect("rest", "hopper.action")
-    with pytest.raises(ValueError, match=r"tick of the block = 0\.02: must be a decision of the task, 0\.01 s"):
-        lab.Run(diagram, 1).advance(1)
+    told = r"hopper: tick of the block = 0\.02: must be a decision of the task, 0\.01 s"
+    with pytest.raises(lab.DiagramError, match=told):
+        lab.Run(diagram, 1)
+    (problem,) = lab.problems(diagram)
+    assert str(problem).startswith("hopper: tick of the block")

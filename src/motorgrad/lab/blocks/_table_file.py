@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import shown, unknown
 
-LARGEST = 2**30  # bytes of a file, packed or not, packed or not
+LARGEST = 2**30  # bytes of a file, packed or not
 KINDS = (".csv", ".parquet", ".npz")
 
 

@@ -83,8 +83,14 @@ class Body(HostTaskBlock):
         _ = self.made
 
     @functools.cached_property
-    def made(self) -> HostTask:
-        return cast(HostTask, make(self.task, **read_table("settings", self.settings)))
+    def made(self) -> BodyTask:
+        return cast(BodyTask, make(self.task, **read_table("settings", self.settings)))
+
+    def ticks(self, tick: float) -> int:
+        ticks, period = super().ticks(tick), self.made.period
+        fits = abs(ticks * tick - period) <= 1e-6 * period
+        check(fits, "tick of the block", ticks * tick, f"a decision of the task, {period:g} s")
+        return ticks
 
 
 @dataclasses.dataclass(frozen=True)

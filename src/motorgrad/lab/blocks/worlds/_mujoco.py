@@ -17,7 +17,7 @@ from motorgrad.lab._host import HostBlock
 from motorgrad.lab._parameter import Setting
 from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.worlds._mjcf import read_model
-from motorgrad.lab.blocks.worlds._mujoco_host import MujocoHost
+from motorgrad.lab.blocks.worlds._mujoco_host import MujocoHost, steps_in
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -95,6 +95,11 @@ class MujocoModel(HostBlock):
         sensors = {name: Port(() if size == 1 else (size,)) for name, size in sizes.items()}
         state = {name: Port((size,)) for name, size in (("qpos", self.model.nq), ("qvel", self.model.nv)) if size}
         return {**sensors, **state, "diverged": Port((), "bool", help="whether it broke in the tick before")}
+
+    def ticks(self, tick: float) -> int:
+        ticks = super().ticks(tick)
+        steps_in("tick of the block", ticks * tick, self.model.opt.timestep)
+        return ticks
 
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> MujocoHost:
         names = [self.model.key(i).name for i in range(self.model.nkey)]

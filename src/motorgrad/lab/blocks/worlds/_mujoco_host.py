@@ -41,7 +41,7 @@ class MujocoHost(Host):
 
     def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         if self._substeps == 0:  # before anything moves
-            self._substeps = steps_in("tick", now.step, self._timestep)
+            self._substeps = steps_in("tick of the block", now.step, self._timestep)
         seen = self._seen
         sensors = {
             name: seen["sensors"][:, part.start] if part.stop - part.start == 1 else seen["sensors"][:, part]

@@ -10,7 +10,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.lab._host import Host, HostMoment
 from motorgrad.lab.blocks.worlds._scene import Scene, begin, restart, settle, shown
-from motorgrad.tasks import BodyTask, HostBatch, HostTask
+from motorgrad.tasks import HostBatch, HostTask
 
 
 class Functions(NamedTuple):
@@ -44,13 +44,8 @@ class TaskHost(Host):
     def __init__(self, task: HostTask, batch: HostBatch, compiled: Functions, numbers: np.ndarray):
         self.task, self.batch, self._compiled = task, batch, compiled
         self._scene = _here(compiled.begin(batch.packed.copy(), numbers))
-        self._period = task.period if isinstance(task, BodyTask) else None  # looked at once, before anything moves
 
     def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
-        if self._period is not None:
-            fits = abs(now.step - self._period) <= 1e-6 * self._period
-            check(fits, "tick of the block", now.step, f"a decision of the task, {self._period:g} s")
-            self._period = None
         return {name: np.asarray(value) for name, value in shown(self._scene, now.tick > 0).items()}
 
     def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
