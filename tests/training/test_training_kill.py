@@ -107,7 +107,6 @@ def kill_and_resume(name, path, begin, kills, random):
     [
         ("three-state", 2),
         ("hopper", 2),
-        ("natural", 2),
         pytest.param("three-state", 8, marks=pytest.mark.slow),
         pytest.param("hopper", 8, marks=pytest.mark.slow),
         pytest.param("natural", 8, marks=pytest.mark.slow),

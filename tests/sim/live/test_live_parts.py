@@ -85,7 +85,8 @@ def test_a_reader_never_sees_half_a_write():
     block.close()
 
 
-def test_a_writer_that_died_is_told():
+def test_a_writer_that_died_is_told(monkeypatch):
+    monkeypatch.setattr("motorgrad.sim.live._shared.PATIENCE", 0.5)
     block = Shared({"a": (2,)})
     block._sequence[0] += 1
     with pytest.raises(RuntimeError, match="stopped while it was writing"):
