@@ -22,8 +22,8 @@ from motorgrad.experiments.chapter_6.growing.figure_6_8 import INDEPENDENT, WITH
 from motorgrad.experiments.chapter_6.growing.figure_6_9 import Orbits, meets
 from motorgrad.experiments.chapter_6.growing.section_6_4_criteria import WAYS, Criteria
 from motorgrad.experiments.chapter_6.growing.section_6_4_placement import Placement
-from motorgrad.policies import Gated, Hyperplanes, LocalGaussians, gated, tiles
-from motorgrad.tasks import FallingParticle, Hopper, ParticleNavigation
+from motorgrad.policies import Gated, Hyperplanes, LocalGaussians, tiles
+from motorgrad.tasks import Hopper, ParticleNavigation
 
 CLAIMS = {
     "sec-6.4-criteria": 7,
@@ -364,75 +364,14 @@ def test_the_orbit_of_a_field_without_a_turn_is_its_radius():
     np.testing.assert_allclose(force_at(physics.field, np.array([[0.85, 0.5]])), [[-0.1, 0.0]], atol=1e-6)
 
 
-# --- what they need of policies and tasks ---
+# --- at full length ---
 
 
-def test_gates_stand_as_tiles_do_and_deeper_ones_within_a_width_of_them():
-    policy = gated(FallingParticle(units=14), gates=2, levels=2, width=0.2)
-    np.testing.assert_allclose(policy.gate.centre, tiles(2, 2).centre)
-    np.testing.assert_allclose(np.exp(policy.gate.log_width), 0.2, rtol=1e-6)
-    below = policy.branches[0]
-    np.testing.assert_allclose(below.gate.centre, [[0.5, 0.15], [0.5, 0.35]], atol=1e-6)
-    np.testing.assert_allclose(np.exp(below.gate.log_width), 0.08, rtol=1e-6)
-    assert [type(branch) for branch in below.branches] == [Hyperplanes] * 2
-    assert [branch.outputs for branch in below.branches] == [2, 2]
-
-
-def test_units_that_do_not_go_evenly_behind_gates_are_dealt_out_all_the_same():
-    policy = gated(2, 8, gates=3)
-    assert [branch.outputs for branch in policy.branches] == [2, 2, 1]
-    with pytest.raises(ValueError, match="outputs = 5"):
-        gated(2, 5, gates=3)
-
-
-@pytest.mark.slow
 def test_grown_pools_come_to_the_rewards_of_an_independent_model(tmp_path):
     found = reproduce(GrowingReward(), tmp_path, progress=False)
     # the first unit pushes to the left here, to the right in the independent model, by all appearances
     assert [claim.holds for claim in found.claims] == [False] + [True] * 5 + [False, True] + [True] * 2
 
 
-@pytest.mark.slow
 def test_orbits_widen_and_narrow_as_much_as_in_an_independent_model(tmp_path):
     assert all(claim.holds for claim in reproduce(Orbits(), tmp_path, progress=False).claims)
-
-
-def test_units_of_the_hopper_are_dealt_out_and_any_of_them_makes_its_muscles_active():
-    task = Hopper(units=5)
-    assert task.action_size == 5
-    actions = np.array(
-        [[1, 0, 0, 0, 0], [0, 1, 0, 1, 0], [0, 0, 1, 0, 1], [0, 0, 0, 0, 0], [0, 0, 0, 1, 1]], np.float32
-    )
-    np.testing.assert_array_equal(task.control(actions), [[1, 0], [0, 1], [1, 0], [0, 0], [1, 1]])
-    assert Hopper().control(actions) is actions
-    with pytest.raises(ValueError, match="units = 1"):
-        Hopper(units=1)
-
-
-def test_two_units_of_the_hopper_are_what_it_has_without_the_setting():
-    import motorgrad as mg
-
-    ends = [mg.train(Hopper(units=units), None, 60, 2, progress=False) for units in (None, 2)]
-    np.testing.assert_array_equal(ends[0].policies.weights, ends[1].policies.weights)
-    np.testing.assert_array_equal(ends[0].curve()[1], ends[1].curve()[1])
-
-
-def test_the_hopper_as_an_environment_takes_all_its_units():
-    import gymnasium
-
-    import motorgrad  # noqa: F401 (its environments are registered)
-
-    environment = gymnasium.make("motorgrad/Hopper-v0", disable_env_checker=True, units=6)
-    assert environment.action_space.shape == (6,)
-    environment.reset(seed=0)
-    silent, extended = np.zeros(6, np.int8), np.array([0, 0, 0, 1, 0, 0], np.int8)
-    costs = [environment.step(action)[1] for action in (silent, extended)]
-    np.testing.assert_allclose(costs, [0.0, -0.2], atol=1e-6)  # two active muscles
-    environment.close()
-
-
-def test_the_range_of_what_the_hopper_observes_is_that_of_its_knee():
-    (contact, angle, velocity) = Hopper(centre=60.0).observation_range
-    assert contact == (-1.0, 1.0)
-    np.testing.assert_allclose(np.rad2deg(angle), [-20.0, 90.0])
-    np.testing.assert_allclose(velocity, [-1.0, 1.0])

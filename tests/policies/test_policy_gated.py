@@ -7,7 +7,18 @@ import pytest
 from jax.flatten_util import ravel_pytree
 from policy_examples import observation_of, policy_of
 
-from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Motoneurons, Softmax, trainable
+from motorgrad.policies import (
+    Factored,
+    Gated,
+    Hyperplanes,
+    LocalGaussians,
+    Motoneurons,
+    Softmax,
+    gated,
+    tiles,
+    trainable,
+)
+from motorgrad.tasks import FallingParticle
 
 NAMES = ("gated", "gated-nested", "factored-gated")
 
@@ -134,3 +145,21 @@ def test_gates_and_their_units_are_learnt_together():
     assert rewards[-5_000:].mean() > 0.2
     left, right = (float(state.policy.prob(jnp.array([y]))[2]) for y in (-0.7, 0.7))
     assert left < 0.1 < 0.5 < right  # before: 0.22 on either side
+
+
+def test_gates_stand_as_tiles_do_and_deeper_ones_within_a_width_of_them():
+    policy = gated(FallingParticle(units=14), gates=2, levels=2, width=0.2)
+    np.testing.assert_allclose(policy.gate.centre, tiles(2, 2).centre)
+    np.testing.assert_allclose(np.exp(policy.gate.log_width), 0.2, rtol=1e-6)
+    below = policy.branches[0]
+    np.testing.assert_allclose(below.gate.centre, [[0.5, 0.15], [0.5, 0.35]], atol=1e-6)
+    np.testing.assert_allclose(np.exp(below.gate.log_width), 0.08, rtol=1e-6)
+    assert [type(branch) for branch in below.branches] == [Hyperplanes] * 2
+    assert [branch.outputs for branch in below.branches] == [2, 2]
+
+
+def test_units_that_do_not_go_evenly_behind_gates_are_dealt_out_all_the_same():
+    policy = gated(2, 8, gates=3)
+    assert [branch.outputs for branch in policy.branches] == [2, 2, 1]
+    with pytest.raises(ValueError, match="outputs = 5"):
+        gated(2, 5, gates=3)

@@ -45,18 +45,12 @@ def gradient_sample(
 
 
 def _compared(
-    estimator: Estimator,
-    state: AgentState,
-    reward: Float[Array, ""],
-    next_observation: Float[Array, " inputs"],
-    terminated: Flag,
-    diverged: Flag,
+    estimator: Estimator, state: AgentState, reward: Float[Array, ""], *after: Any
 ) -> tuple[PyTree[Array], Any, ScaleState | None]:
     """The gradient sample without a bonus, and the baseline and the scale afterwards."""
     trace, baseline = estimator.trace, estimator.baseline
     if isinstance(baseline, LinearCritic):
-        told = (last_of(state).action, reward, next_observation, terminated, diverged)
-        error, critic = baseline.follow(state.baseline, state.policy, *told)
+        error, critic = baseline.follow(state.baseline, state.policy, last_of(state).action, reward, *after)
         scale, credit = _credit(estimator, state, error)
         return credit(trace.value(state.trace), error), critic, scale
     level = baseline.value(state.baseline)
