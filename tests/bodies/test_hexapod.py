@@ -8,21 +8,7 @@ import numpy as np
 import pytest
 
 from motorgrad import bodies
-from motorgrad._settings import build, table
-from motorgrad.bodies import (
-    LEGS,
-    BodyBatch,
-    Hexapod,
-    Hinge,
-    LateralPair,
-    Leg,
-    OnTerrain,
-    Section,
-    Segment,
-    Terrain,
-    biomimetic_hexapod,
-    walk,
-)
+from motorgrad.bodies import LEGS, BodyBatch, Hexapod, Leg, OnTerrain, Terrain, biomimetic_hexapod, walk
 
 GRAVITY = 9.81
 BODIES = {"plain": Hexapod(), "biomimetic": biomimetic_hexapod()}
@@ -373,42 +359,3 @@ def test_export_simulates_identically(muscle_model):
             mujoco.mj_step(model, data)
         ends.append(data.qpos.copy())
     np.testing.assert_array_equal(ends[0], ends[1])
-
-
-def test_settings_by_name_reach_every_number():
-    assert build(Hexapod, table(biomimetic_hexapod())) == biomimetic_hexapod()
-    slick = build(Hexapod, {"front": {"leg": {"friction": 0.3, "vertical": {"range": [-20, 50]}}}})
-    leg = dataclasses.replace(Leg(), friction=0.3, vertical=Hinge((-20.0, 50.0)))
-    assert slick == Hexapod(front=Section(leg=leg))
-    with pytest.raises(ValueError, match="did you mean 'friction'"):
-        build(Hexapod, {"front": {"leg": {"fricton": 0.3}}})
-
-
-def test_a_change_to_all_sections_changes_all():
-    wide = Hexapod().each(lambda section: dataclasses.replace(section, width=0.4))
-    assert [section.width for section in wide.sections.values()] == [0.4] * 3
-    assert bodies.compile_model(wide).body("coxa_left_rear").pos[1] == pytest.approx(0.2)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Segment(0.0, 1.0, 0.01), r"Segment.length = 0.0: must be a finite number > 0"),
-        (lambda: Hinge((10.0, 20.0)), r"Hinge.range = \(10.0, 20.0\)"),
-        (lambda: Hinge((-10.0, 20.0), damping=-1.0), "Hinge.damping = -1.0"),
-        (lambda: LateralPair(protractor=-1.0), "LateralPair.protractor"),
-        (lambda: Leg(lateral_muscles=LateralPair(reach=0.1)), "LateralPair.reach = 0.1: must be at most the coxa's"),
-        (lambda: Leg(coxa=Segment(0.04, 0.1, 0.01), lateral_muscles=LateralPair(reach=0.03)), "VerticalPair.radius"),
-        (lambda: Leg(femur=Segment(0.1, 0.1, 0.01)), "VerticalPair.distance = 0.12: must be between"),
-        (lambda: Leg(knee=120.0), r"Leg.knee = 120.0"),
-        (lambda: Leg(splay=80.0), r"Leg.splay = 80.0"),
-        (lambda: Section(width=0.0), "Section.width"),
-        (lambda: Hexapod(spacing=0.2), "spacing = 0.2: must be at least 0.22 m"),
-        (lambda: Hexapod(drive="servo"), "unknown drive 'servo': did you mean 'servos'"),
-        (lambda: Hexapod(spine_axis="roll"), "unknown spine_axis"),
-        (lambda: Hexapod(front=Section(leg=Leg(foot=Segment(0.03, 0.1, 0.01)))), "front.leg = 'standing at"),
-    ],
-)  # fmt: skip
-def test_bad_numbers_are_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
