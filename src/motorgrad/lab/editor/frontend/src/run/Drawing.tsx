@@ -5,26 +5,10 @@ import { histogram } from "./histogram";
 import { map } from "./map";
 import { portrait } from "./portrait";
 import { raster } from "./raster";
+import type { Sheet } from "./sheet";
 import type { Source } from "./sources";
 import { onMoving, spanOf } from "./span";
 import { useSize } from "./useSize";
-
-/** Where a picture is drawn, with what it needs to know. */
-export interface Sheet {
-  context: CanvasRenderingContext2D;
-  width: number;
-  height: number;
-  dark: boolean;
-  ink: string;
-  line: string;
-  branch: string | null;
-  branches: string[];
-  /** The first and the last tick that are shown. */
-  span: [number, number];
-  tick: number;
-  /** The tick at which the run stands. */
-  now: number;
-}
 
 const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram, map };
 

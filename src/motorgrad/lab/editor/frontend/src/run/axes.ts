@@ -1,4 +1,4 @@
-import type { Sheet } from "./Drawing";
+import type { Sheet } from "./sheet";
 
 export interface Frame {
   x: (value: number) => number;

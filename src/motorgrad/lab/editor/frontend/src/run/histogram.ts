@@ -1,6 +1,6 @@
 import { axes, extent } from "./axes";
 import { lineColour } from "./colours";
-import type { Sheet } from "./Drawing";
+import type { Sheet } from "./sheet";
 import type { Source } from "./sources";
 import { lineage } from "./lineage";
 

@@ -1,7 +1,7 @@
 import { axes, clip, extent } from "./axes";
 import { lineColour } from "./colours";
-import type { Sheet } from "./Drawing";
 import { lineage } from "./lineage";
+import type { Sheet } from "./sheet";
 import type { Source } from "./sources";
 
 const LEAST_FORCE = 1e-9;

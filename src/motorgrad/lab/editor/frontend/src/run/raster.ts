@@ -1,5 +1,5 @@
 import { axes } from "./axes";
-import type { Sheet } from "./Drawing";
+import type { Sheet } from "./sheet";
 import type { Source } from "./sources";
 import { lineage } from "./lineage";
 

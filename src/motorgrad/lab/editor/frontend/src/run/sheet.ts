@@ -1,0 +1,16 @@
+/** Where a picture is drawn, with what it needs to know. */
+export interface Sheet {
+  context: CanvasRenderingContext2D;
+  width: number;
+  height: number;
+  dark: boolean;
+  ink: string;
+  line: string;
+  branch: string | null;
+  branches: string[];
+  /** The first and the last tick that are shown. */
+  span: [number, number];
+  tick: number;
+  /** The tick at which the run stands. */
+  now: number;
+}
