@@ -60,7 +60,7 @@ def test_random_kills_leave_no_trace(number, process_environment):
     assert found, done.stdout
     *kills, compared = map(int, found.groups())
     assert sum(kills) == number
-    assert kills[1] + kills[2] >= 1
+    assert number == 1 or kills[1] + kills[2] >= 1  # one alone may come before learning
     assert compared >= 1
 
 
