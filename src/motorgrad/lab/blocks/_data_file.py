@@ -28,7 +28,7 @@ class DataFile(Block):
     name: ClassVar[str] = "data file"
     category: ClassVar[str] = "sources"
 
-    path: Annotated[str, Setting("the file, whose name ends in .csv, .parquet or .npz")]
+    path: Annotated[str, Setting("a .csv, .parquet or .npz file by its path from the working folder")]
     columns: Annotated[tuple[str, ...], Setting("the columns it gives, each at a port of its name")] = ("y",)
     time: Annotated[str | None, Setting("the column of times in seconds, if there is one")] = None
     between: Annotated[str, Setting("what it gives between two times", choices=("hold", "linear"))] = "hold"

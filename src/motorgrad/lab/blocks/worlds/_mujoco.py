@@ -48,7 +48,7 @@ class MujocoModel(HostBlock):
     category: ClassVar[str] = "bodies and worlds"
 
     xml: Annotated[str, Setting("the model as MJCF, where there is no file")] = PENDULUM
-    file: Annotated[str, Setting("an MJCF or URDF file, in place of `xml`; it may refer to meshes beside it")] = ""
+    file: Annotated[str, Setting("an MJCF or URDF file by its path from the working folder; meshes lie beside it")] = ""
     keyframe: Annotated[str, Setting("the name of the keyframe that it starts in; none for the model's own start")] = ""
 
     def validate(self) -> None:
