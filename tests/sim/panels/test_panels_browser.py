@@ -107,11 +107,16 @@ def test_keys_play_and_pause(seen, hopping):
 
 
 def test_scrub_back_and_continue(seen, hopping):
+    assert until(lambda: hopping.snapshot().newest - hopping.snapshot().oldest > 200)  # more than there is to go back
     press_button(seen, "Pause")
     assert until(lambda: not hopping.snapshot().playing)
     newest = hopping.snapshot().newest
-    beside(seen, "To (s)").fill("-1")
-    assert until(lambda: hopping.snapshot().decision == newest - 100)  # decisions of ten milliseconds each
+
+    def back():  # again, if what the run had sent before it paused comes in between
+        write(seen, "To (s)", "-1")
+        return hopping.snapshot().decision == newest - 100  # decisions of ten milliseconds each
+
+    assert until(back)
     back = hopping.snapshot()
     assert not back.playing
     assert back.newest == newest
