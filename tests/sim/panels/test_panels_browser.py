@@ -112,11 +112,11 @@ def test_scrub_back_and_continue(seen, hopping):
     assert until(lambda: not hopping.snapshot().playing)
     newest = hopping.snapshot().newest
 
-    def back():  # again, if what the run had sent before it paused comes in between
+    def went_back():  # again, if what the run had sent before it paused comes in between
         write(seen, "To (s)", "-1")
         return hopping.snapshot().decision == newest - 100  # decisions of ten milliseconds each
 
-    assert until(back)
+    assert until(went_back)
     back = hopping.snapshot()
     assert not back.playing
     assert back.newest == newest

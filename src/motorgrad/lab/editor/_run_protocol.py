@@ -31,7 +31,7 @@ class Pause(Operation):
 
 @dataclasses.dataclass(frozen=True)
 class Tick(Operation):
-    """Make `n` ticks, and pause."""
+    """Make `n` ticks, after those that were asked for before and are still to be made, and pause."""
 
     op: ClassVar[str] = "tick"
     n: int = 1
