@@ -1,8 +1,9 @@
-"""Shared by all tests: what JAX has compiled once in a session of tests is not compiled again."""
+"""Shared by all tests: a folder of what JAX has compiled, and the cases that are left to `make test-all`."""
 
 import os
 import shutil
 import tempfile
+from collections import defaultdict
 
 import pytest
 
@@ -16,7 +17,28 @@ _CACHE = {
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
 }
+_BROWSERS = {"browser", "chromium"}  # fixtures
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of a test that is `thinned`, every third case is quick, or those that the mark names; the others are slow. A test
+    in a browser is tried twice: an answer may come late where pages are drawn by software, beside everything else."""
+    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if _BROWSERS.intersection(item.fixturenames):
+            item.add_marker(pytest.mark.flaky(reruns=1))
+        if item.get_closest_marker("thinned") is not None and not item.get_closest_marker("slow"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    for test, several in cases.items():
+        named = several[0].get_closest_marker("thinned").args
+        quick = [item for item in several if item.callspec.id in named] if named else several[::3]
+        if not quick and len(several) > 1:
+            raise pytest.UsageError(f"{test}: no case is called {' or '.join(named)}")
+        for item in several:
+            if item not in quick:
+                item.add_marker(pytest.mark.slow)
 
 
 def pytest_unconfigure() -> None:

@@ -66,13 +66,24 @@ CHECKS = {"docs/bodies.md": check_bodies}
 
 
 LONG = (
-    "docs/units/spatial-index.md",
-    "docs/units/graded.md",
-    "docs/reproduction.md",
-    "docs/reproduction-natural.md",
+    "docs/bodies/hexapod.md",
+    "docs/configuration.md",
     "docs/foreign-environments.md",
+    "docs/lab/editor.md",
+    "docs/plots.md",
+    "docs/reproduction.md",
+    "docs/reproduction-growth.md",
     "docs/reproduction-muscles.md",
+    "docs/reproduction-natural.md",
+    "docs/sim.md",
+    "docs/tasks/hexapod.md",
+    "docs/units/graded.md",
+    "docs/units/masked.md",
+    "docs/units/querying.md",
+    "docs/units/spatial-index.md",
+    "docs/worlds.md",
 )
+"""Pages whose code takes so long that only `make test-all` runs it."""
 
 
 def paced(page):

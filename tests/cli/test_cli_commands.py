@@ -16,6 +16,9 @@ from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 from motorgrad.training import ESTIMATORS
 
+SEVERAL = ("chain", "hexapod-synergy", "hopper", "linear-recruitment", "particle", "three-state")
+"""The tasks that `make test` learns by command; the others are learnt by `make test-all`."""
+
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
@@ -23,14 +26,22 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")  # so that no message is broken in two
 
 
+class Runs(dict):
+    """Where a small finished run of each task is, as the command line makes it when it is first asked for."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __missing__(self, name):
+        self[name] = out = self.path / name
+        options = ["--steps", "120", "--seeds", "2", "--first-seed", "3", "--window", "20"]
+        assert main(["train", name, *options, "--out", str(out), "--json", str(out.with_suffix(".json"))]) == 0
+        return out
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A small finished run of every task, as the command line makes it."""
-    path = tmp_path_factory.mktemp("runs")
-    for name in TASKS:
-        options = ["--steps", "120", "--seeds", "2", "--first-seed", "3", "--window", "20"]
-        assert main(["train", name, *options, "--out", str(path / name), "--json", str(path / f"{name}.json")]) == 0
-    return path
+    return Runs(tmp_path_factory.mktemp("runs"))
 
 
 def status(*arguments):
@@ -76,6 +87,7 @@ def test_every_command_explains_itself(name, capsys):
     assert f"usage: motorgrad {name}" in said
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("name", TASKS)
 def test_train_explains_the_settings_of_every_task(name, capsys):
     assert status("train", name, "--help") == 0
@@ -107,10 +119,11 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
 # ---- train
 
 
+@pytest.mark.thinned(*SEVERAL)
 @pytest.mark.parametrize("name", TASKS)
 def test_train_learns_every_task(name, runs):
-    out = runs / name
-    found, run = read(runs / f"{name}.json"), mg.load(out)
+    out = runs[name]
+    found, run = read(out.with_suffix(".json")), mg.load(out)
     assert (found["task"], found["decisions"], found["complete"], found["path"]) == (name, 120, True, str(out))
     assert run.task == TASKS[name]()
     assert run.seeds == [3, 4]
@@ -149,28 +162,25 @@ def test_results_for_machines_alone_on_the_standard_output(capsys):
 @pytest.mark.parametrize(
     ("name", "mode"),
     [
-        *(
-            pytest.param(n, "sample", marks=() if n in ("hopper", "chain", "particle") else pytest.mark.slow)
-            for n in TASKS
-        ),
+        *(pytest.param(n, "sample", marks=() if n in ("hopper", "chain") else pytest.mark.slow) for n in TASKS),
         ("hopper", "mode"),
         ("chain", "mode"),
     ],
 )
 def test_evaluate_judges_every_seed(name, mode, runs, capsys):
-    assert status("evaluate", runs / name, "--steps", 60, "--mode", mode, "--no-film", "--json", "e.json") == 0
+    assert status("evaluate", runs[name], "--steps", 60, "--mode", mode, "--no-film", "--json", "e.json") == 0
     found = read("e.json")
     assert (found["task"], found["steps"], found["mode"]) == (name, 60, mode)
     assert len(found["reward"]["per_seed"]) == 2
     assert "reward: median" in capsys.readouterr().out
-    outcome = mg.evaluate(mg.load(runs / name), 60, mode=mode)
+    outcome = mg.evaluate(mg.load(runs[name]), 60, mode=mode)
     assert found["reward"]["per_seed"] == outcome.reward.tolist()
 
 
 def test_evaluate_says_what_the_task_measures_of_the_motion(runs, capsys):
-    assert status("evaluate", runs / "hexapod-synergy", "--steps", 160, "--no-film", "--json", "e.json") == 0
+    assert status("evaluate", runs["hexapod-synergy"], "--steps", 160, "--no-film", "--json", "e.json") == 0
     found, said = read("e.json"), capsys.readouterr().out
-    kinds = mg.evaluate(mg.load(runs / "hexapod-synergy"), 160).measures["gait"].tolist()
+    kinds = mg.evaluate(mg.load(runs["hexapod-synergy"]), 160).measures["gait"].tolist()
     assert found["gait"] == kinds
     assert len(found["duty"]["per_seed"]) == 2
     for kind in kinds:
@@ -178,18 +188,18 @@ def test_evaluate_says_what_the_task_measures_of_the_motion(runs, capsys):
 
 
 def test_evaluate_judges_both_modes_in_turn(runs, capsys):
-    assert status("evaluate", runs / "hopper", "--steps", 60, "--mode", "both", "--no-film", "--json", "e.json") == 0
+    assert status("evaluate", runs["hopper"], "--steps", 60, "--mode", "both", "--no-film", "--json", "e.json") == 0
     found, said = read("e.json"), capsys.readouterr().out
     assert said.index("sample:\n") < said.index("mode:\n")
     for mode in ("sample", "mode"):
-        outcome = mg.evaluate(mg.load(runs / "hopper"), 60, mode=mode)
+        outcome = mg.evaluate(mg.load(runs["hopper"]), 60, mode=mode)
         assert found["modes"][mode]["reward"]["per_seed"] == outcome.reward.tolist()
     assert found["modes"]["sample"] != found["modes"]["mode"]
 
 
 def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
     options = ["--steps", 60, "--seconds", 0.5, "--seed", 4, "--video", "deep/in/hop.mp4", "--json", "e.json"]
-    assert status("evaluate", runs / "hopper", *options) == 0
+    assert status("evaluate", runs["hopper"], *options) == 0
     frames = frames_of("deep/in/hop.mp4")
     assert len(frames) >= 10
     assert (frames[1:] != frames[0]).any()
@@ -200,23 +210,24 @@ def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
 
 
 def test_evaluate_films_into_the_run_by_default(runs):
-    assert status("evaluate", runs / "hopper", "--steps", 20, "--seconds", 0.2, "--json", "-") == 0
-    assert len(frames_of(runs / "hopper" / "figures" / "evaluation.mp4"))
+    assert status("evaluate", runs["hopper"], "--steps", 20, "--seconds", 0.2, "--json", "-") == 0
+    assert len(frames_of(runs["hopper"] / "figures" / "evaluation.mp4"))
 
 
 # ---- plot
 
 
+@pytest.mark.thinned(*SEVERAL)
 @pytest.mark.parametrize("name", TASKS)
 def test_plot_draws_a_curve_into_the_run(name, runs, capsys):
-    assert status("plot", runs / name) == 0
-    assert (runs / name / "figures" / "reward.png").read_bytes().startswith(b"\x89PNG")
+    assert status("plot", runs[name]) == 0
+    assert (runs[name] / "figures" / "reward.png").read_bytes().startswith(b"\x89PNG")
     assert "drawn to" in capsys.readouterr().out
 
 
 def test_plot_draws_several_runs_and_any_quantity(runs):
     options = ["--quantity", "baseline", "--out", "both.svg", "--json", "p.json"]
-    assert status("plot", runs / "chain", runs / "three-state", *options) == 0
+    assert status("plot", runs["chain"], runs["three-state"], *options) == 0
     drawn = Path("both.svg").read_text()
     assert "<svg" in drawn
     assert read("p.json")["figure"] == "both.svg"
@@ -258,19 +269,20 @@ REFUSED = [
     (["train", "hopper", "--task.body.load-mass", 0], "load_mass = 0.0"),
     (["evaluate"], "run"),
     (["evaluate", "nowhere"], "nowhere is not a run directory"),
-    (["evaluate", "{runs}/chain", "--steps", 0], "steps = 0"),
-    (["evaluate", "{runs}/chain", "--mode", "best"], "sample"),
-    (["evaluate", "{runs}/chain", "--seed", 0], "seed = 0: must be one of the run's seeds, [3, 4]"),
-    (["evaluate", "{runs}/hopper", "--steps", 2, "--seconds", 0], "seconds = 0.0"),
-    (["evaluate", "{runs}/hopper", "--steps", 2, "--seconds", "inf"], "seconds = inf"),
+    (["evaluate", "{runs[chain]}", "--steps", 0], "steps = 0"),
+    (["evaluate", "{runs[chain]}", "--mode", "best"], "sample"),
+    (["evaluate", "{runs[chain]}", "--seed", 0], "seed = 0: must be one of the run's seeds, [3, 4]"),
+    (["evaluate", "{runs[hopper]}", "--steps", 2, "--seconds", 0], "seconds = 0.0"),
+    (["evaluate", "{runs[hopper]}", "--steps", 2, "--seconds", "inf"], "seconds = inf"),
     (["plot"], "runs: must be given"),
     (["plot", "nowhere"], "nowhere is not a run directory"),
-    (["plot", "{runs}/chain", "--quantity", "rewards"], "unknown quantity 'rewards': did you mean 'reward'?"),
-    (["plot", "{runs}/chain", "--quantity", "apex"], "unknown quantity 'apex'"),
-    (["plot", "{runs}/chain", "--out", "curve.bmpp"], "bmpp"),
+    (["plot", "{runs[chain]}", "--quantity", "rewards"], "unknown quantity 'rewards': did you mean 'reward'?"),
+    (["plot", "{runs[chain]}", "--quantity", "apex"], "unknown quantity 'apex'"),
+    (["plot", "{runs[chain]}", "--out", "curve.bmpp"], "bmpp"),
     (["demo", "--seconds", 0], "seconds = 0.0"),
     (["demo", "--seconds", "nan"], "seconds = nan"),
     (["demo", "--seeds", 0], "seeds = "),
+    (["demo", "--film-seconds", 0], "film_seconds = 0.0"),
     (["bench", "--quik"], "--quick"),
     (["list", "--jsn", "x"], "--json"),
 ]

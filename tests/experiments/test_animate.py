@@ -72,6 +72,7 @@ def test_records_in_between_are_those_of_shorter_runs(growing):
     assert found.active.sum(-1).tolist() == [1, 3]
 
 
+@pytest.mark.slow
 def test_units_are_switched_on_after_those_that_were_there():
     """Of a pool of which a unit in the middle is there from the start, the others come from the first on."""
     from motorgrad.learning import Agent, Clock, Growth, Olgarb, sgd
@@ -132,6 +133,7 @@ def test_a_film_of_learning(falling, tmp_path, capsys):
     assert capsys.readouterr().err.startswith("filming a.mp4")
 
 
+@pytest.mark.slow
 def test_nothing_touches_the_edge_of_the_picture(falling, growing, tmp_path):
     courses = [course_of(run) for run in (falling, growing)]
     courses += [dataclasses.replace(courses[0], decision=courses[0].decision * 2_500)]  # ten million decisions
@@ -307,6 +309,7 @@ def quick_films(monkeypatch):
     monkeypatch.setattr("motorgrad.experiments._animate.SECONDS", 0.2)
 
 
+@pytest.mark.slow
 def test_reproduce_films_what_an_experiment_shows(tmp_path, quick_films):
     first = reproduce(Falling(), tmp_path, progress=False)
     assert (first.films, first.record()["films"]) == ([], [])

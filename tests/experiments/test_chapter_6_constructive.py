@@ -54,6 +54,7 @@ LONG = (
 )  # to compile
 
 
+@pytest.mark.thinned("fig-a.2")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
 )
@@ -367,11 +368,13 @@ def test_the_orbit_of_a_field_without_a_turn_is_its_radius():
 # --- at full length ---
 
 
+@pytest.mark.slow
 def test_grown_pools_come_to_the_rewards_of_an_independent_model(tmp_path):
     found = reproduce(GrowingReward(), tmp_path, progress=False)
     # the first unit pushes to the left here, to the right in the independent model, by all appearances
     assert [claim.holds for claim in found.claims] == [False] + [True] * 5 + [False, True] + [True] * 2
 
 
+@pytest.mark.slow
 def test_orbits_widen_and_narrow_as_much_as_in_an_independent_model(tmp_path):
     assert all(claim.holds for claim in reproduce(Orbits(), tmp_path, progress=False).claims)

@@ -102,7 +102,7 @@ def test_the_behaviour_figure_shows_both_columns(run, outcome, tmp_path):
 @pytest.mark.slow
 @pytest.mark.ci
 def test_the_demonstration_makes_all_that_it_names(tmp_path, capsys):
-    command = ["demo", "--seconds", "20", "--seeds", "2", "--out", "shown", "--json", "d.json"]
+    command = ["demo", "--seconds", "20", "--seeds", "2", "--film-seconds", "0.5", "--out", "shown", "--json", "d.json"]
     assert main(command) == 0
     said = capsys.readouterr().out
     assert "2 hoppers practised for 20 simulated seconds each" in said

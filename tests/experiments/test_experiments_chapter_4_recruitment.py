@@ -34,6 +34,7 @@ CLAIMED = {
 }
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
@@ -42,11 +43,13 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     assert 0 <= len(found.claims) - CLAIMED[name] <= 2 * (name == "fig-4.8")
 
 
+@pytest.mark.thinned("fig-4.1")
 @pytest.mark.parametrize("name", ["fig-4.1", "fig-4.6", "fig-4.7"])
 def test_what_is_not_random_holds_at_any_size(name, done):
     assert [claim.statement for claim in done(name).claims if not claim.holds] == []
 
 
+@pytest.mark.slow
 def test_the_two_on_the_linear_mapping_share_their_runs(out, done):
     for name in ("fig-4.3", "fig-4.4"):
         done(name)
@@ -324,6 +327,7 @@ def test_the_best_activation_just_takes_the_load_to_the_top():
 # figure 4.8
 
 
+@pytest.mark.slow
 def test_pools_are_judged_by_their_exact_reward():
     task = ArmRecruitment(units=2)
     run = train(task, steps=400, seeds=2, progress=False)

@@ -249,6 +249,7 @@ def test_the_claims_about_active_learning_can_come_out_either_way():
     assert "24 with those asked for" in judged(never)[0].note
 
 
+@pytest.mark.slow
 def test_both_kinds_of_loads_begin_with_the_same_pools(done):
     with np.load(done("sec-4.4.1-active-learning").folder / "values.npz") as values:
         for name in ("plain", "natural"):

@@ -38,6 +38,7 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     assert len(found.claims) == CLAIMED[name]
 
 
+@pytest.mark.slow
 def test_the_learnt_ones_share_their_runs(out, done):
     for name in ("fig-5.8", "sec-5.3.4-gaits"):
         done(name)

@@ -298,6 +298,7 @@ def test_the_least_error_is_that_of_ideal_thresholds():
     ("name", "further"),
     [pytest.param("sec-4.4-negative-inputs", 2, marks=pytest.mark.slow), ("sec-4.4.1-gain-decay", 8)],
 )
+@pytest.mark.slow
 def test_pools_learn_on_from_what_they_had_learnt(name, further, tmp_path):
     reproduce(EXPERIMENTS[name].quick(), tmp_path, progress=False)
     runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]

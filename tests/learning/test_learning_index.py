@@ -91,6 +91,7 @@ ESTIMATORS = {
 }
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize(
     ("name", "rebase"), [*((name, 64) for name in ESTIMATORS), ("0.9", 1), ("0.9", 7)], ids=lambda value: f"{value}"
 )
@@ -108,6 +109,7 @@ def test_with_every_unit_in_the_one_cell_it_learns_what_the_dense_learner_learns
     assert moved > 0.05  # a tenth of what rounding may do to it would be seen
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("name", ["0", "0.9", "0.9995", "discount"])
 def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     estimator = ESTIMATORS[name]
@@ -122,6 +124,7 @@ def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     assert np.abs(often[0].policy.centre - start.centre).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learner():
     # two units far apart, so that the dense learner's probabilities and scores out of sight are exactly 0
     start = LocalGaussians([[0.0, 0.0], [1.0, 1.0]], np.full((2, 2), np.log(0.02)), p_max=0.5)
@@ -141,6 +144,7 @@ def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learne
     close(agents[0].publish(states[0]).policy, states[1].policy)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=5)
 @given(seed=st.integers(0, 10**6), inputs=st.integers(1, 3), cells=st.integers(1, 9), margin=st.floats(0.05, 2))
 def test_what_is_not_listed_fires_with_no_more_than_is_neglected_however_it_moves_within_its_margin(

@@ -138,6 +138,7 @@ TRACES = {
 }
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("trace", TRACES)
 @pytest.mark.parametrize("baseline", [Told(3.0, 0.3), *EXAMPLES.values()], ids=["told", *EXAMPLES])
 def test_no_input_baseline_biases_the_estimate(baseline, trace):
@@ -195,6 +196,7 @@ class Payday(FiniteTask):
 _CACHE: dict[bool, FiniteMDP] = {}
 
 
+@pytest.mark.thinned("baseline2-True-0.2")
 @pytest.mark.parametrize(
     ("baseline", "quadratic", "at_most"),
     [
@@ -228,6 +230,7 @@ def test_a_diverged_decision_teaches_it_nothing(name):
         np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("name", ["linear", "binned"])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(name, tmp_path):
     task = mg.make("call-admission")

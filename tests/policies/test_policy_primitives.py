@@ -101,6 +101,7 @@ def test_the_score_is_the_gradient_of_the_log_probability(seed, observation):
             np.testing.assert_allclose(ravel_pytree(analytic)[0], ravel_pytree(automatic)[0], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("observation", [READY, BUSY])
 def test_fisher_and_entropy_are_means_over_actions(observation):
     policy = policy_of(5)

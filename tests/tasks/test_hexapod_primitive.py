@@ -102,6 +102,7 @@ def test_it_learns_both_and_either_alone():
         assert all(np.any(learnt[name]) for name in moved)
 
 
+@pytest.mark.slow
 def test_a_saved_learner_goes_on_to_the_last_bit():
     task = HexapodPrimitive()
     agent = settings_for(task).agent(task)

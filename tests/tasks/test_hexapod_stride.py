@@ -121,6 +121,7 @@ def test_it_learns_on_real_numbers_and_refuses_other_policies():
     assert (graded_hyperplanes(task).inputs, hyperplanes(task).outputs) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_saved_learner_goes_on_to_the_last_bit():
     task = HexapodStride(stretch=0.1)
     agent = settings_for(task).agent(task)

@@ -67,6 +67,7 @@ DAMAGE = {
 }
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_a_damaged_checkpoint_is_said_and_the_one_before_it_used(kind, made, damaged):
     newest = checkpoints(damaged)[-1]

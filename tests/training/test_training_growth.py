@@ -42,6 +42,7 @@ def test_a_growing_run_is_resumed_bit_for_bit(rule, tmp_path):
     np.testing.assert_array_equal(mg.load(whole.path).policies.active, whole.policies.active)
 
 
+@pytest.mark.slow
 @every_rule
 def test_seeds_grow_each_by_its_own_rewards(rule):
     together = go(rule)

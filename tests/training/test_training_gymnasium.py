@@ -181,6 +181,7 @@ def assert_runs_alike(found, wanted):
     assert found.metrics.select(kept).equals(wanted.metrics.select(kept))
 
 
+@pytest.mark.slow
 def test_a_killed_run_ends_as_if_it_had_not_been(process_environment, tmp_path):
     whole = mg.train(**RUN, out=tmp_path / "whole", progress=False)
     options = json.dumps({**RUN, "out": str(tmp_path / "killed"), "checkpoint_every": 0.02})
@@ -200,6 +201,7 @@ def test_a_killed_run_ends_as_if_it_had_not_been(process_environment, tmp_path):
     assert_runs_alike(mg.load(tmp_path / "killed"), mg.load(whole.path))
 
 
+@pytest.mark.slow
 def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learnt_of_its_senses(tmp_path):
     task = from_gymnasium("CartPole-v1", scaling="running", max_episode_steps=60)
     run = mg.train(task, steps=400, seeds=2, out=tmp_path / "run", progress=False)
@@ -256,6 +258,7 @@ def test_from_the_command_line(tmp_path, capsys):
     assert "Traceback" not in complaint
 
 
+@pytest.mark.thinned("action3-choice-softmax")
 @pytest.mark.parametrize(
     ("action", "code", "policy"),
     [

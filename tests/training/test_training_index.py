@@ -47,6 +47,7 @@ def engine(steps_at_a_time, steps=900, seeds=(3, 0, 8)):
     return stepper, sum(made)
 
 
+@pytest.mark.slow
 def test_a_run_is_resumed_bit_for_bit(tmp_path):
     whole = go(tmp_path / "whole")
     go(tmp_path / "parts", steps=730)
@@ -56,6 +57,7 @@ def test_a_run_is_resumed_bit_for_bit(tmp_path):
     assert_same(mg.load(whole.path).policies, whole.policies)
 
 
+@pytest.mark.slow
 def test_what_is_learnt_does_not_depend_on_how_many_decisions_are_asked_for_at_a_time():
     (whole, made), (parts, _) = engine(900), engine(77)
     assert made > 3 + 3  # beside the first of each seed

@@ -135,6 +135,7 @@ def test_training_keeps_the_files_up_to_date_at_every_commit(tmp_path):
     assert_holds(tmp_path / "tensorboard", longest)
 
 
+@pytest.mark.slow
 @needs_tensorboard
 def test_killed_and_resumed_training_leaves_no_point_double_or_lost(process_environment, tmp_path):
     task = ["three-state", "--steps", 2_000_000, "--window", 9_999, "--seeds", 2]

@@ -46,7 +46,7 @@ def alter_metrics(path, name, change):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [pytest.param(1, marks=pytest.mark.ci), 5])
+@pytest.mark.parametrize("number", [1, 5])
 def test_random_kills_leave_no_trace(number, process_environment):
     command = [sys.executable, str(SCRIPT), "--kills", str(number), "--seed", "7"]
     done = subprocess.run(command, env=process_environment, capture_output=True, text=True, timeout=900)

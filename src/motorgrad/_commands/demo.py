@@ -27,12 +27,15 @@ class Demo:
     """Simulated seconds of practice for each hopper."""
     seeds: int = 8
     """How many hoppers."""
+    film_seconds: float = 8.0
+    """Length of the film, in seconds."""
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
 
     def validate(self) -> None:
         task = Hopper()
         check(task.period <= self.seconds <= MOST, "seconds", self.seconds, f"from {task.period} to {MOST:g} s")
+        check(0 < self.film_seconds <= MOST, "film_seconds", self.film_seconds, f"positive, at most {MOST:g} s")
         check_training(task, None, round(self.seconds / task.period), self.seeds)
         check_writable("out", self.out, folder=True)
 
@@ -40,7 +43,7 @@ class Demo:
 def run(arguments: list[str]) -> int:
     options = parse(Demo, arguments, "demo")
     try:
-        shown = demo.demonstrate(options.out, options.seconds, options.seeds)
+        shown = demo.demonstrate(options.out, options.seconds, options.seeds, options.film_seconds)
     except KeyboardInterrupt:
         print(f"stopped; everything is saved in {options.out}, and the same command goes on", file=sys.stderr)
         return 130
