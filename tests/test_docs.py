@@ -77,6 +77,7 @@ LONG = (
     "docs/reproduction-natural.md",
     "docs/sim.md",
     "docs/tasks/hexapod.md",
+    "docs/training.md",
     "docs/units/graded.md",
     "docs/units/masked.md",
     "docs/units/querying.md",

@@ -71,6 +71,7 @@ def test_the_recruitment_loop_learns_as_the_library_does():
     assert gains.mean() > 1  # something was learnt
 
 
+@pytest.mark.slow
 def test_the_particle_loop_learns_as_the_library_does():
     decisions, seeds = 40_000, 20
     loops = [hand_written(FallingParticle(), seed)(decisions) for seed in range(seeds)]

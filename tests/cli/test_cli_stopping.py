@@ -78,6 +78,7 @@ def test_an_unfinished_run_keeps_its_goal(tmp_path, monkeypatch):
     assert mg.train("chain", steps=60, window=20, out="run", progress=False).decision == 400  # finished: given back
 
 
+@pytest.mark.slow
 def test_films_of_other_evaluations_do_not_take_each_others_place(capsys):
     mg.train("hopper", steps=40, seeds=2, out="run", progress=False)
     for options in ([], ["--untrained"], ["--mode", "mode", "--seed", "1"]):

@@ -56,6 +56,7 @@ def growing(tmp_path_factory):
 # what is recorded
 
 
+@pytest.mark.slow
 def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
     for run in (falling, growing):
         last = recorded(run, [-1])

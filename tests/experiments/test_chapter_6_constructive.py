@@ -115,6 +115,7 @@ def test_moves_are_those_of_the_new_unit_and_of_the_others():
     np.testing.assert_array_equal(own(centre)[:, 1], centre[1, :, 1])
 
 
+@pytest.mark.slow
 def test_grown_pools_leave_off_the_unit_that_was_just_added(out):
     import motorgrad as mg
 

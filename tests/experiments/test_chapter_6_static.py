@@ -118,6 +118,7 @@ def held(experiment, values):
 # --- what they share ---
 
 
+@pytest.mark.slow
 def test_late_is_the_last_tenth_of_the_episodes():
     task = FallingParticle()
     run = mg.train(task, settings_for(task), 10_000, 3, progress=False)

@@ -316,6 +316,7 @@ def test_settings_of_one_experiment_are_options(capsys):
     assert found["experiments"][0]["settings"] == {"longest": 6, "runs": 200, "seed": 0}
 
 
+@pytest.mark.slow
 def test_a_file_names_the_experiment_and_its_settings(tmp_path, capsys):
     (tmp_path / "e.toml").write_text('experiments = ["fig-4.9"]\nquick = true\n[settings]\nlongest = 8\n')
     assert main(["reproduce", "--config", "e.toml", "--settings.seed", "3", "--json", "-"]) == 0

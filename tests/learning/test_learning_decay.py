@@ -154,7 +154,7 @@ def test_settings_make_the_decay_and_the_plain_rule_has_none():
     assert by_group.rule() == decayed(adam(0.5), {"weights": 0.2})
 
 
-@pytest.mark.thinned
+@pytest.mark.slow
 @pytest.mark.parametrize("improve", [1, 7])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(improve, tmp_path):
     def run(out, steps, **changes):

@@ -66,7 +66,7 @@ def noisy(mean):
     return lambda t, key: (mean(t) + 0.5 * jax.random.normal(key)).astype(jnp.float32)
 
 
-@pytest.mark.thinned
+@pytest.mark.thinned("None-ascent0")
 @pytest.mark.parametrize("ascent", [sgd(0.01), adam(0.01)])
 @pytest.mark.parametrize("metric", [None, FisherMetric(rate=0.1)])
 def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_the_adding_phase(ascent, metric):
@@ -152,6 +152,7 @@ def test_a_reward_that_rises_adds_no_unit_and_one_that_stays_adds_one_after_two_
     assert added_at(history)[0] == 9 + 800
 
 
+@pytest.mark.slow
 def test_no_unit_is_added_after_as_many_that_brought_nothing_as_patience_allows():
     for patience in (1, 2, 3):
         state, _ = live(learner(plateau(patience=patience), units=12), 14_000, 1, noisy(lambda t: 0.0))

@@ -91,7 +91,7 @@ ESTIMATORS = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.thinned("0.9-1", "discount-64")
 @pytest.mark.parametrize(
     ("name", "rebase"), [*((name, 64) for name in ESTIMATORS), ("0.9", 1), ("0.9", 7)], ids=lambda value: f"{value}"
 )
@@ -109,7 +109,7 @@ def test_with_every_unit_in_the_one_cell_it_learns_what_the_dense_learner_learns
     assert moved > 0.05  # a tenth of what rounding may do to it would be seen
 
 
-@pytest.mark.thinned
+@pytest.mark.thinned("discount")
 @pytest.mark.parametrize("name", ["0", "0.9", "0.9995", "discount"])
 def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     estimator = ESTIMATORS[name]
@@ -188,6 +188,7 @@ def test_the_pace_bounds_how_fast_strain_grows(seed):
     assert ((then - now) <= bound * 1.01 + 1e-6)[within].all()
 
 
+@pytest.mark.slow
 def test_tables_are_made_before_what_is_neglected_could_be_more_than_it_may():
     start = pool_of(80, width=0.05)
     agent = IndexedAgent(start, Olgarb(0.9), sgd(3e-4), index=SpatialIndex(neglect=0.01, margin=0.6, cells=8))
@@ -241,6 +242,7 @@ def test_a_saved_state_gets_the_same_table_again():
         np.testing.assert_array_equal(mine, yours)
 
 
+@pytest.mark.slow
 def test_a_diverged_decision_teaches_nothing_and_ends_the_episode():
     agent = IndexedAgent(pool_of(), Olgarb(0.9), sgd(1e-3))
     state = refreshed(agent, agent.init(jax.random.key(0)))

@@ -230,7 +230,7 @@ def test_a_diverged_decision_teaches_it_nothing(name):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.thinned
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["linear", "binned"])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(name, tmp_path):
     task = mg.make("call-admission")

@@ -75,6 +75,7 @@ def _joined(learnt, fixed):
     return eqx.combine(learnt, fixed)
 
 
+@pytest.mark.slow
 def test_the_fisher_matrix_is_the_mean_of_the_scores_squared():
     policy, y = pool_of(1), jnp.array([-0.2, 0.1])
     (exact,) = policy.fisher(y, jnp.zeros(3))

@@ -50,6 +50,7 @@ def test_cells_are_asked_for_in_proportion_to_the_entropy_and_evenly_within(low,
     assert halves == pytest.approx(0.5, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_a_policy_that_is_sure_everywhere_asks_uniformly():
     policy = Querying(Motoneurons([50.0], [1e6]), 0.0, 1.0, 0.0, 8)
     np.testing.assert_allclose(policy.chances(), 1 / 8)

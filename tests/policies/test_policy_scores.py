@@ -82,6 +82,7 @@ def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
     assert [x.shape for x in jax.tree.leaves(score)] == [x.shape for x in jax.tree.leaves(part)]
 
 
+@pytest.mark.thinned
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=seeds, look=seeds)

@@ -232,6 +232,7 @@ def test_where_episodes_end():
         assert away[-1] <= 1 < away[:-1].min()
 
 
+@pytest.mark.slow
 def test_noise_of_the_world_and_of_the_senses_is_drawn():
     quiet = FallingParticle(start=ParticleStart(x=(0.5, 0.5), y=(0.95, 0.95)), units=1, forces=(RIGHT,))
     always = LocalGaussians([[0.5, 0.5]], [[9.0, 9.0]])
@@ -259,6 +260,7 @@ def test_trajectories_refuse(change, words):
 # occupancy
 
 
+@pytest.mark.slow
 def test_occupancy_is_that_of_many_transitions():
     """Against a count by hand, on a coarse grid on which the blur is the same for both."""
     from scipy.ndimage import gaussian_filter

@@ -169,6 +169,7 @@ def test_a_run_with_everything_resumes_and_loads(tmp_path):
     assert np.abs(loaded.policies.pool.weights).max() > 0
 
 
+@pytest.mark.slow
 def test_the_command_line_trains_it_and_refuses_a_task_without_sides(capsys):
     arguments = ["--steps", "10", "--seeds", "1", "--agent.policy", "mirrored"]
     assert main(["train", "hexapod", *arguments, "--out", "run"]) == 0

@@ -115,6 +115,7 @@ def test_a_saved_learner_goes_on_to_the_last_bit():
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
 
 
+@pytest.mark.slow
 def test_other_policies_of_real_numbers_will_do_too():
     task = make("hexapod-primitive")
     settings = settings_for(task, policy="graded-hyperplanes", rates={"slope": 1e-4, "level": 1e-4, "log_deviation": 0})

@@ -26,7 +26,7 @@ def small(task=FINITE, agent=None, steps=60, out=None, **options):
     return mg.train(task, agent, steps, out=out, **options)
 
 
-@pytest.mark.thinned("gymnasium", "hopper", "linear-recruitment", "particle")
+@pytest.mark.thinned("hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     task = TASKS[name]()

@@ -39,7 +39,7 @@ def equal(a, b):
     jax.tree.map(np.testing.assert_array_equal, a, b)
 
 
-@pytest.mark.thinned("world-td", "body-least-squares")
+@pytest.mark.thinned("body-least-squares")
 @pytest.mark.parametrize("critic", ["least-squares", "td"])
 @pytest.mark.parametrize("name", TASKS)
 def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):

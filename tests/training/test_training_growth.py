@@ -54,6 +54,7 @@ def test_seeds_grow_each_by_its_own_rewards(rule):
             np.testing.assert_allclose(mine[row], own[0], rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_metrics_say_how_many_units_there_are():
     run = go("clock")
     units = columns(run.metrics)["units"].reshape(-1, 3)
@@ -66,6 +67,7 @@ def go_plain():
     return mg.train(TASK, settings_for(TASK), 20, 1, window=20, progress=False)
 
 
+@pytest.mark.slow
 def test_one_chunk_or_many_are_the_same():
     steppers = [learner(TASK, [5, 2], **RULES["plateau"]) for _ in range(2)]
     steppers[0].advance(300)

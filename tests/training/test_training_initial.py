@@ -58,6 +58,7 @@ def _parts():
     return settings.estimate(), settings.rule()
 
 
+@pytest.mark.slow
 def test_the_agents_own_beginnings_given_back_to_it_change_nothing(tmp_path):
     for task, name in ((TASK, "world"), (mg.make("hopper"), "body")):
         agent = settings_for(task)

@@ -37,7 +37,7 @@ def made(tmp_path_factory):
     return of
 
 
-@pytest.mark.thinned("gymnasium", "hopper", "linear-recruitment", "particle")
+@pytest.mark.thinned("hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_directory_holds_all_there_is_to_know(name, made):
     run = made(name)
@@ -61,7 +61,7 @@ def test_a_run_directory_holds_all_there_is_to_know(name, made):
     assert session["command"]
 
 
-@pytest.mark.thinned("gymnasium", "hopper", "linear-recruitment", "particle")
+@pytest.mark.thinned("gymnasium", "hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     task = TASKS[name]()
