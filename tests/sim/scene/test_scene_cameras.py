@@ -170,7 +170,9 @@ def test_each_camera_moves_as_it_should(walker, browser):
         assert camera.position[2] - feet[2] == pytest.approx(EYES, abs=0.1 * EYES)
     stood, looked = camera.position.copy(), looker.away / np.linalg.norm(looker.away)
     looker.drag(120)
-    assert np.linalg.norm(camera.position - stood) < 0.3 * EYES  # it may still have come to rest
+    assert (
+        np.linalg.norm(camera.position - stood) < 0.3 * EYES
+    )  # it may still come to rest; an orbit moves it by more than 0.2 m
     assert looker.away @ looked < 0.95 * np.linalg.norm(looker.away)
 
     # the model's own: as it is in the model, with its field of view, and moving with the body
