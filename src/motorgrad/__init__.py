@@ -5,7 +5,7 @@ Small stochastic units, each deciding whether its muscle fires, learn online fro
     import motorgrad as mg
 
     task = mg.make("hopper")
-    agent = mg.Agent(mg.policies.hyperplanes(task), mg.learning.Olgarb(decay=0.98), mg.learning.sgd(5e-4))
+    agent = mg.Agent(mg.policies.hyperplanes(task), mg.learning.olgarb(decay=0.995), mg.learning.SGD(5e-4))
     run = mg.train(task, agent, steps=100_000, seeds=16, out="runs/hopper")
     run.plot()
 
@@ -24,6 +24,7 @@ _ROOMS = ("bodies", "environments", "experiments", "lab", "learning", "policies"
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
+    "agent_for": "training",
     "evaluate": "training",
     "load": "training",
     "make": "tasks",
@@ -34,6 +35,7 @@ _NAMES = {
 __all__ = [
     "Agent",
     "Run",
+    "agent_for",
     "bodies",
     "environments",
     "evaluate",
@@ -55,7 +57,7 @@ if TYPE_CHECKING:
     from motorgrad import bodies, environments, experiments, lab, learning, policies, sim, tasks, training, worlds
     from motorgrad.learning import Agent
     from motorgrad.tasks import make
-    from motorgrad.training import Run, evaluate, load, resume, train
+    from motorgrad.training import Run, agent_for, evaluate, load, resume, train
 
 
 def __getattr__(name: str) -> Any:

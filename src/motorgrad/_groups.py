@@ -1,4 +1,4 @@
-"""Numbers given by group of parameters: a step size, or a damping, for every field of a policy by its name."""
+"""Numbers by group of parameters: a learning rate or a damping for every field of a policy, by its name."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -9,18 +9,17 @@ import numpy as np
 from jaxtyping import Array
 
 from motorgrad._errors import check, unknown
+from motorgrad._tree import Range
 
 P = TypeVar("P")
 
 
 def check_groups(kind: str, name: str, values: Any) -> None:
     """Refuse what is negative, infinite or no number, among one value for all or a mapping of them."""
-    allowed = "a finite number of at least 0, an array of them"
-    if not isinstance(values, Mapping):
-        check(_possible(values), f"{kind} {name}".strip(), values, f"{allowed}, or a table of them by group")
-        return
-    for group, value in values.items():
-        check(_possible(value), f"{kind} {group}", value, allowed)
+    single = not isinstance(values, Mapping)
+    for group, value in [(name, values)] if single else values.items():
+        more = ", or a mapping from groups to such numbers" if single else ""
+        check(Range(0).allows(value), f"{kind} {group}", value, f"{Range(0)}, or an array of them{more}")
 
 
 def by_group(kind: str, name: str, values: Any, parameters: P, default: float | None = None) -> P:
@@ -47,15 +46,6 @@ def by_group(kind: str, name: str, values: Any, parameters: P, default: float | 
         if group not in used:
             raise unknown(f"group of parameters in the {kind}s:", group, used)
     return found
-
-
-def _possible(value: Any) -> bool:
-    try:
-        numbers = np.asarray(value)
-    except (TypeError, ValueError):  # lists of different lengths
-        return False
-    real = jnp.issubdtype(numbers.dtype, jnp.floating) or jnp.issubdtype(numbers.dtype, jnp.integer)
-    return bool(real and np.all((numbers >= 0) & np.isfinite(numbers)))
 
 
 def _fitting(name: str, value: Any, parameter: Array) -> Array:

@@ -1,6 +1,6 @@
 """Running means that stay exact over billions of samples."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -33,15 +33,15 @@ def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
     return after, (total - (after - part)) + (more - part)
 
 
-def add_sample(running: RunningMean, sample: PyTree[Array], rate: float = 0.0, size: int = 1) -> RunningMean:
-    """Take in the n-th sample: the mean moves by 1/n of its distance from it, and with a `rate` by at least so much. A
-    sample that is itself the mean of `size` others counts as so many."""
+def add_sample(running: RunningMean, sample: PyTree[Array], rate: Any = None, size: int = 1) -> RunningMean:
+    """Add the n-th sample: it moves the mean by 1/n of its distance, or by `rate` of it where that is more. A sample
+    that is itself the mean of `size` others counts as so many."""
     count = running.count + size
 
     def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
         distance = (x - mean) - carry
         step = distance * size / count.astype(mean.dtype)
-        return two_sum(mean, carry, jnp.where(rate * count > size, rate * distance, step) if rate else step)
+        return two_sum(mean, carry, step if rate is None else jnp.where(rate * count > size, rate * distance, step))
 
     means, structure = jax.tree.flatten(running.mean)
     leaves = zip(means, jax.tree.leaves(running.carry), jax.tree.leaves(sample), strict=True)

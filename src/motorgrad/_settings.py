@@ -1,4 +1,4 @@
-"""Settings: building frozen dataclasses from plain tables, refusing what they do not know."""
+"""Settings: frozen dataclasses and parts of learners from plain tables, and back; unknown settings are refused."""
 
 import dataclasses
 import types
@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
+from motorgrad._tree import Part, fields_of, hints_of, kind_of, parts_in
 
 T = TypeVar("T")
 LARGEST = 3.4e38  # of single precision
@@ -20,7 +21,7 @@ EXACT = 2**53  # the largest up to which a float is the one whole number that wa
 def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | None = None) -> T:
     """An instance of the dataclass `cls` from a table of `values`; a field that is a dataclass takes a table itself.
 
-    What a table leaves out is as in `base`, or as `cls` has it by default. So it is for tables within the table.
+    Settings that a table leaves out come from `base`, or are the defaults of `cls`; likewise in tables within it.
 
     **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type, or the key
     that is missing.
@@ -37,9 +38,9 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
 
 
 def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = None) -> dict[str, Any]:
-    """The values as `cls` wants them, each by itself; as `build` without making the instance."""
-    hints, fields, given = typing.get_type_hints(cls), fields_of(cls), {}
-    for key, value in values.items():
+    """The values in the types of the fields of `cls`: `build` without making the instance."""
+    hints, fields, given = hints_of(cls), fields_of(cls), {}
+    for key, value in expanded(cls, values).items():
         if key not in fields:
             raise unknown(f"setting of {where or cls.__name__.lower()}", key, fields, _deeper(cls, key, base))
         default = default_of(fields[key]) if base is None else getattr(base, key)
@@ -47,9 +48,40 @@ def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = N
     return given
 
 
+class _Changes(dict[str, Any]):
+    """A table that changes some entries of the one it takes the place of."""
+
+
+def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with short names (`cls.aliases`) and dotted paths replaced by tables within tables.
+
+    **Raises** `ValueError` for a setting that is given twice.
+    """
+    if not issubclass(cls, Part):
+        return dict(values)
+    aliases = getattr(cls, "aliases", {})
+    found: dict[str, Any] = {}
+    for key in sorted(values, key=lambda key: aliases.get(key, key).count(".")):
+        *outer, last = aliases.get(key, key).split(".")
+        node = found
+        for name in outer:
+            inner = node.setdefault(name, _Changes())
+            if not isinstance(inner, dict):  # a part by its kind, or given whole
+                inner = table(inner) if isinstance(inner, Part) else dict(inner) if isinstance(inner, Mapping) else {"kind": inner}
+                node[name] = inner
+            node = inner
+        value = values[key]
+        if isinstance(value, Mapping) and isinstance(node.get(last), dict):
+            value = {**node[last], **value}
+        elif last in node and outer:
+            check(last in node and node[last] == value, key, value, "given once")
+        node[last] = value
+    return found
+
+
 def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
     """Where tables within the table have a setting of this name."""
-    hints, found = typing.get_type_hints(cls), []
+    hints, found = hints_of(cls), []
     for name, field in fields_of(cls).items():
         default = default_of(field) if base is None else getattr(base, name)
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
@@ -60,14 +92,14 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
 
 
 def table(instance: Any) -> dict[str, Any]:
-    """The inverse of `build`: a dataclass as a plain table. Fields that are `None` are left out."""
+    """The inverse of `build`: a dataclass as a plain table.
+
+    Fields that are `None` are left out. A part of a learner names its `kind`, and what it is without as `"none"`.
+    """
     values = {name: getattr(instance, name) for name in fields_of(type(instance))}
+    if isinstance(instance, Part):
+        return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
     return {name: _plain(value) for name, value in values.items() if value is not None}
-
-
-def fields_of(cls: Any) -> dict[str, dataclasses.Field[Any]]:
-    """The fields of a dataclass that it takes, by name."""
-    return {field.name: field for field in dataclasses.fields(cls) if field.init}
 
 
 def default_of(field: dataclasses.Field[Any]) -> Any:
@@ -81,6 +113,10 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     **Raises** `ValueError` that says where, the value and what it must be.
     """
     value = value.item() if isinstance(value, np.generic) else value
+    if hasattr(default, "with_setting") and isinstance(value, str | Mapping):
+        return default.with_setting(value, where)
+    if (kinds := parts_in(hint)) and (isinstance(value, str | Part) or _is_part_table(hint, value)):
+        return _part(kinds, hint, value, where, default)
     origin, options = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
         return value
@@ -97,7 +133,11 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         return tuple(as_hinted(i, v, f"{where}[{n}]") for n, (i, v) in enumerate(zip(inner, value, strict=True)))
     if isinstance(origin, type) and issubclass(origin, Mapping):
         check(isinstance(value, Mapping), where, value, "a table")
+        value = {**default, **value} if isinstance(value, _Changes) and isinstance(default, Mapping) else value
         return {name: as_hinted(options[1], item, _place(where, str(name))) for name, item in value.items()}
+    if hint is types.NoneType:
+        check(value is None or value == "none", where, value, "none")
+        return None
     if dataclasses.is_dataclass(hint):
         if isinstance(value, Mapping):
             base = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
@@ -122,8 +162,50 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     return value
 
 
+def _is_part_table(hint: Any, value: Any) -> bool:
+    """Whether a table describes a part, and not numbers by group."""
+    mappings = any(isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint))
+    return isinstance(value, Mapping) and (not mappings or "kind" in value)
+
+
+def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, default: Any) -> Part | None:
+    """A part of a learner: itself, by the name of its kind, or as a table with its `kind` and its settings.
+
+    Without a `kind` the table changes the `default`; where there is no default, the only kind is meant. A part of
+    another kind than the default starts from the kind's own settings.
+    """
+    if isinstance(value, Part):
+        check(isinstance(value, kinds), where, value, _name(hint))
+        return value
+    known = {name: cls for kind in kinds for name, cls in kind.kinds().items()}
+    presets = {name: changes for kind in kinds for name, changes in getattr(kind, "presets", {}).items()}
+    optional = type(None) in typing.get_args(hint)
+    settings = {"kind": value} if isinstance(value, str) else dict(value)
+    name = settings.pop("kind", None)
+    if optional and name == "none":
+        check(not settings, where, value, "'none' without settings")
+        return None
+    base = default if isinstance(default, kinds) else None
+    if name in presets:
+        return _part(kinds, hint, {**presets[name], **settings}, where, default)
+    if name is None:
+        cls = type(base) if base is not None else next(iter(known.values())) if len(known) == 1 else None
+        if cls is None:
+            raise ValueError(f"{_place(where, 'kind')}: must be given: {', '.join(known)}")
+    elif name not in known:
+        raise unknown(where, name, [*known, *presets, *(["none"] if optional else [])])
+    else:
+        cls = known[name]
+    if base is not None and type(base) is not cls:
+        # another kind of agent keeps the settings that both have
+        related = isinstance(base, cls) or issubclass(cls, type(base))
+        shared = {name: getattr(base, name) for name in fields_of(type(base)) if name in fields_of(cls)}
+        base = cls(**shared) if related and getattr(cls, "aliases", None) else None
+    return build(cls, settings, where, base)
+
+
 def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default: Any) -> Any:
-    if value is None and type(None) in options:
+    if (value is None or value == "none") and type(None) in options:
         return None
     for option in options:
         if dataclasses.is_dataclass(option) and isinstance(value, Mapping):  # what is wrong in it is worth saying
@@ -142,6 +224,10 @@ def _place(where: str, key: str) -> str:
 
 
 def _plain(value: Any) -> Any:
+    if hasattr(value, "as_setting"):
+        return value.as_setting()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return table(value)
     if isinstance(value, tuple | list):

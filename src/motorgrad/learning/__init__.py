@@ -1,53 +1,77 @@
-"""Traces, baselines, estimators, metrics and ascent rules, and the learner that they make up."""
+"""Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
-from motorgrad.learning._agent import Agent
-from motorgrad.learning._agent_state import AgentState, Decision
-from motorgrad.learning._ascent import DecayState, SgdState, adam, decayed, sgd
-from motorgrad.learning._baselines import Baseline, Constant, FixedStep, MeanReward, NoBaseline
-from motorgrad.learning._choose import NEVER
-from motorgrad.learning._critic import CriticState, Features, LinearCritic
-from motorgrad.learning._critic_fit import LeastSquares, TemporalDifference
-from motorgrad.learning._entropy import entropy_gradient
-from motorgrad.learning._estimator import Estimator, Gae, Gpomdp, Olgarb, Olpomdp
-from motorgrad.learning._growth import Growth, GrowthState
-from motorgrad.learning._growth_criteria import Clock, Criterion, Plateau, PlateauState
-from motorgrad.learning._index import SpatialIndex
-from motorgrad.learning._indexed import IndexedAgent, IndexState
-from motorgrad.learning._input_baselines import BinnedBaseline, InputBaseline, LinearBaseline, LinearState
-from motorgrad.learning._natural import FisherMetric, FisherState
-from motorgrad.learning._scale import RootMeanSquare, ScaleState
-from motorgrad.learning._schedule import Annealed
+from motorgrad._tree import Part, count, number, static
+from motorgrad.learning._agent import Agent, AgentState, Decision
+from motorgrad.learning._baselines import (
+    Advantage,
+    Baseline,
+    BinnedBaseline,
+    Constant,
+    FixedStep,
+    InputBaseline,
+    LinearBaseline,
+    LinearState,
+    MeanReward,
+    Transition,
+)
+from motorgrad.learning._branching import NEVER
+from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._critics import (
+    CriticFit,
+    CriticState,
+    CriticStep,
+    Features,
+    LeastSquares,
+    LinearCritic,
+    TemporalDifference,
+)
+from motorgrad.learning._estimator import (
+    Estimator,
+    EstimatorState,
+    NormalizationState,
+    RootMeanSquare,
+    entropy_gradient,
+    gae,
+    gpomdp,
+    olgarb,
+    olpomdp,
+)
+from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._registry import register
+from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
-from motorgrad.learning._visited import Visited, VisitedState
-from motorgrad.learning._weight_average import WeightAverage
+from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
+from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
 
 __all__ = [
     "NEVER",
+    "SGD",
+    "Adam",
+    "Advantage",
     "Agent",
     "AgentState",
     "Annealed",
     "Baseline",
     "BinnedBaseline",
+    "Chain",
     "Clock",
     "Constant",
     "Criterion",
+    "CriticFit",
     "CriticState",
-    "DecayState",
+    "CriticStep",
     "Decision",
     "Episodic",
     "Estimator",
+    "EstimatorState",
     "Exponential",
     "Features",
     "FisherMetric",
-    "FisherState",
     "FixedStep",
-    "Gae",
-    "Gpomdp",
     "Growth",
     "GrowthState",
     "IndexState",
-    "IndexedAgent",
     "InputBaseline",
     "LaggedGaussian",
     "LeastSquares",
@@ -55,27 +79,33 @@ __all__ = [
     "LinearCritic",
     "LinearState",
     "MeanReward",
-    "NoBaseline",
-    "Olgarb",
-    "Olpomdp",
+    "Metric",
+    "NormalizationState",
+    "Optax",
+    "Optimizer",
+    "Part",
     "Plateau",
-    "PlateauState",
+    "PolyakAveraging",
     "RootMeanSquare",
     "RunningMean",
-    "ScaleState",
-    "SgdState",
+    "SparseAgent",
     "SpatialIndex",
     "TemporalDifference",
     "Trace",
+    "Transformation",
+    "Transition",
     "Visited",
-    "VisitedState",
-    "WeightAverage",
     "Window",
-    "adam",
     "add_sample",
-    "decayed",
+    "count",
     "entropy_gradient",
+    "gae",
+    "gpomdp",
+    "number",
+    "olgarb",
+    "olpomdp",
+    "register",
     "running_mean",
-    "sgd",
+    "static",
     "two_sum",
 ]

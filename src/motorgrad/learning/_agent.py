@@ -8,122 +8,182 @@ third once in a while (section 3.2.2 of the thesis). Nothing here knows the task
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
-from motorgrad._running import add_sample, running_mean
-from motorgrad.learning._agent_state import AgentState, Decision, last_of, no_decision, running_of
-from motorgrad.learning._ascent import adam, decayed, sgd
-from motorgrad.learning._choose import NEVER, Flag, any_of, where, where_any
-from motorgrad.learning._critic import LinearCritic
-from motorgrad.learning._estimator import Estimator, Olgarb
-from motorgrad.learning._growth import Growth, GrowthState
-from motorgrad.learning._input_baselines import InputBaseline
-from motorgrad.learning._natural import FisherMetric, FisherState
-from motorgrad.learning._sample import gradient_sample, started
-from motorgrad.learning._schedule import Annealed, at
-from motorgrad.learning._weight_average import WeightAverage
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._tree import Numbers, Part
+from motorgrad.learning._baselines import Transition
+from motorgrad.learning._branching import NEVER, Flag, any_of, where
+from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
+from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning.growth import Growth, GrowthState
+from motorgrad.learning._natural import Metric
+from motorgrad.learning._schedules import changes
 from motorgrad.policies import Policy, split, trainable
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Agent:
-    """What acts, how credit is assigned, and how parameters move.
+class Decision(NamedTuple):
+    """What an action was chosen on, and the action."""
+
+    observation: Float[Array, " inputs"]
+    action: Array
+
+
+class AgentState(NamedTuple):
+    r"""Everything a learner carries from one decision to the next, for one seed. An absent part has the state `None`.
+
+    - `policy`: the parameters.
+    - `estimator`: the state of trace, baseline and normalization.
+    - `gradient`: the running mean of the samples $g = \delta z$ since the last step. For an online learner it is the
+      sample between `reinforce` and `improve`, which uses it up.
+    - `chain`: the states of the gradient transformations.
+    - `decision`: the decision that awaits its reward, where a part recalls it.
+    - `steps`: how often the parameters have moved, where a part depends on it.
+    - `growth`: the state of a learner that grows.
+    - `index`: what a sparse learner knows of its units.
+    """
+
+    policy: Policy
+    estimator: EstimatorState
+    gradient: PyTree[Array] | RunningMean | None
+    chain: tuple[Any, ...]
+    decision: Decision | None = None
+    steps: Int[Array, ""] | None = None
+    growth: GrowthState | None = None
+    index: Any = None
+
+
+class Agent(Part):
+    """A learner: what acts, how credit is assigned, and how parameters move.
+
+    It is one tree of parts. Numbers are leaves: they may differ by seed, and change while the learner runs. Structure is
+    static: the kinds of parts, lengths, intervals and counts. A part that is absent is `None`.
 
     **Arguments:**
 
     - `policy`: the initial policy, or a function from a key to one, so that every seed starts from its own.
-    - `estimator`: traces, baseline and batch (see `Estimator`, `Olgarb`).
-    - `ascent`: an optax transformation (see `sgd`); it receives minus the gradient.
-    - `metric`: `None` for the plain gradient; a `FisherMetric` for the natural gradient of each unit, which the ascent
-      rule then receives in its place.
-    - `growth`: `None` for a policy of one size; a `Growth` to add the units of a `Masked` pool one by one.
-    - `average`: `None`, or a `WeightAverage` to give away the average of the last policies in place of the last one.
+    - `estimator`: trace, baseline and batch (see `Estimator`, `olgarb`).
+    - `optimizer`: how a gradient moves the parameters: `SGD`, `Adam`, or any optax transformation, which receives minus
+      the gradient.
+    - `metric`: none for the plain gradient; a `FisherMetric` for the natural gradient of each unit.
+    - `transformations`: further gradient transformations after the optimizer, ours or optax's.
+    - `growth`: none for a policy of one size; a `Growth` that adds the units of a `Masked` pool one by one.
+    - `averaging`: none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones.
+
+    ```python
+    agent = mg.Agent(
+        policy=mg.policies.hyperplanes(task),
+        estimator=mg.learning.olgarb(decay=0.995),
+        optimizer=mg.learning.SGD(5e-4),
+    )
+    ```
     """
 
-    policy: Policy | Callable[[jax.Array], Policy]
-    estimator: Estimator = dataclasses.field(default_factory=Olgarb)
-    ascent: optax.GradientTransformation | sgd | adam | decayed = dataclasses.field(default_factory=lambda: sgd(1e-3))
-    metric: FisherMetric | None = None
-    growth: Growth | None = None
-    average: WeightAverage | None = None
+    aliases: ClassVar[Mapping[str, str]] = {
+        "units": "policy.units",
+        "trace": "estimator.trace",
+        "decay": "estimator.trace.decay",
+        "baseline": "estimator.baseline",
+        "discount": "estimator.discount",
+        "improve": "estimator.improve",
+        "batch": "estimator.batch",
+        "entropy": "estimator.entropy",
+        "normalization": "estimator.normalization",
+        "learning_rate": "optimizer.learning_rate",
+        "weight_decay": "optimizer.weight_decay",
+        "damping": "metric.damping",
+    }
+    """Short names of the settings that everyone types, for options, TOML and `agent_for`."""
 
-    def __post_init__(self) -> None:
+    policy: Any
+    estimator: Estimator = Estimator()
+    optimizer: Optimizer = eqx.field(default=SGD(1e-3), converter=as_transformation)
+    metric: Metric | None = None
+    transformations: tuple[Any, ...] = eqx.field(
+        default=(), converter=lambda stages: tuple(map(as_transformation, stages))
+    )
+    growth: Growth | None = None
+    averaging: PolyakAveraging | None = None
+
+    def __check_init__(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
         check(made, "policy", self.policy, "a policy or a function from a key to one")
-        check(isinstance(self.estimator, Estimator), "estimator", self.estimator, "an Estimator, such as Olgarb()")
-        rule = hasattr(self.ascent, "init") and hasattr(self.ascent, "update")
-        check(rule, "ascent", self.ascent, "an optax transformation, such as motorgrad.learning.sgd(1e-3)")
-        known = self.metric is None or isinstance(self.metric, FisherMetric)
-        check(known, "metric", self.metric, "None or a FisherMetric, such as FisherMetric(rate=1e-3)")
-        check(self.growth is None or isinstance(self.growth, Growth), "growth", self.growth, "None or a Growth")
-        known = self.average is None or isinstance(self.average, WeightAverage)
-        check(known, "average", self.average, "None or a WeightAverage")
-        for name in ("growth", "average"):
+        for index, stage in enumerate(self.transformations):
+            check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
+        for name in ("growth", "averaging"):
             moves = getattr(self, name) is None or self.estimator.improve != "never"
             check(moves, name, getattr(self, name), 'None where parameters never move, improve = "never"')
-        whole = self.average is None or self.growth is None
-        check(whole, "average", self.average, "None where a policy grows")
+        whole = self.averaging is None or self.growth is None
+        check(whole, "averaging", self.averaging, "None where a policy grows")
+
+    @property
+    def hyperparameters(self) -> Self:
+        """The tree without the policy, whose numbers are learnt: its leaves are all numbers that may be changed."""
+        return self.with_policy(None)
+
+    def with_policy(self, policy: Any) -> Self:
+        """The agent with another policy, built without its checks: the policy may be traced or absent."""
+        made = object.__new__(type(self))
+        for field in dataclasses.fields(self):
+            object.__setattr__(made, field.name, policy if field.name == "policy" else getattr(self, field.name))
+        return made
+
+    def with_numbers(self, numbers: Numbers, vector: Float[Array, " numbers"]) -> Self:
+        """The agent with its numbers from a vector, which may be traced."""
+        return numbers.tree(vector).with_policy(self.policy)
+
+    @property
+    def precision(self) -> Any:
+        """The floating-point type of the parameters, to which the numbers are rounded."""
+        parameters = jax.eval_shape(lambda key: trainable(self.init(key).policy), jax.random.key(0))
+        return jax.tree.leaves(parameters)[0].dtype
+
+    @property
+    def chain(self) -> Chain:
+        """The gradient transformations, in their order."""
+        stages = (self.metric, self.optimizer, *self.transformations, self.averaging)
+        return Chain(tuple(stage for stage in stages if stage is not None))
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
         policy = self.policy if isinstance(self.policy, Policy) else self.policy(key)
-        parameters = trainable(policy)
-        leaves = jax.tree.leaves(parameters)
+        leaves = jax.tree.leaves(trainable(policy))
         check(len(leaves) > 0, "policy", type(policy).__name__, "a policy with trainable parameters")
         growth = None
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
-            parameters = trainable(policy)
-        dtype = leaves[0].dtype
-        zeros = jax.tree.map(jnp.zeros_like, parameters)
-        baseline = self.estimator.baseline
+        zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
+        chain = self.chain
+        recalls = chain.recalls or self.estimator.recalls
         return AgentState(
             policy=policy,
-            trace=self.estimator.trace.init(parameters),
-            baseline=started(baseline, policy, dtype),
+            estimator=self.estimator.init(policy),
             gradient=None if self.estimator.online else running_mean(zeros),
-            ascent=self.ascent.init(parameters),  # type: ignore[arg-type]
-            weight=None if self.estimator.discount is None else jnp.ones((), dtype),
-            metric=None if self.metric is None else self.metric.init(policy),
-            last=no_decision(policy, dtype) if self._recalls else None,
-            scale=None if self.estimator.scale is None else self.estimator.scale.init(dtype),
+            chain=chain.init(policy),
+            decision=_no_decision(policy, leaves[0].dtype) if recalls else None,
+            steps=jnp.zeros((), jnp.int32) if chain.counts or changes(self.hyperparameters) else None,
             growth=growth,
-            steps=jnp.zeros((), jnp.int32) if self._counts else None,
-            average=None if self.average is None else self.average.init(policy),
         )
-
-    @property
-    def _recalls(self) -> bool:
-        """Whether a decision must be remembered until its reward comes."""
-        estimator = self.estimator
-        sees = isinstance(estimator.baseline, InputBaseline | LinearCritic)
-        return sees or self.metric is not None or estimator.entropy != 0
-
-    @property
-    def _counts(self) -> bool:
-        """Whether something depends on how often the parameters have moved."""
-        limit = None if self.metric is None else self.metric.kl
-        return self.average is not None or any(isinstance(x, Annealed) for x in (self.estimator.entropy, limit))
 
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[AgentState, Array]:
-        r"""Sample an action from `uniforms` and take its score into the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
+        r"""Sample an action from `uniforms` and add its score to the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
         action = state.policy.sample(observation, uniforms)
         score = state.policy.score(observation, action)
-        last = None if state.last is None else Decision(observation.astype(state.last.observation.dtype), action)
+        if state.decision is not None:
+            seen = observation.astype(state.decision.observation.dtype)
+            state = state._replace(decision=Decision(seen, action))
         if self.growth is not None and state.growth is not None:
-            state = state._replace(growth=self.growth.see(state.growth, observation))
-        if isinstance(self.estimator.baseline, LinearCritic):
-            state = state._replace(baseline=self.estimator.baseline.see(state.baseline, observation))
-        return state._replace(trace=self.estimator.trace.update(state.trace, score), last=last), action
+            state = state._replace(growth=self.growth.observe(state.growth, observation))
+        return state._replace(estimator=self.estimator.act(state.estimator, observation, score)), action
 
     def reinforce(
         self,
@@ -134,91 +194,75 @@ class Agent:
         truncated: Flag = False,
         diverged: Flag = False,
     ) -> AgentState:
-        r"""Turn a reward into a gradient sample: $\delta \leftarrow r - b$, $g \leftarrow \delta z$, then update $b$.
-
-        An `InputBaseline` adds to the sample what it knows about the newest action's observation. With a `LinearCritic`
-        $\delta$ is its temporal difference. A scale divides the sample by the usual size of the advantages. The entropy
-        bonus adds the gradient of the policy's entropy. A metric takes the decision in.
+        r"""Turn a reward into a gradient sample $g = \delta z$, and let every part learn from the decision.
 
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped (gradient, baseline, scale, metric and what growth knows of rewards stay as they were) and the
-        trace restarts.
+        sample is dropped, nothing is learnt from it, and the trace restarts.
         """
-        estimator = self.estimator
-        sample, baseline, scale = gradient_sample(estimator, state, reward, next_observation, terminated, diverged)
-        after = state._replace(
-            baseline=baseline,
-            gradient=sample if estimator.online else add_sample(running_of(state), sample),
-            weight=None if state.weight is None else state.weight * (estimator.discount or 1.0),
-            metric=self._measure(state, diverged),
-            scale=scale,
-            growth=self._watch(state, reward),
-        )
-        if diverged is not False:
-            dropped = jax.tree.map(jnp.zeros_like, sample) if estimator.online else state.gradient
-            critical = isinstance(estimator.baseline, LinearCritic)  # and has let it pass
-            kept = {"baseline": after.baseline if critical else state.baseline, "scale": state.scale}
-            without = after._replace(gradient=dropped, growth=state.growth, **kept)
-            after = where(diverged, without, after)
+        recalled = (None, None) if state.decision is None else state.decision
+        transition = Transition(*recalled, reward, next_observation, terminated, diverged)
+        sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
+        gradient: Any = sample
+        if isinstance(state.gradient, RunningMean):
+            gradient = where(diverged, state.gradient, add_sample(state.gradient, sample))
+        else:
+            gradient = where(diverged, jax.tree.map(jnp.zeros_like, sample), sample)
+        growth = state.growth
+        if self.growth is not None and growth is not None:
+            growth = where(diverged, growth, self.growth.reinforce(growth, reward))
+        chain = self.chain.map(lambda stage, inner: stage.observe(inner, state.policy, transition), state.chain)
+        after = state._replace(estimator=estimator, gradient=gradient, chain=chain, growth=growth)
         ended = any_of(terminated, truncated, diverged)
         return after if ended is False else self.restart(after, ended)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Where `ended`, begin a new episode: the trace is empty and the discount starts again from 1."""
-        baseline = self.estimator.baseline
-        fresh = state._replace(
-            trace=self.estimator.trace.init(trainable(state.policy)),
-            baseline=baseline.restart(state.baseline) if isinstance(baseline, LinearCritic) else state.baseline,
-            weight=None if state.weight is None else jnp.ones_like(state.weight),
-        )
-        return where(ended, fresh, state)
+        fresh = self.estimator.restart(state.estimator, state.policy)
+        return state._replace(estimator=where(ended, fresh, state.estimator))
 
     def kept(self, state: AgentState) -> Policy:
-        """The policy to keep: the average one where there is one, else the one that acts. It takes the state of many
-        seeds too."""
-        if self.average is None or state.average is None:
-            return state.policy
-        return self.average.kept(state.average, state.policy)
+        """The policy to keep: the averaged one where there is one, else the one that acts. States of many seeds are
+        allowed."""
+        return self.chain.kept(state.chain, state.policy)
 
     def use(self, state: AgentState, policy: Policy) -> AgentState:
-        """The state with another policy in place, from which the average begins anew. It takes many seeds too."""
-        average = state.average
-        if self.average is not None and average is not None:
-            average = self.average.begin_from(average, policy)
-        return state._replace(policy=policy, average=average)
+        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
+        chain = self.chain.map(lambda stage, inner: stage.replaced(inner, policy), state.chain)
+        return state._replace(policy=policy, chain=chain)
 
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
-        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator says that it is time; and solve
-        for a critic's weights, if it is time for that.
+        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, where the estimator says that it is time, and do
+        the periodic work of a critic.
 
-        It is to be called after every decision but those that `rest` tells of. A growing learner counts its decisions
-        here, and may then add a unit.
+        Call it after every decision but those that `rest` allows to skip. A growing learner counts its decisions here,
+        and may then add a unit.
 
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
-        `reinforce`, that there is no sample: an online learner then stays where it is, its rule's momentum too.
+        `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum.
         """
-        if isinstance(self.estimator.baseline, LinearCritic):
-            state = state._replace(baseline=self.estimator.baseline.solve(state.baseline))
-        return self._grow(self._improve(state, ended, diverged))
+        state = self._improve(state._replace(estimator=self.estimator.solve(state.estimator)), ended, diverged)
+        if self.growth is None or state.growth is None:
+            return state
+        growth, policy, new = self.growth.advance(state.growth, state.policy)
+        chain = self.chain.map(lambda stage, inner: stage.renew(inner, new), state.chain)
+        return state._replace(growth=growth, policy=policy, chain=chain)
 
     @property
     def rests(self) -> bool:
-        """Whether there are decisions that `improve` need not follow, and `rest` tells of them. There are none for
-        online and for growing learners; at the ends of episodes it is not known beforehand."""
+        """Whether there are decisions that `improve` need not follow; `rest` counts them. Online and growing learners
+        have none, and those that improve at the ends of episodes cannot know them beforehand."""
         return not self.estimator.online and self.estimator.improve != "episode" and self.growth is None
 
     def rest(self, state: AgentState) -> Int[Array, ""]:
-        """How many decisions at least come before the one that `improve` is to follow: after those it would change
-        nothing, however they go, and need not be called."""
-        estimator = self.estimator
-        rest = jnp.asarray(NEVER if self.rests else 0, jnp.int32)
+        """How many decisions at least may go without `improve`, which would change nothing."""
         if not self.rests:
-            return rest
-        if isinstance(estimator.improve, int):
-            rest = estimator.improve - 1 - running_of(state).count.astype(jnp.int32)
-        if isinstance(estimator.baseline, LinearCritic):
-            rest = jnp.minimum(rest, estimator.baseline.rest(state.baseline))
+            return jnp.asarray(0, jnp.int32)
+        estimator, rest = self.estimator, jnp.asarray(NEVER, jnp.int32)
+        if isinstance(estimator.improve, int) and isinstance(state.gradient, RunningMean):
+            rest = estimator.improve - 1 - state.gradient.count.astype(jnp.int32)
+        if estimator.baseline is not None:
+            rest = jnp.minimum(rest, estimator.baseline.rest(state.estimator.baseline))
         return rest
 
     def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
@@ -228,7 +272,7 @@ class Agent:
         if estimator.online:
             moved = self._step(state, state.gradient)._replace(gradient=None)
             return moved if diverged is False else where(diverged, state._replace(gradient=None), moved)
-        running = running_of(state)
+        running: Any = state.gradient
         full = ended if estimator.improve == "episode" else running.count >= estimator.improve
         if full is False:
             return state
@@ -237,61 +281,19 @@ class Agent:
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)
 
-    def _grow(self, state: AgentState) -> AgentState:
-        if self.growth is None or state.growth is None:
-            return state
-        growth, policy, new = self.growth.advance(state.growth, state.policy)
-        metric = state.metric
-        if self.metric is not None and metric is not None:
-            metric = self.metric.renew(metric, new)
-        return state._replace(growth=growth, policy=policy, metric=metric)
-
-    def _measure(self, state: AgentState, diverged: Flag) -> FisherState | None:
-        if self.metric is None or state.metric is None:
-            return None
-        return self.metric.update(state.metric, state.policy, *last_of(state), diverged)
-
-    def _watch(self, state: AgentState, reward: Float[Array, ""]) -> GrowthState | None:
-        if self.growth is None or state.growth is None:
-            return None
-        return self.growth.watch(state.growth, reward)
-
     def _step(self, state: AgentState, gradient: PyTree[Array], due: Flag = True) -> AgentState:
         parameters, settings = split(state.policy)
-        if self.metric is not None and state.metric is not None:
-            metric, measured = self.metric, state.metric
-
-            def direction(g: PyTree[Array]) -> PyTree[Array]:
-                # The barrier keeps the compiler from solving ahead of the loop in `where_any`.
-                return metric.precondition(*jax.lax.optimization_barrier((measured, state.policy, g)))
-
-            gradient = where_any(due, direction, gradient)
-        descent = jax.tree.map(jnp.negative, gradient)
-        updates, ascent = self.ascent.update(descent, state.ascent, parameters)  # type: ignore[arg-type]
-        updates = state.policy.allowed(updates)
+        stages = self.chain
+        updates, chain = stages.update(gradient, state.chain, state.policy, state.steps, due)
         if self.growth is not None and state.growth is not None:
             updates = self.growth.paced(state.growth, updates)
-        updates = self._bounded(state, updates, due)
+        updates = stages.constrain(updates, chain, state.policy, state.steps, due)
         moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
-        return self._noted(state._replace(policy=moved, ascent=ascent))
+        steps = None if state.steps is None else state.steps + 1
+        chain = stages.map(lambda stage, inner: stage.moved(inner, moved, steps), chain)
+        return state._replace(policy=moved, chain=chain, steps=steps)
 
-    def _bounded(self, state: AgentState, step: PyTree[Array], due: Flag) -> PyTree[Array]:
-        """A step within the limit on its divergence, where there is one."""
-        metric, measured = self.metric, state.metric
-        if metric is None or metric.kl is None or measured is None:
-            return step
-        limit = at(metric.kl, state.steps)
 
-        def bounded(step: PyTree[Array]) -> PyTree[Array]:
-            return metric.bounded(*jax.lax.optimization_barrier((measured, state.policy, step, limit)))
-
-        return where_any(due, bounded, step)
-
-    def _noted(self, state: AgentState) -> AgentState:
-        """What depends on how often the parameters have moved, once they have."""
-        if state.steps is None:
-            return state
-        steps, average = state.steps + 1, state.average
-        if self.average is not None and average is not None:
-            average = self.average.update(average, state.policy, steps)
-        return state._replace(steps=steps, average=average)
+def _no_decision(policy: Policy, dtype: Any) -> Decision:
+    observation = jnp.zeros(policy.inputs, dtype)
+    return Decision(observation, jnp.zeros_like(policy.mode(observation)))

@@ -1,105 +1,284 @@
-r"""Reinforcement baselines: what a reward is compared with, $\delta = r - b$.
+r"""Baselines: what a reward is compared with, $\delta = r - b$.
 
-A good baseline makes the estimate of the gradient far less noisy (Weaver & Tao, 2001). A constant does not bias it; one
-that follows the rewards does in short runs, and no longer in long ones. A baseline is
-`init(dtype)`, `value(state)` and `update(state, reward)`; the reward is compared with the value *before* its update.
+A good baseline makes the gradient estimate far less noisy (Weaver & Tao, 2001). A constant does not bias it. A baseline
+that follows the rewards biases short runs, and no longer biases long ones.
+
+Baselines and critics share one interface. `init` makes the state, `observe` is told what an action is chosen on,
+`update` is told what the action led to and gives the advantage. The reward is compared with the baseline *before* the
+update.
+
+A baseline may depend on the observation: $b(y_t)$ is what an action taken at $y_t$ is expected to earn. The observation
+says nothing about which action was taken on it, so $b(y_t)$ does not bias the credit of that action. Older actions did
+lead to $y_t$. Compared with $b(y_t)$ they would lose the credit for it: a trace of decay $\beta$ would estimate
+$\nabla_\beta\eta - \beta\nabla_\beta\eta_b$, with $\eta_b$ the average of $b$. So only the newest action is compared
+with $b(y_t)$, and older ones with a *level* $\ell$ that depends on no observation, the mean of all rewards:
+
+$$g = (r - \ell)\,z_t + (\ell - b(y_t))\,w_0 s_t,$$
+
+where $w_0 s_t$ is the newest score as the trace $z_t$ has it. For a trace without memory this is $(r - b(y_t))\,s_t$.
 """
 
 import abc
-import dataclasses
-import math
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
+from motorgrad._tree import Part, count, is_tracer, number
+from motorgrad.learning._branching import NEVER, Flag, where
+from motorgrad.policies import Policy
 
 
-class Baseline(abc.ABC):
-    """A reinforcement baseline."""
+class Transition(NamedTuple):
+    """One decision and its outcome.
 
-    @abc.abstractmethod
-    def init(self, dtype: Any) -> Any:
-        """The state before any reward."""
-
-    @abc.abstractmethod
-    def value(self, state: Any) -> Float[Array, ""]:
-        """The baseline $b$."""
-
-    @abc.abstractmethod
-    def update(self, state: Any, reward: Float[Array, ""]) -> Any:
-        """Take in a reward."""
-
-
-@dataclasses.dataclass(frozen=True)
-class NoBaseline(Baseline):
-    r"""$b \equiv 0$."""
-
-    def init(self, dtype: Any) -> Any:
-        return jnp.zeros((), dtype)
-
-    def value(self, state: Any) -> Float[Array, ""]:
-        return state
-
-    def update(self, state: Any, reward: Float[Array, ""]) -> Any:
-        return state
-
-
-@dataclasses.dataclass(frozen=True)
-class Constant(Baseline):
-    r"""$b \equiv c$: for a task whose average reward is known. It leaves what the estimate averages to as it is.
-
-    **Arguments:** `level` $c$, in units of reward; finite.
+    `observation` and `action` are `None` where no part of the learner recalls them. `next_observation` is what the
+    world showed before any reset.
     """
 
-    level: float
+    observation: Any
+    action: Any
+    reward: Float[Array, ""]
+    next_observation: Float[Array, " inputs"]
+    terminated: Flag = False
+    diverged: Flag = False
 
-    def __post_init__(self) -> None:
-        check(math.isfinite(self.level), "level", self.level, "finite")
 
-    def init(self, dtype: Any) -> Float[Array, ""]:
-        return jnp.asarray(self.level, dtype)
+class Advantage(NamedTuple):
+    r"""How much better an outcome was than expected, in units of reward.
 
-    def value(self, state: Float[Array, ""]) -> Float[Array, ""]:
+    `value` is the advantage of the newest action. `trace` multiplies the eligibility trace. `newest`, where it is not
+    `None`, multiplies the newest score and is added.
+    """
+
+    value: Float[Array, ""]
+    trace: Float[Array, ""]
+    newest: Float[Array, ""] | None = None
+
+
+class Baseline(Part):
+    """What rewards are compared with: a baseline or a critic."""
+
+    recalls: ClassVar[bool] = False
+    """Whether `update` needs the observation and the action of the transition."""
+
+    @abc.abstractmethod
+    def init(self, policy: Policy, dtype: Any) -> Any:
+        """The state before any reward, for a policy's observations and actions."""
+
+    @abc.abstractmethod
+    def level(self, state: Any) -> Float[Array, ""]:
+        """The present level of rewards, which depends on no observation: the metric `baseline` of a run."""
+
+    @abc.abstractmethod
+    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+        """The advantage of a transition, and the state after it. A transition that diverged must not change what the
+        baseline has learnt."""
+
+    def observe(self, state: Any, observation: Float[Array, " inputs"]) -> Any:
+        """The state once an action is chosen on `observation`."""
         return state
 
-    def update(self, state: Float[Array, ""], reward: Float[Array, ""]) -> Float[Array, ""]:
+    def solve(self, state: Any) -> Any:
+        """Do the work that is due once in many decisions. `rest` says when it is."""
+        return state
+
+    def rest(self, state: Any) -> Int[Array, ""]:
+        """For how many decisions at least `solve` changes nothing."""
+        return jnp.asarray(NEVER, jnp.int32)
+
+    def restart(self, state: Any) -> Any:
+        """The state at the start of an episode."""
+        return state
+
+    @property
+    def needs_episodes(self) -> str | None:
+        """Why the baseline needs a task with episodes, as a setting; `None` where it does not."""
+        return None
+
+
+class _ScalarBaseline(Baseline):
+    """A baseline that depends on rewards alone."""
+
+    @abc.abstractmethod
+    def learn(self, state: Any, reward: Float[Array, ""]) -> Any:
+        """The state after a reward."""
+
+    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+        error = transition.reward - self.level(state)
+        return Advantage(error, error), where(transition.diverged, state, self.learn(state, transition.reward))
+
+
+class Constant(_ScalarBaseline):
+    r"""A constant baseline, $b \equiv c$: for a task whose average reward is known. It does not bias the estimate.
+
+    **Arguments:**
+
+    - `value`: $c$, in units of reward.
+    """
+
+    value: float = number()
+
+    def init(self, policy: Policy, dtype: Any) -> Float[Array, ""]:
+        return jnp.zeros((), dtype)
+
+    def level(self, state: Float[Array, ""]) -> Float[Array, ""]:
+        return jnp.asarray(self.value, state.dtype)
+
+    def learn(self, state: Float[Array, ""], reward: Float[Array, ""]) -> Float[Array, ""]:
         return state
 
 
-@dataclasses.dataclass(frozen=True)
-class MeanReward(Baseline):
+class MeanReward(_ScalarBaseline):
     r"""The running mean of all rewards, $b \leftarrow b + \delta/n$ for the n-th reward (Kimura et al., 1995)."""
 
-    def init(self, dtype: Any) -> RunningMean:
+    def init(self, policy: Policy, dtype: Any) -> RunningMean:
         return running_mean(jnp.zeros((), dtype))
 
-    def value(self, state: RunningMean) -> Float[Array, ""]:
+    def level(self, state: RunningMean) -> Float[Array, ""]:
         return state.mean
 
-    def update(self, state: RunningMean, reward: Float[Array, ""]) -> RunningMean:
+    def learn(self, state: RunningMean, reward: Float[Array, ""]) -> RunningMean:
         return add_sample(state, reward)
 
 
-@dataclasses.dataclass(frozen=True)
-class FixedStep(Baseline):
-    r"""$b \leftarrow b + \gamma\delta$: forgets, so that it follows a changing task (section 4.4.1 of the thesis).
+class FixedStep(_ScalarBaseline):
+    r"""A mean that forgets, $b \leftarrow b + \gamma\delta$, and so follows a changing task (section 4.4.1).
 
-    **Arguments:** `rate` $\gamma \in (0, 1]$.
+    **Arguments:**
+
+    - `rate`: $\gamma \in (0, 1]$, one over the memory in rewards.
     """
 
-    rate: float = 0.01
+    rate: float = number(0.01, 0, 1, open_low=True)
 
-    def __post_init__(self) -> None:
-        check(0 < self.rate <= 1, "rate", self.rate, "in (0, 1]")
-
-    def init(self, dtype: Any) -> Float[Array, ""]:
+    def init(self, policy: Policy, dtype: Any) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
 
-    def value(self, state: Float[Array, ""]) -> Float[Array, ""]:
+    def level(self, state: Float[Array, ""]) -> Float[Array, ""]:
         return state
 
-    def update(self, state: Float[Array, ""], reward: Float[Array, ""]) -> Float[Array, ""]:
+    def learn(self, state: Float[Array, ""], reward: Float[Array, ""]) -> Float[Array, ""]:
         return state + self.rate * (reward - state)
+
+
+class InputBaseline(Baseline):
+    """A baseline that depends on the observation on which the newest action was taken."""
+
+    recalls: ClassVar[bool] = True
+
+    @abc.abstractmethod
+    def value_at(self, state: Any, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        """The baseline $b(y)$ of an observation."""
+
+    @abc.abstractmethod
+    def learn(self, state: Any, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> Any:
+        """The state after the reward of an action that was taken on `observation`."""
+
+    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+        observation, reward = transition.observation, transition.reward
+        level, expected = self.level(state), self.value_at(state, observation)
+        after = where(transition.diverged, state, self.learn(state, observation, reward))
+        return Advantage(reward - expected, reward - level, level - expected), after
+
+
+class LinearState(NamedTuple):
+    """The `weights` of the inputs and, last, of 1; the `mean` of rewards."""
+
+    weights: Float[Array, " inputs+1"]
+    mean: RunningMean
+
+
+class LinearBaseline(InputBaseline):
+    r"""$b(y) = w \cdot \phi(y)$ with $\phi(y) = (y, 1)$, by normalised least mean squares:
+    $w \leftarrow w + \gamma\,(r - b(y))\,\phi/|\phi|^2$ (Nagumo & Noda, 1967).
+
+    The step is relative to the length of the input, so no input is too large for it.
+
+    **Arguments:**
+
+    - `rate`: $\gamma \in (0, 1]$; 1 fits every reward at once and remembers little.
+    """
+
+    rate: float = number(0.01, 0, 1, open_low=True)
+
+    def init(self, policy: Policy, dtype: Any) -> LinearState:
+        return LinearState(jnp.zeros(policy.inputs + 1, dtype), running_mean(jnp.zeros((), dtype)))
+
+    def level(self, state: LinearState) -> Float[Array, ""]:
+        return state.mean.mean
+
+    def value_at(self, state: LinearState, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        return jnp.sum(state.weights * _features(state, observation))
+
+    def learn(self, state: LinearState, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> LinearState:
+        features = _features(state, observation)
+        error = reward - jnp.sum(state.weights * features)
+        weights = state.weights + self.rate * error * features / jnp.sum(features**2)
+        return LinearState(weights, add_sample(state.mean, reward))
+
+
+def _features(state: LinearState, observation: Float[Array, " inputs"]) -> Float[Array, " inputs+1"]:
+    return jnp.append(observation, 1).astype(state.weights.dtype)
+
+
+class BinnedBaseline(InputBaseline):
+    r"""The mean reward in each bin of one observed number.
+
+    The bins have equal widths from `low` to `high`; values below or above belong to the first or the last. A bin
+    without a reward yet has the mean of all rewards.
+
+    **Arguments:**
+
+    - `low`: the lower bound, in units of the observed number.
+    - `high`: the upper bound, above `low`.
+    - `bins`: how many bins.
+    - `input`: the index of the observed number, from 0.
+    - `rate`: $\gamma \in [0, 1]$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the distance. 0 is
+      the mean of all rewards so far; a larger rate has a memory of $1/\gamma$ rewards.
+
+    **Raises:** `ValueError` for a value out of range; from `init`, for an input that the task does not have.
+    """
+
+    low: float = number(0.0)
+    high: float = number(1.0)
+    bins: int = count(10, 1, 1_000_000)
+    input: int = count(0)
+    rate: float = number(0.0, 0, 1)
+
+    def __check_init__(self) -> None:
+        known = not (is_tracer(self.low) or is_tracer(self.high))
+        check(not known or self.low < self.high, "low, high", (self.low, self.high), "finite, low < high")
+
+    def init(self, policy: Policy, dtype: Any) -> RunningMean:
+        inputs = policy.inputs
+        check(self.input < inputs, "input", self.input, f"one of {inputs} observed numbers, 0 … {inputs - 1}")
+        return running_mean(jnp.zeros(self.bins + 1, dtype))._replace(count=jnp.zeros(self.bins + 1, jnp.uint32))
+
+    def bin(self, observation: Float[Array, " inputs"]) -> Array:
+        """The index of the bin of an observation."""
+        place = (observation[self.input] - self.low) * (self.bins / (self.high - self.low))
+        return jnp.clip(jnp.floor(place), 0, self.bins - 1).astype(jnp.int32)
+
+    def level(self, state: RunningMean) -> Float[Array, ""]:
+        return state.mean[-1]
+
+    def value_at(self, state: RunningMean, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        # A comparison with every bin: inside a loop over many seeds it is quicker than an indexed load.
+        means = jnp.where(state.count > 0, state.mean, state.mean[-1])
+        return jnp.sum(jnp.where(self._mask(observation)[:-1], means[:-1], 0))
+
+    def learn(self, state: RunningMean, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> RunningMean:
+        count = state.count + self._mask(observation).astype(jnp.uint32)
+        rates = jnp.broadcast_to(jnp.asarray(self.rate, state.mean.dtype), (self.bins,))
+        least = jnp.append(rates, 0)  # the mean of all rewards forgets nothing
+        step = jnp.maximum(1 / count.astype(state.mean.dtype), least.astype(state.mean.dtype))
+        distance = (reward - state.mean) - state.carry
+        moved = RunningMean(*two_sum(state.mean, state.carry, step * distance), count)
+        return RunningMean(*(jnp.where(count > state.count, new, old) for new, old in zip(moved, state, strict=True)))
+
+    def _mask(self, observation: Float[Array, " inputs"]) -> Array:
+        """The means that an observation belongs to: that of its bin and, last, that of all."""
+        return jnp.append(jnp.arange(self.bins) == self.bin(observation), True)

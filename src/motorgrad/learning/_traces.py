@@ -1,12 +1,11 @@
-"""Eligibility filters: how much of a reward each past action may claim.
+"""Eligibility traces: how much of a reward each past action is credited with.
 
-A trace is three functions over a state of the parameters' structure: `init(parameters)`, `update(state, score)` when an
-action was sampled, and `value(state)`, the eligibility $z$ that multiplies the reward (section 3.2.1 of the thesis).
-Every trace restarts from zero when an episode ends.
+A trace filters scores. It is three functions over a state of the parameters' structure: `init(parameters)`,
+`update(state, score)` after an action was sampled, and `value(state)`, the eligibility $z$ that multiplies the reward
+(section 3.2.1 of the thesis). Every trace restarts from zero when an episode ends.
 """
 
 import abc
-import dataclasses
 import math
 from typing import Any
 
@@ -15,12 +14,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._tree import Part, count, number, static
 
 LONGEST = 100_000  # decisions of a finite filter, which keeps as many copies of the parameters
 
 
-class Trace(abc.ABC):
-    """An eligibility filter."""
+class Trace(Part):
+    """An eligibility trace."""
 
     @abc.abstractmethod
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
@@ -28,25 +28,29 @@ class Trace(abc.ABC):
 
     @abc.abstractmethod
     def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
-        r"""Take in the score $\nabla\log\pi(a_t \mid y_t)$ of the action just sampled."""
+        r"""Add the score $\nabla\log\pi(a_t \mid y_t)$ of the action just sampled."""
 
     @abc.abstractmethod
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         """The eligibility $z_t$, in the structure of the parameters."""
 
+    @property
+    def needs_episodes(self) -> str | None:
+        """Why the trace needs a task with episodes, as a setting; `None` where it does not."""
+        return None
 
-@dataclasses.dataclass(frozen=True)
+
 class Exponential(Trace):
-    r"""$z \leftarrow \beta z + \nabla\log\pi$ (Baxter & Bartlett, 2001).
+    r"""The exponential trace $z \leftarrow \beta z + \nabla\log\pi$ (Baxter & Bartlett, 2001).
 
-    **Arguments:** `decay` $\beta \in [0, 1)$. Choose $1/(1 - \beta)$ above the number of decisions over which actions
-    still matter (the mixing time): a small $\beta$ biases the gradient, a large one makes it noisy.
+    **Arguments:**
+
+    - `decay`: $\beta \in [0, 1]$, per decision. Choose $1/(1 - \beta)$ above the number of decisions over which actions
+      still matter (the mixing time): a small $\beta$ biases the gradient, a large one makes it noisy. 1 never forgets
+      and needs a task with episodes.
     """
 
-    decay: float = 0.9
-
-    def __post_init__(self) -> None:
-        check(0 <= self.decay < 1, "decay", self.decay, "in [0, 1)")
+    decay: float = number(0.9, 0, 1)
 
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
         return jax.tree.map(jnp.zeros_like, parameters)
@@ -57,11 +61,17 @@ class Exponential(Trace):
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         return state
 
+    @property
+    def needs_episodes(self) -> str | None:
+        return "decay = 1" if isinstance(self.decay, float) and self.decay == 1 else None
 
-@dataclasses.dataclass(frozen=True)
+
 class Episodic(Trace):
-    r"""$z \leftarrow z + \nabla\log\pi$ from the start of the episode: the unbiased estimator of episodic tasks
-    (Williams, 1992). It never forgets, so a task without episodes must not use it."""
+    r"""The sum of all scores since the start of the episode, $z \leftarrow z + \nabla\log\pi$.
+
+    It gives the unbiased estimator of episodic tasks (Williams, 1992) and never forgets, so it needs a task with
+    episodes.
+    """
 
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
         return jax.tree.map(jnp.zeros_like, parameters)
@@ -72,9 +82,13 @@ class Episodic(Trace):
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         return state
 
+    @property
+    def needs_episodes(self) -> str | None:
+        return "kind = 'episodic'"
+
 
 class _Kernel(Trace):
-    """A finite filter: the last scores are kept and weighted, the newest first."""
+    """A finite filter: it keeps the last scores, the newest first, and weights them."""
 
     @abc.abstractmethod
     def weights(self) -> Float[Any, " length"]:
@@ -96,38 +110,38 @@ class _Kernel(Trace):
         return jax.tree.map(total, state)
 
 
-@dataclasses.dataclass(frozen=True)
 class Window(_Kernel):
-    r"""The sum of the last `length` scores, the present one included: $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$.
+    r"""The sum of the last scores, the present one included: $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$.
 
-    It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1), and costs `length` times the parameters in memory.
+    It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1) and keeps $n$ copies of the parameters.
 
-    **Arguments:** `length` $n \ge 1$, in decisions.
+    **Arguments:**
+
+    - `length` (decisions): $n \ge 1$.
     """
 
-    length: int = 10
-
-    def __post_init__(self) -> None:
-        check(1 <= self.length <= LONGEST, "length", self.length, f"from 1 to {LONGEST} decisions")
+    length: int = count(10, 1, LONGEST)
 
     def weights(self) -> Float[Any, " length"]:
         return jnp.ones(self.length)
 
 
-@dataclasses.dataclass(frozen=True)
 class LaggedGaussian(_Kernel):
     r"""Weights $\exp(-\frac12((k - \text{lag})/\text{width})^2)$ for the score from $k \ge 0$ decisions ago.
 
-    For tasks in which an action tells on the reward after a certain delay (section 3.2.1). The filter is cut four
-    widths beyond the lag, where the weight is below 4e-4.
+    For tasks in which an action affects the reward after a certain delay (section 3.2.1). The filter ends four widths
+    beyond the lag, where the weight is below 4e-4. Both numbers set its length, so they are static.
 
-    **Arguments:** `lag` $\ge 0$ and `width` > 0, both in decisions.
+    **Arguments:**
+
+    - `lag` (decisions): the delay with the greatest weight, at least 0.
+    - `width` (decisions): the standard deviation, above 0.
     """
 
-    lag: float = 5.0
-    width: float = 2.0
+    lag: float = static(5.0)
+    width: float = static(2.0)
 
-    def __post_init__(self) -> None:
+    def __check_init__(self) -> None:
         check(0 <= self.lag <= LONGEST, "lag", self.lag, f"from 0 to {LONGEST} decisions")
         check(0 < self.width <= LONGEST, "width", self.width, f"a positive number of decisions, at most {LONGEST}")
 

@@ -10,7 +10,7 @@ from motorgrad.policies._graded_hyperplane import GradedHyperplanes
 from motorgrad.policies._graded_pool import GradedPool
 from motorgrad.policies._grow import grow
 from motorgrad.policies._hyperplane import Hyperplanes
-from motorgrad.policies._initial import INITIAL, Initial, initial
+from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._initial_composed import gated, mirrored, mixture, primitives
 from motorgrad.policies._initial_global import (
     graded_hyperplanes,
@@ -33,6 +33,7 @@ from motorgrad.policies._sphere import SoftSpheres
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
+    "IMPLIED",
     "INITIAL",
     "BinaryUnits",
     "Factored",

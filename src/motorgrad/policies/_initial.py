@@ -46,6 +46,10 @@ INITIAL: dict[str, Callable[..., Initial]] = {
 """Initial policies by the name used in configurations and on the command line."""
 
 
+IMPLIED: dict[str, dict[str, str]] = {"growing": {"growth": "clock"}}
+"""Settings of the learner that an initial policy implies, by its name."""
+
+
 def initial(name: str, task: Any, **settings: Any) -> Initial:
     """The initial policy called `name` for `task`; an unknown name is refused with the nearest one."""
     if name not in INITIAL:

@@ -43,12 +43,11 @@ class ArmRecruitment(Recruitment):
 
     name: ClassVar[str] = "arm-recruitment"
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "motoneurons",
-        "policy_settings": {"low": 0.0, "high": 10.0},
+        "policy": {"kind": "motoneurons", "low": 0.0, "high": 10.0},
         "decay": 0.0,
         "improve": "episode",
         "batch": "sum",
-        "rates": {"gain": 2e-4, "threshold": 4e-4},
+        "learning_rate": {"gain": 2e-4, "threshold": 4e-4},
     }
     reports: ClassVar[tuple[str, ...]] = ("height", "active")
     episodic: ClassVar[bool] = True

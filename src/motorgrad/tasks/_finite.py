@@ -71,7 +71,7 @@ class ThreeState(FiniteTask):
 
     name: ClassVar[str] = "three-state"
     actions: ClassVar[Actions] = "discrete"
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.8, "rate": 0.01}
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.8, "learning_rate": 0.01}
 
     @property
     def dynamics(self) -> FiniteMDP:
@@ -90,7 +90,7 @@ class Chain(FiniteTask):
 
     name: ClassVar[str] = "chain"
     actions: ClassVar[Actions] = "discrete"
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "rate": 0.05}
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "learning_rate": 0.05}
 
     length: int = 6
     variant: Literal["walk", "reset"] = "walk"
@@ -116,7 +116,7 @@ class CallAdmission(FiniteTask):
 
     name: ClassVar[str] = "call-admission"
     actions: ClassVar[Actions] = "binary"
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.9, "rate": 0.003}
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.9, "learning_rate": 0.003}
 
     capacity: int = 10
 

@@ -123,7 +123,7 @@ class Gymnasium(HostTask):
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
         policy = "softmax" if self.actions == "discrete" else "hyperplanes"
-        return {"policy": policy, "decay": 0.99, "baseline": "none", "ascent": "adam", "rate": 0.003}
+        return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
 
     @property
     def observation_size(self) -> int:

@@ -263,7 +263,7 @@ class HexapodSynergy(Hexapod):
     """
 
     name: ClassVar[str] = "hexapod-synergy"
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "rate": 1e-3}
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "learning_rate": 1e-3}
 
     synergies: tuple[str, ...] = TRIPOD_SYNERGIES
     observes: tuple[Sense, ...] = ("lateral",)

@@ -64,10 +64,9 @@ class HexapodPrimitive(WalkingTask):
     reports: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "primitives",
-        "policy_settings": {"deviation": 0.5},
+        "policy": {"kind": "primitives", "deviation": 0.5},
         "decay": 0.97,
-        "rates": {"weights": 2e-3, "bias": 2e-3, "slope": 0.0, "level": 5e-4, "log_deviation": 0.0},
+        "learning_rate": {"weights": 2e-3, "bias": 2e-3, "slope": 0.0, "level": 5e-4, "log_deviation": 0.0},
     }
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)

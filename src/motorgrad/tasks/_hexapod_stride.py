@@ -70,12 +70,10 @@ class HexapodStride(WalkingTask):
     uniforms: ClassVar[int] = 1
     init_uniforms: ClassVar[int] = 1
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "graded-hyperplanes",
-        "policy_settings": {"deviation": 0.8},
+        "policy": {"kind": "graded-hyperplanes", "deviation": 0.8},
         "decay": 0.98,
-        "baseline": "linear",
-        "baseline_rate": 1e-3,
-        "rates": {"slope": 3e-5, "level": 3e-5, "log_deviation": 0.0},
+        "baseline": {"kind": "linear", "rate": 1e-3},
+        "learning_rate": {"slope": 3e-5, "level": 3e-5, "log_deviation": 0.0},
     }
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)

@@ -58,7 +58,7 @@ class Hopper(TimedBodyTask):
     reports: ClassVar[tuple[str, ...]] = ("apex",)
     # The thesis's decay of 0.98 forgets two thirds of a push within half a second, about the flight that `"landing"`
     # waits for; 0.995 remembers it, and learns almost three times as fast (docs/tasks/hopper.md has both measured).
-    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "rate": 5e-4}
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "learning_rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
     paid: Literal["landing", "apex"] = "landing"

@@ -55,7 +55,7 @@ class LinearRecruitment(Recruitment):
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
         policy = "motoneurons" if self.loads == "uniform" else "querying-motoneurons"
-        return {"policy": policy, "decay": 0.0, "rate": 2e-4}
+        return {"policy": policy, "decay": 0.0, "learning_rate": 2e-4}
 
     @property
     def action_size(self) -> int:

@@ -32,10 +32,9 @@ class FallingParticle(ParticleTask):
     name: ClassVar[str] = "particle"
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "tiles",
-        "policy_settings": {"copies": 2},
+        "policy": {"kind": "tiles", "copies": 2},
         "decay": 0.95,
-        "rates": {"centre": 2e-4, "log_width": 8e-4},
+        "learning_rate": {"centre": 2e-4, "log_width": 8e-4},
     }
 
     layout: Literal["R1", "R2", "R3"] = "R1"

@@ -33,10 +33,9 @@ class ParticleNavigation(ParticleTask):
     episodic: ClassVar[bool] = True
     reports: ClassVar[tuple[str, ...]] = ("arrival", "cost")
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "tiles",
-        "policy_settings": {"copies": 4, "p_max": 0.5},
+        "policy": {"kind": "tiles", "copies": 4, "p_max": 0.5},
         "decay": 0.95,
-        "rates": {"centre": 2e-4, "log_width": 8e-4},
+        "learning_rate": {"centre": 2e-4, "log_width": 8e-4},
     }
 
     units: int = 64

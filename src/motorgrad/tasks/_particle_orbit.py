@@ -30,7 +30,7 @@ class ParticleOrbit(ParticleTask):
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": "tiles",
         "decay": 0.98,
-        "rates": {"centre": 2e-4, "log_width": 8e-4},
+        "learning_rate": {"centre": 2e-4, "log_width": 8e-4},
     }
 
     units: int = 16

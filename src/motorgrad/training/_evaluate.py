@@ -10,10 +10,9 @@ import pyarrow as pa
 
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
-from motorgrad.training._body_stepper import BodyStepper
-from motorgrad.training._records import Records
+from motorgrad.training.store._records import Records
 from motorgrad.training._run import Run, load
-from motorgrad.training._train import stepper_of
+from motorgrad.training.engines import BodyStepper, stepper_for
 
 FRESH = 1_000_000_000
 """Added to a seed for its evaluation, so that a policy is not judged on the random numbers that it learnt from."""
@@ -71,7 +70,8 @@ def evaluate(
     choice("mode", mode, ("sample", "mode"))
     policies = run.initial if untrained else run.policies
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
-    stepper = stepper_of(run.task, agent, [(seed + FRESH) % 2**31 for seed in run.seeds], mode, threads)
+    lanes = run.seeds * max(1, len(run.settings))
+    stepper = stepper_for(run.task, agent, [(seed + FRESH) % 2**31 for seed in lanes], mode, threads)
     stepper.use(policies, run.memory)
     moved: list[tuple[np.ndarray, np.ndarray]] = []
     if isinstance(stepper, BodyStepper):
@@ -82,7 +82,7 @@ def evaluate(
     else:
         stepper.advance(steps)
     record = stepper.harvest()
-    records = Records(np.asarray(run.seeds, np.int32), run.task.period)
+    records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
     records.add(record, steps, 0, 0.0)
     metrics = records.take()
     assert metrics is not None

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.policies import Policy, trainable
-from motorgrad.training._checkpoint import name_of
+from motorgrad.training.store._checkpoint import name_of
 
 
 def stacked(initial: Any, like: Policy, seeds: int) -> Policy:

@@ -1,12 +1,13 @@
-"""Going on with a run from its directory alone."""
+"""Resuming a run from its directory alone."""
 
 from pathlib import Path
 from typing import Any
 
-from motorgrad._settings import build
-from motorgrad.training._directory import RunDirectory, RunDirectoryError
+from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
+from motorgrad.learning import Agent
+from motorgrad.tasks import Task
+from motorgrad.training._agents import agent_from_table
 from motorgrad.training._run import Run, given_initial, task_of
-from motorgrad.training._settings import AgentSettings
 from motorgrad.training._train import train
 
 
@@ -18,7 +19,7 @@ def resume(
     threads: int = 0,
     progress: bool = True,
 ) -> Run:
-    """Go on with the run in a directory: its task, its learner's settings, its seeds.
+    """Resume the run in a directory: its task, its learner, its seeds.
 
     **Arguments:** `path`; `steps`, decisions per seed, by default as many as were asked for before; the others as
     in `train`: they change no number.
@@ -29,12 +30,12 @@ def resume(
     these to `train` with `out=path`.
     """
     config = RunDirectory(path).read_config()
-    settings = settings_in(config["agent"], f"the agent of {path}")
-    run: dict[str, Any] = config["run"]
+    task, run = task_of(config), config["run"]
+    agent = agent_in(task, config["agent"], f"{path}: agent")
     asked = run["steps"] if steps is None else steps
     return train(
-        task_of(config),
-        settings,
+        task,
+        agent,
         asked,
         run["seeds"],
         path,
@@ -42,13 +43,13 @@ def resume(
         threads=threads,
         progress=progress,
         initial=given_initial(path),
+        sweep=config.get("sweep"),
     )
 
 
-def settings_in(agent: dict[str, Any], where: str) -> AgentSettings:
-    """The learner's settings in a run's configuration. **Raises** `RunDirectoryError` where it was made by hand."""
-    if isinstance(agent["policy"], dict):
-        raise RunDirectoryError(
-            f"{where}: made in Python, not from settings: give the agent, train(task, agent, out=...)"
-        )
-    return build(AgentSettings, agent, "agent")
+def agent_in(task: Task, settings: dict[str, Any], where: str) -> Agent:
+    """The learner of a run's configuration. **Raises** `RunDirectoryError` where a part of it was made in Python."""
+    try:
+        return agent_from_table(task, settings, where)
+    except ValueError as error:
+        raise RunDirectoryError(f"{error}: train(task, agent, out=...)") from None

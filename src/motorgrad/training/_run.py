@@ -1,5 +1,6 @@
 """A run: what training gives back, and what a run directory holds."""
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,13 +14,13 @@ import pyarrow.compute as pc
 from motorgrad._errors import check, unknown
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import TASKS, Task, make
-from motorgrad.training._checkpoint import into, name_of
-from motorgrad.training._directory import RunDirectory, RunDirectoryError
-from motorgrad.training._plot import Format, learning_curves
-from motorgrad.training._plot_curves import Axis
+from motorgrad.training.store._checkpoint import into, name_of
+from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
+from motorgrad.training.plots._plot import Format, learning_curves
+from motorgrad.training.plots._plot_curves import Axis
 
 if TYPE_CHECKING:
-    from motorgrad.training._plot_figure import LearningCurves
+    from motorgrad.training.plots._plot_figure import LearningCurves
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -29,11 +30,14 @@ class Run:
     - `config`: the effective configuration, as in `config.toml`.
     - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
     - `metrics`: a table of records (`docs/training.md` has its columns).
-    - `policies`: the policies of all seeds, stacked along a leading axis, of averaged parameters where the learner has
-      a `WeightAverage`; `initial`, the same before learning.
+    - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner has
+      `PolyakAveraging`; `initial`, the same before learning.
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
-      `Gpomdp`, the estimate itself. `None` for online learners.
+      `gpomdp`, the estimate itself. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
+
+    In a sweep, every leading axis has all seeds of the first of the `settings`, then those of the second …; `split`
+    gives the run of each setting.
     """
 
     config: dict[str, Any]
@@ -48,7 +52,9 @@ class Run:
 
     def __repr__(self) -> str:
         done = f"{self.decision:,} of {self.config['run']['steps']:,} decisions"
-        return f"Run({self.config['task']['name']}, {len(self.seeds)} seeds, {done}, {self.path or 'in memory'})"
+        count = f"{len(self.seeds)} seed{'s' * (len(self.seeds) > 1)}"
+        of = f"{len(self.settings)} settings of {count}" if self.settings else count
+        return f"Run({self.config['task']['name']}, {of}, {done}, {self.path or 'in memory'})"
 
     @property
     def seeds(self) -> list[int]:
@@ -56,16 +62,54 @@ class Run:
         return self.config["run"]["seeds"]
 
     @property
+    def settings(self) -> list[dict[str, float]]:
+        """The settings of a sweep, each a mapping from paths to numbers; empty for a run that is none."""
+        return self.config.get("sweep", [])
+
+    @property
+    def lanes(self) -> int:
+        """The length of every leading axis: seeds, times settings in a sweep."""
+        return len(self.seeds) * max(1, len(self.settings))
+
+    def split(self) -> "list[Run]":
+        """The runs of a sweep, one for each of the `settings`, in memory; this run alone where it is none."""
+        if not self.settings:
+            return [self]
+        return [self._part(index) for index in range(len(self.settings))]
+
+    def _part(self, index: int) -> "Run":
+        seeds = len(self.seeds)
+        rows = slice(index * seeds, (index + 1) * seeds)
+
+        def part(tree: Any) -> Any:
+            return jax.tree.map(lambda leaf: leaf[rows], tree)
+
+        config = {name: value for name, value in self.config.items() if name != "sweep"}
+        config["agent"] = _with_setting(config["agent"], self.settings[index])
+        metrics = self.metrics
+        if metrics.num_rows:
+            metrics = metrics.filter(pc.equal(metrics["setting"], index)).drop_columns(["setting"])
+        memory = {name: array[rows] for name, array in self._memory.items()}
+        return dataclasses.replace(
+            self,
+            config=config,
+            metrics=metrics,
+            policies=part(self.policies),
+            initial=part(self.initial),
+            gradient=None if self.gradient is None else part(self.gradient),
+            path=None,
+            _memory=memory,
+        )
+
+    @property
     def complete(self) -> bool:
-        """Whether all decisions asked for were made; if not, the same call of `train` goes on."""
+        """Whether all decisions asked for were made; if not, the same call of `train` continues."""
         return self.decision >= self.config["run"]["steps"]
 
     @property
     def task(self) -> Task:
         """The task, rebuilt from the configuration where the run was loaded."""
-        if self._task is not None:
-            return self._task
-        return task_of(self.config)
+        return task_of(self.config) if self._task is None else self._task
 
     @property
     def memory(self) -> Any:
@@ -73,20 +117,21 @@ class Run:
         observed. `None` where a run has none."""
         if not self._memory:
             return None
-        task, seeds = self.task, len(self.seeds)
+        task, seeds = self.task, self.lanes
         one = jax.eval_shape(task.init, jax.ShapeDtypeStruct((task.init_uniforms,), np.float32))
         template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((seeds, *leaf.shape), leaf.dtype), one)
         return into(template, self._memory)
 
     def policy(self, seed: int | None = None) -> Policy:
-        """The learnt policy of one seed, by default the first."""
+        """The learnt policy of one seed, by default the first. Of a sweep, take the run of a setting first (`split`)."""
+        check(not self.settings, "policy", self, "of a run of one setting: run.split()[0].policy()")
         seed = self.seeds[0] if seed is None else seed
         check(seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")
         row = self.seeds.index(seed)
         return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.policies)
 
     def curve(self, quantity: str = "reward") -> tuple[np.ndarray, np.ndarray]:
-        """A column of the metrics as `(decisions (records,), values (seeds, records))`.
+        """A column of the metrics as `(decisions (records,), values (seeds, records))`, in a sweep all lanes.
 
         **Raises** `ValueError` for an unknown column, and where there are no records yet.
         """
@@ -95,11 +140,11 @@ class Run:
             raise ValueError(
                 f"{where} has no records yet: one takes {window:,} decisions, it has made {self.decision:,}"
             )
-        known = [c for c in self.metrics.column_names if c not in ("seed", "decision", "parameters")]
+        known = [c for c in self.metrics.column_names if c not in ("seed", "setting", "decision", "parameters")]
         if quantity not in known:
             raise unknown("quantity", quantity, known)
-        decision = self.metrics["decision"].to_numpy()[:: len(self.seeds)]
-        values = self.metrics[quantity].to_numpy().astype(float).reshape(-1, len(self.seeds)).T
+        decision = self.metrics["decision"].to_numpy()[:: self.lanes]
+        values = self.metrics[quantity].to_numpy().astype(float).reshape(-1, self.lanes).T
         return decision, values
 
     def plot(
@@ -112,14 +157,27 @@ class Run:
         labels: Sequence[str] | None = None,
         format: Format | None = None,
     ) -> "LearningCurves":
-        """The learning curve: every seed, their median and their interquartile band; see `learning_curves`.
+        """The learning curve: every seed, their median and their interquartile band; a colour for each setting of a
+        sweep; see `learning_curves`.
 
         Saved to `path`, by default to `figures/` of the run directory if there is one. In a notebook it shows itself.
         """
         if path is None and self.path is not None:
             path = self.path / "figures"
             path.mkdir(exist_ok=True)
-        return learning_curves([self], quantity, path, x=x, smooth=smooth, labels=labels, format=format)
+        return learning_curves(self.split(), quantity, path, x=x, smooth=smooth, labels=labels, format=format)
+
+
+def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[str, Any]:
+    """An agent's table with the numbers of a setting."""
+    found = copy.deepcopy(agent)
+    for path, value in setting.items():
+        *outer, last = path.split(".")
+        node = found
+        for name in outer:
+            node = node[name]
+        node[last] = value
+    return found
 
 
 def task_of(config: dict[str, Any]) -> Task:
@@ -146,9 +204,8 @@ def load(path: Path | str, task: Task | None = None) -> Run:
     arrays, about = found
     if (learner := directory.learner()) is None:
         raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; going on with training puts it back")
-    shapes = rebuild(learner["policy"])
-    average = {name.replace(".average.mean.", ".policy."): array for name, array in arrays.items()}
-    policies, initial = _filled(shapes, average, "cycle.agent.policy."), _filled(shapes, directory.initial())
+    shapes = rebuild(learner["structure"])
+    policies, initial = _filled(shapes, arrays, "kept."), _filled(shapes, directory.initial())
     metrics = directory.metrics()
     metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
     mean = "cycle.agent.gradient.mean."
@@ -166,7 +223,7 @@ def given_initial(path: Path | str) -> Policy | None:
     if learner is None:
         lost = "checkpoint/initial.policies is missing: give the initial policies again, train(..., initial=...)"
         raise RunDirectoryError(f"{path}: {lost}")
-    return _filled(rebuild(learner["policy"]), directory.initial())
+    return _filled(rebuild(learner["structure"]), directory.initial())
 
 
 def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") -> Policy:

@@ -2,73 +2,43 @@
 
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pyarrow as pa
 
 from motorgrad._errors import check
 from motorgrad._settings import table
 from motorgrad._signals import stop_when_asked
-from motorgrad.learning import Agent, IndexedAgent, RunningMean
-from motorgrad.policies import Policy
-from motorgrad.tasks import BodyTask, HostTask, Task
+from motorgrad.learning import Agent, RunningMean
+from motorgrad.policies import Policy, describe
+from motorgrad.tasks import HostTask, Task
+from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import Asked, check_training
-from motorgrad.training._body_stepper import BodyStepper
-from motorgrad.training._checkpoint import by_name, fingerprint, into
-from motorgrad.training._cycle import Mode
-from motorgrad.training._describe import describe_agent
-from motorgrad.training._directory import RunDirectory, RunDirectoryError, RunWarning
-from motorgrad.training._host_stepper import HostStepper
-from motorgrad.training._indexed_stepper import IndexedStepper
 from motorgrad.training._progress import Report
-from motorgrad.training._records import Records
 from motorgrad.training._run import Run, memory_in
-from motorgrad.training._settings import AgentSettings
-from motorgrad.training._side_by_side import MOST, SideBySide
-from motorgrad.training._stepper import Stepper
-from motorgrad.training._tensorboard import EventFiles, began, check_tensorboard
-from motorgrad.training._world_stepper import WorldStepper
+from motorgrad.training._sweep import numbers_by_lane
+from motorgrad.training.engines import training_stepper_for
+from motorgrad.training.plots._tensorboard import EventFiles, began, check_tensorboard
+from motorgrad.training.store._checkpoint import by_name, fingerprint, into
+from motorgrad.training.store._directory import RunDirectory, RunDirectoryError, RunWarning
+from motorgrad.training.store._records import Records
 
 SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
 
 
-def stepper_of(
-    task: Task,
-    agent: Agent,
-    seeds: Sequence[int],
-    mode: Mode = "learn",
-    threads: int = 0,
-    initial: Policy | None = None,
-) -> Stepper:
-    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments."""
-    if isinstance(task, BodyTask):
-        return BodyStepper(task, agent, seeds, mode, threads, initial)
-    if isinstance(task, HostTask):
-        return HostStepper(task, agent, seeds, mode, threads, initial)
-    engine = IndexedStepper if isinstance(agent, IndexedAgent) and mode == "learn" else WorldStepper
-    return engine(task, agent, seeds, mode, initial)
-
-
-def learner_of(
-    task: Task, agent: Agent, seeds: Sequence[int], threads: int = 0, initial: Policy | None = None
-) -> Stepper:
-    """The engine of training: as `stepper_of`, or several side by side where there are many seeds in a body."""
-    if isinstance(task, BodyTask) and len(seeds) > MOST:
-        return SideBySide(task, agent, seeds, threads, initial)
-    return stepper_of(task, agent, seeds, "learn", threads, initial)
-
-
 def train(
     task: Task | str,
-    agent: Agent | AgentSettings | None = None,
+    agent: Agent | Mapping[str, Any] | None = None,
     steps: int = 100_000,
     seeds: int | Sequence[int] = 1,
     out: Path | str | None = None,
     *,
+    sweep: Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]] | None = None,
     window: int | None = None,
     checkpoint_every: float = 30.0,
     threads: int = 0,
@@ -76,34 +46,44 @@ def train(
     tensorboard: bool = False,
     initial: Policy | None = None,
 ) -> Run:
-    """Let an agent learn a task, for many seeds at once.
+    """Train an agent on a task, for many seeds at once.
 
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `agent`: what learns, or the settings of it; by default the learner that goes with the task. A run made from
-      settings, or from the default, can be gone on with from its directory alone (`resume`).
-    - `steps`: decisions per seed; where the directory holds a run that has made more, that run is given back.
+    - `agent`: the learner; or changes of the learner that goes with the task, as `agent_for` takes them; by default that
+      learner itself. A run whose parts are all registered can be resumed from its directory alone (`resume`).
+    - `steps`: decisions per seed. Where the directory holds a run that has made more, that run is returned.
     - `seeds`: how many (0, 1, 2 …), or which.
-    - `out`: the run directory. If it holds the same run, unfinished, training goes on where its last checkpoint was,
-      bit for bit; if it is finished, it is given back; with more `steps` than before, it is continued.
-    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run under way
-      has.
+    - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
+      for bit; if it is finished, it is returned; with more `steps` than before, it is continued.
+    - `sweep`: several settings of the agent's numbers, learnt side by side in one compiled call: a mapping from paths to
+      lists of numbers, which combine as a product, or a list of mappings. Seed k has the same random numbers under
+      every setting. `Run.split` gives the run of each setting.
+    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run in the
+      directory has.
     - `checkpoint_every`: seconds of wall time between checkpoints.
-    - `threads`: that work on bodies, with physics and learning; 0 for one per processor.
-    - `progress`: whether to show how far it is.
+    - `threads`: for bodies, used by physics and learning; 0 for one per processor.
+    - `progress`: whether to show progress.
     - `tensorboard`: whether to keep TensorBoard event files in `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint, once, also where the run was killed and has gone on.
     - `initial`: the policies that the seeds begin from, along a leading axis, such as the `policies` of a run, changed
-      or not; by default the agent's own. They are of the structure of the agent's policy, whose numbers they replace.
+      or not; by default the agent's own. They have the structure of the agent's policy, whose numbers they replace.
 
-    **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and gives back the unfinished run (`complete` is `False`).
+    **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
 
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
     before any work starts.
+
+    ```python
+    run = mg.train("hopper", steps=100_000, seeds=16, out="runs/hopper")
+    swept = mg.train("hopper", steps=100_000, seeds=16, sweep={"estimator.trace.decay": [0.98, 0.99, 0.995]})
+    swept.plot("apex", "decay.png")
+    ```
     """
-    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial)
+    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep)
     if tensorboard:
+        check(not asked.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory, or the run needs a directory")
         check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
@@ -122,20 +102,26 @@ class _Training:
         threads: int,
         tensorboard: bool,
     ):
-        task, agent, settings, steps, seeds, initial = asked
+        task, agent, steps, seeds, initial, settings = asked
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
-        self.stepper = learner_of(task, agent, seeds, threads, initial)
+        lanes = seeds * max(1, len(settings))
+        numbers = numbers_by_lane(settings, len(seeds))
+        if initial is not None and settings:
+            initial = jax.tree.map(lambda leaf: np.concatenate([leaf] * len(settings)), initial)
+        self.stepper = training_stepper_for(task, agent, lanes, threads, initial, numbers)
         self.config: dict[str, Any] = {
             "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
             "task": {"name": task.name, **table(task)},
+            "agent": agent_table(agent),
         }
+        if settings:
+            self.config["sweep"] = settings
         if initial is not None:
             self.config["run"]["initial"] = fingerprint(initial)
         start = self.stepper.state["cycle"].agent
-        mark = fingerprint((start.policy, start.ascent))
-        self.learner = {**describe_agent(agent, self.stepper.policy), "initial": mark}
-        self.config["agent"] = self.learner if settings is None else table(settings)
-        self.records = Records(self.stepper.seeds, task.period)
+        mark = fingerprint((start.policy, start.chain))
+        self.learner = {**self.config["agent"], "structure": describe(self.stepper.policy), "initial": mark}
+        self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
         self.events: EventFiles | None = None
@@ -147,18 +133,15 @@ class _Training:
                 self.events.add(directory.metrics())
 
     def _open(self, directory: RunDirectory, window: int | None) -> None:
-        """Take up the run that the directory holds, or begin one."""
+        """Resume the run that the directory holds, or begin one."""
         learner, found = None, directory.latest() if directory.started else None
         if directory.started:
             before = directory.read_config()
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
-            if (learner := directory.learner()) is None:
-                _same(before, self.config, directory.path)
-            else:
-                _same({**before, "agent": learner}, {**self.config, "agent": self.learner}, directory.path)
-                if self.config["agent"] is self.learner:
-                    self.config["agent"] = before["agent"]  # which may be the settings that it was made from
+            learner = directory.learner()
+            now = self.config if learner is None else {**self.config, "agent": self.learner}
+            _same(before if learner is None else {**before, "agent": learner}, now, directory.path)
             if found is not None:
                 _refuse_less(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
         self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
@@ -179,7 +162,7 @@ class _Training:
         directory.note_session(self.config["run"]["seeds"], going_on)
 
     def _refuse_or_warn(self, path: Path, made: int | bool) -> None:
-        """Say before any work where dynamics cannot be saved; refuse to go on with a run of such."""
+        """Warn before any work where dynamics cannot be saved; refuse to resume such a run."""
         why = self.task.no_resume if isinstance(self.task, HostTask) else None
         if why is None:
             return
@@ -254,14 +237,14 @@ class _Training:
         if short:
             self._record()
             records.append(self.records.take())
-        self.directory.save(state, about, records)
+        self.directory.save({**state, "kept": self.stepper.policies()}, about, records)
         if self.events is not None:
             for part in records:
                 self.events.add(part)
 
 
 def _refuse_less(path: Path, asked: int, before: int, made: int) -> None:
-    """An unfinished run keeps its goal, which would else be lost without a word. A finished one is given back."""
+    """An unfinished run keeps its number of steps, which would be lost silently otherwise. A finished one is returned."""
     if asked < before and made < before:
         raise RunDirectoryError(
             f"{path} holds a run of {before:,} decisions, of which {made:,} are made; {asked:,} were asked for now: "
@@ -270,7 +253,7 @@ def _refuse_less(path: Path, asked: int, before: int, made: int) -> None:
 
 
 def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
-    """Refuse to go on with a run of another configuration, naming the first difference."""
+    """Refuse to resume a run of another configuration, naming the first difference."""
 
     def differ(old: Any, new: Any, where: str) -> Iterator[str]:
         if isinstance(old, dict) and isinstance(new, dict):

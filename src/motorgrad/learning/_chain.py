@@ -1,0 +1,287 @@
+r"""The chain of gradient transformations: from a gradient estimate to a step of the parameters.
+
+    gradient ──▶ metric ──▶ optimizer ──▶ further transformations ──▶ step
+
+A transformation is `init` and `update`, as in optax: updates descend, so the chain starts from minus the gradient. What
+optax's transformations cannot do has a method of its own, which does nothing by default: `observe` sees every decision
+(a Fisher matrix), `constrain` limits the whole step (a trust region), `moved` sees the parameters after the step (an
+average).
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Bool, Int, PyTree
+
+from motorgrad._errors import check
+from motorgrad._groups import by_group
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._tree import Part, count, number
+from motorgrad.learning._baselines import Transition
+from motorgrad.learning._branching import Flag
+from motorgrad.policies import Policy, split, trainable
+
+Updates = PyTree[Array]
+
+
+class Transformation(Part):
+    """A stage between the gradient estimate and the step of the parameters.
+
+    A transformation of your own derives from this class and goes into `Agent(transformations=(...,))`, after the
+    optimizer; so does any optax transformation.
+
+    ```python
+    class Clip(mg.learning.Transformation):
+        '''Clips every number of a step.'''
+
+        limit: float = 1e-3
+
+        def update(self, updates, state, policy, steps, due):
+            return jax.tree.map(lambda u: jnp.clip(u, -self.limit, self.limit), updates), state
+    ```
+    """
+
+    recalls: ClassVar[bool] = False
+    """Whether `observe` needs the observation and the action of the transition."""
+    counts: ClassVar[bool] = False
+    """Whether a method needs the number of steps that the parameters have made."""
+
+    def init(self, policy: Policy) -> Any:
+        """The state before the first decision."""
+        return None
+
+    def observe(self, state: Any, policy: Policy, transition: Transition) -> Any:
+        """The state after a decision. A transition that diverged must not change it."""
+        return state
+
+    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+        """The updates that take the place of `updates`, and the state afterwards.
+
+        **Arguments:** `updates`, in the structure of the trainable parameters; the `policy` before the step; the number
+        of `steps` made, `None` where nothing counts them; `due`, whether there is a step now. Where it is false the
+        result is discarded, so costly work may be left out (`where_any`).
+        """
+        return updates, state
+
+    def constrain(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> Updates:
+        """The step, limited as a whole. It sees what all transformations have made of the gradient."""
+        return updates
+
+    def moved(self, state: Any, policy: Policy, steps: Any) -> Any:
+        """The state after the parameters have moved to those of `policy`, in the last of so many `steps`."""
+        return state
+
+    def kept(self, state: Any, policy: Policy) -> Policy:
+        """The policy to keep, for a run and its evaluation. States and policies of many seeds are allowed."""
+        return policy
+
+    def replaced(self, state: Any, policy: Policy) -> Any:
+        """The state after another policy was put in place, for one seed or for many."""
+        return state
+
+    def renew(self, state: Any, new: Bool[Array, " units"]) -> Any:
+        """The state after units were added to a pool that grows."""
+        return state
+
+
+class Optimizer(Transformation):
+    """How a gradient estimate moves the parameters."""
+
+
+class SGD(Optimizer):
+    r"""Steepest ascent, $\theta \leftarrow \theta + \alpha g - \lambda\theta$.
+
+    **Arguments:**
+
+    - `learning_rate`: $\alpha \ge 0$, one number for all parameters; or a mapping from names of the policy's fields to
+      numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of
+      several pools a name stands for that field in every pool.
+    - `weight_decay`: none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a number,
+      or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & Hutter, 2019): neither learning
+      rate nor metric changes it. Decaying gains keep units stochastic, and so exploring (section 4.4.1 of the thesis).
+      In single precision, a parameter that nothing else moves does not decay by less than some 1e-7 a step.
+
+    **Raises:** `ValueError` for a number out of range; from `init`, for a field without a learning rate, a rate without
+    a field, or a shape that does not fit.
+    """
+
+    learning_rate: float | dict[str, Any] = number(1e-3, 0, groups=True)
+    weight_decay: float | dict[str, Any] | None = number(None, 0, 1, groups=True)
+
+    def init(self, policy: Policy) -> Any:
+        self.learning_rates(trainable(policy))
+        self._decays(trainable(policy))
+        return self._scaling.init(trainable(policy))
+
+    @property
+    def _scaling(self) -> Any:
+        """What becomes of minus the gradient before the learning rate scales it."""
+        return optax.identity()
+
+    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+        parameters = trainable(policy)
+        direction, state = self._scaling.update(updates, state, parameters)
+        moves = jax.tree.map(lambda g, rate: -rate * g, direction, self.learning_rates(parameters))
+        if self.weight_decay is not None:
+            moves = jax.tree.map(lambda move, decay, p: move - decay * p, moves, self._decays(parameters), parameters)
+        return moves, state
+
+    def learning_rates(self, parameters: Any) -> Any:
+        """The learning rate of every parameter, in their structure, with leaves that broadcast to them."""
+        return by_group("learning rate", "of all", self.learning_rate, parameters)
+
+    def _decays(self, parameters: Any) -> Any:
+        decay = 0.0 if self.weight_decay is None else self.weight_decay
+        return by_group("weight decay", "of all", decay, parameters, default=0.0)
+
+
+class Adam(SGD):
+    r"""Adam (Kingma & Ba, 2015), with learning rates and decoupled weight decay as in `SGD`.
+
+    **Arguments:**
+
+    - `b1`: the decay of the mean of gradients, in [0, 1).
+    - `b2`: the decay of the mean of squared gradients, in [0, 1).
+    """
+
+    b1: float = number(0.9, 0, 1, open_high=True)
+    b2: float = number(0.999, 0, 1, open_high=True)
+
+    @property
+    def _scaling(self) -> Any:
+        return optax.scale_by_adam(b1=self.b1, b2=self.b2)  # type: ignore[arg-type]
+
+
+class Optax(Optimizer):
+    """Any optax transformation.
+
+    An agent wraps one by itself: `Agent(policy, optimizer=optax.adam(1e-3))`. The transformation is static. Numbers
+    that it takes from `optax.inject_hyperparams` are leaves of the tree, `hyperparameters`, which may differ by seed
+    and change while the learner runs. Its functions cannot be saved: to go on with a run, give the agent again.
+
+    **Arguments:**
+
+    - `transformation`: it receives minus the gradient, as optax minimises.
+    - `hyperparameters`: by default those of `optax.inject_hyperparams`, where the transformation is one.
+    """
+
+    transformation: Any = eqx.field(static=True)
+    hyperparameters: dict[str, Any] | None = number(None, groups=True)
+
+    def __init__(self, transformation: Any, hyperparameters: dict[str, Any] | None = None):
+        if hyperparameters is None:
+            state = transformation.init({"parameter": jnp.zeros(1)})
+            found = getattr(state, "hyperparams", None)
+            # a copy of NumPy's: the tree holds plain numbers
+            hyperparameters = None if found is None else {name: float(value) for name, value in found.items()}
+        self.transformation = transformation
+        self.hyperparameters = hyperparameters
+
+    def init(self, policy: Policy) -> Any:
+        return self.transformation.init(trainable(policy))
+
+    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+        if self.hyperparameters is not None:
+            given = {name: jnp.asarray(value, state.hyperparams[name].dtype) for name, value in self.hyperparameters.items()}
+            state = state._replace(hyperparams={**state.hyperparams, **given})
+        return self.transformation.update(updates, state, trainable(policy))
+
+
+class PolyakAveraging(Transformation):
+    r"""The mean $\bar\theta$ of the parameters over the last steps (Polyak & Juditsky, 1992).
+
+    With a constant learning rate the parameters end in a cloud about the optimum; its centre is nearer. The learner
+    acts by $\theta$; the policy that a run keeps and evaluates has $\bar\theta$.
+
+    $\bar\theta$ is $\theta$ itself up to `start`. The n-th step after moves it by
+    $\bar\theta \leftarrow \bar\theta + \max(1/n, \rho)\,(\theta - \bar\theta)$.
+
+    **Arguments:**
+
+    - `start` (steps of the parameters): how many are left out, at least 0.
+    - `rate`: $\rho \in [0, 1]$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps.
+    """
+
+    counts: ClassVar[bool] = True
+
+    start: int = count(0)
+    rate: float = number(0.0, 0, 1)
+
+    def init(self, policy: Policy) -> RunningMean:
+        return running_mean(trainable(policy))._replace(mean=trainable(policy))
+
+    def moved(self, state: RunningMean, policy: Policy, steps: Int[Array, ""]) -> RunningMean:
+        parameters = trainable(policy)
+        late = steps > self.start
+        averaged = add_sample(state, parameters, self.rate)
+        copied = running_mean(parameters)._replace(mean=parameters)
+        return jax.tree.map(lambda new, old: jnp.where(late, new, old), averaged, copied)
+
+    def kept(self, state: RunningMean, policy: Policy) -> Policy:
+        return eqx.combine(state.mean, split(policy)[1])
+
+    def replaced(self, state: RunningMean, policy: Policy) -> RunningMean:
+        fresh = jax.tree.map(jnp.zeros_like, state)
+        return fresh._replace(mean=trainable(policy))
+
+
+class Chain(NamedTuple):
+    """Transformations one after the other. Its state is the tuple of theirs."""
+
+    stages: tuple[Transformation, ...]
+
+    @property
+    def recalls(self) -> bool:
+        """Whether any stage needs the observation and the action of a transition."""
+        return any(stage.recalls for stage in self.stages)
+
+    @property
+    def counts(self) -> bool:
+        """Whether any stage needs the number of steps."""
+        return any(stage.counts for stage in self.stages)
+
+    def init(self, policy: Policy) -> tuple[Any, ...]:
+        return tuple(stage.init(policy) for stage in self.stages)
+
+    def map(self, method: Callable[[Transformation, Any], Any], states: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The states after `method(stage, state)` of every stage."""
+        return tuple(method(stage, state) for stage, state in zip(self.stages, states, strict=True))
+
+    def update(
+        self, gradient: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True
+    ) -> tuple[Updates, tuple[Any, ...]]:
+        """The step of the parameters for a gradient to be climbed, and the states afterwards."""
+        updates, after = jax.tree.map(jnp.negative, gradient), []
+        for stage, state in zip(self.stages, states, strict=True):
+            updates, state = stage.update(updates, state, policy, steps, due)  # noqa: PLW2901
+            after.append(state)
+        return policy.allowed(updates), tuple(after)
+
+    def constrain(
+        self, updates: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True
+    ) -> Updates:
+        """The step within the limits of every stage, the innermost first."""
+        for stage, state in reversed(list(zip(self.stages, states, strict=True))):
+            updates = stage.constrain(updates, state, policy, steps, due)
+        return updates
+
+    def kept(self, states: tuple[Any, ...], policy: Policy) -> Policy:
+        """The policy to keep."""
+        for stage, state in zip(self.stages, states, strict=True):
+            policy = stage.kept(state, policy)
+        return policy
+
+
+def as_transformation(value: Any) -> Any:
+    """A transformation; one of optax's is wrapped."""
+    foreign = not isinstance(value, Part) and hasattr(value, "init") and hasattr(value, "update")
+    return Optax(value) if foreign else value
+
+
+def check_transformation(name: str, value: Any, kind: type[Transformation], example: str) -> None:
+    """Refuse what is no transformation of a kind."""
+    check(isinstance(value, kind), name, value, f"{example}, or an optax transformation")

@@ -1,0 +1,67 @@
+"""The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
+
+from typing import Any
+
+from motorgrad._errors import check
+from motorgrad._tree import KINDS, Part
+from motorgrad.learning._agent import Agent
+from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
+from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
+from motorgrad.learning._critics import CriticFit, Features, LeastSquares, LinearCritic, TemporalDifference
+from motorgrad.learning._estimator import Estimator, RootMeanSquare
+from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
+from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
+from motorgrad.learning.sparse import SparseAgent, SpatialIndex
+
+KINDS.update(
+    {
+        Agent: {"dense": Agent, "sparse": SparseAgent},
+        Annealed: {"annealed": Annealed},
+        Baseline: {
+            "binned": BinnedBaseline,
+            "constant": Constant,
+            "critic": LinearCritic,
+            "fixed-step": FixedStep,
+            "linear": LinearBaseline,
+            "mean": MeanReward,
+        },
+        Criterion: {"clock": Clock, "plateau": Plateau},
+        CriticFit: {"least-squares": LeastSquares, "td": TemporalDifference},
+        Estimator: {"estimator": Estimator},
+        Features: {"features": Features},
+        Growth: {"constructive": Growth},
+        Metric: {"fisher": FisherMetric},
+        Optimizer: {"adam": Adam, "sgd": SGD},
+        PolyakAveraging: {"polyak": PolyakAveraging},
+        RootMeanSquare: {"root-mean-square": RootMeanSquare},
+        SpatialIndex: {"grid": SpatialIndex},
+        Trace: {
+            "episodic": Episodic,
+            "exponential": Exponential,
+            "lagged-gaussian": LaggedGaussian,
+            "window": Window,
+        },
+        Visited: {"visited": Visited},
+    }
+)
+
+
+def register(base: type[Part], name: str, part: Any) -> None:
+    """Give a part of your own a name, by which options, TOML files and saved runs know it.
+
+    **Arguments:** the `base` class that it derives from, such as `Trace` or `Baseline`; the `name`; the class.
+
+    **Raises:** `ValueError` for a base without a registry, a name that is taken, or a class that does not derive from
+    `base`.
+
+    ```python
+    mg.learning.register(mg.learning.Trace, "my-trace", MyTrace)
+    ```
+    """
+    check(base in KINDS, "base", base, f"one of {', '.join(sorted(cls.__name__ for cls in KINDS))}")
+    check(isinstance(part, type) and issubclass(part, base), "part", part, f"a class that derives from {base.__name__}")
+    taken = KINDS[base].get(name, part)
+    check(taken is part, "name", name, f"another name: it is that of {getattr(taken, '__name__', taken)}")
+    KINDS[base][name] = part

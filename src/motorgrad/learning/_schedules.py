@@ -1,0 +1,42 @@
+"""Numbers that change while a policy is learnt."""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from motorgrad._tree import Part, count, number
+
+
+class Annealed(Part):
+    """A number that moves in a straight line from `start` to `end` and stays there.
+
+    **Arguments:**
+
+    - `start`: the first value, at least 0.
+    - `end`: the last value, at least 0.
+    - `steps` (steps of the parameters): after how many the number is at its end.
+    """
+
+    start: float = number(low=0)
+    end: float = number(0.0, 0)
+    steps: int = count(1000, 1)
+
+
+def at(value: float | Annealed, steps: Int[Array, ""] | None) -> Float[Array, ""]:
+    """The value of a number after so many steps of the parameters; `None` for one that does not change."""
+    if not isinstance(value, Annealed):
+        return jnp.asarray(value, jnp.result_type(float))
+    if steps is None:
+        return jnp.asarray(value.start, jnp.result_type(float))
+    left = 1 - jnp.clip(steps, 0, value.steps) / value.steps
+    return (value.start - value.end) * left + value.end
+
+
+def changes(tree: Any) -> bool:
+    """Whether any number in a tree of parts is `Annealed`."""
+    if isinstance(tree, Annealed):
+        return True
+    if isinstance(tree, Part):
+        return any(changes(value) for value in vars(tree).values())
+    return isinstance(tree, tuple) and any(map(changes, tree))

@@ -1,0 +1,311 @@
+r"""A learner for thousands of local units, which at every decision updates only those near the observation.
+
+Between two updates a unit's trace only decays, $z_t = \beta^{t-s} z_s$, so what it learns meanwhile is a sum that all
+units share. With the scale $B_t = \beta^{t - t_0}$ and the sum $S_t = \sum_{s \le t} B_s \delta_s$ since a common
+decision $t_0$, a unit of base $b$ and slope $v = \alpha z/B$ has the parameters
+
+$$\theta_t = b + v S_t .$$
+
+An update adds the score to the slope, $v \leftarrow v + \alpha\nabla\log\pi/B$, and moves the base so that $\theta$ stays
+where it is. Every few tens of decisions all units are brought up to date, and $t_0$ is now ("rebase"). Each episode
+within that time has a sum of its own; a unit that was last updated in an earlier episode stays where its end left it.
+"""
+
+import functools
+import math
+from typing import Any, NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._errors import check
+from motorgrad.learning._agent import Agent, AgentState
+from motorgrad.learning._branching import Flag, where_any
+from motorgrad.learning._chain import SGD
+from motorgrad.learning._traces import Episodic, Exponential
+from motorgrad.learning.sparse._index import SpatialIndex
+from motorgrad.learning.sparse._rows import greatest, write_rows
+from motorgrad.policies import LocalGaussians, split, trainable
+
+LEAST_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
+STEP = 16  # units, by which the room in a table grows
+HEADROOM = 1.1
+MOVED = 0.75  # of the margin: a table is made anew once a unit has moved so far
+
+
+class IndexState(NamedTuple):
+    r"""What a sparse learner knows beside its policy, which is up to date only where it was published.
+
+    - `rows`: of each unit the base, the slope, and the episode in which it was last updated.
+    - `sums`: $S$ of each episode since the rebase; `travel`, the same of $|\delta|$; `limit`, the travel at which a unit
+      may have used up its margin, at the earliest.
+    - `episode`: the present episode; `count`, decisions up to the next rebase.
+    - `table`: as `SpatialIndex.table` makes it, with `room` for so many units, for units where `reference` has them and
+      a grid at `low` of cells of `size`.
+    - `moved`: the greatest strain of any unit at the last rebase.
+    """
+
+    rows: Float[Array, "units row"]
+    sums: Float[Array, " episodes"]
+    travel: Float[Array, " episodes"]
+    limit: Float[Array, " episodes"]
+    episode: Int[Array, ""]
+    count: Int[Array, ""]  # pyright: ignore[reportIncompatibleMethodOverride]
+    table: Int[Array, "cells room"]
+    room: Int[Array, ""]
+    reference: Float[Array, "units parameters"]
+    low: Float[Array, " inputs"]
+    size: Float[Array, " inputs"]
+    moved: Float[Array, ""]
+
+
+class SparseAgent(Agent):
+    """An online learner of local Gaussian units, which at every decision updates only those that can fire there.
+
+    It is an `Agent` for the policy without what the index neglects: a unit that is not listed where the learner is does
+    not fire there, and has no score. It learns what the plain learner of that policy learns, within rounding, but for
+    limits of log-widths, which apply to a unit when it is updated.
+
+    Tables are made outside compiled code. Where `due` says so, call `refresh` before the next `act`, which consumes as
+    many uniforms as the table has room for. `publish` brings the policy up to date, for others to read.
+
+    **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that does
+    not depend on the observation, a step at every decision by `SGD` without weight decay, and no metric, growth,
+    averaging or entropy bonus; and
+
+    - `index`: what is neglected and when tables are made.
+    """
+
+    index: SpatialIndex = SpatialIndex()
+
+    def __check_init__(self) -> None:
+        estimator, baseline = self.estimator, self.estimator.baseline
+        traced = isinstance(estimator.trace, Exponential | Episodic)
+        check(traced, "estimator.trace", estimator.trace, "Exponential or Episodic with a spatial index")
+        scalar = baseline is None or not baseline.recalls
+        check(scalar, "estimator.baseline", baseline, "one that does not see the observation with a spatial index")
+        check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
+        plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
+        check(plain, "optimizer", self.optimizer, "SGD without weight decay with a spatial index")
+        for name in ("metric", "growth", "averaging"):
+            check(getattr(self, name) is None, name, getattr(self, name), "None with a spatial index")
+        check(not self.transformations, "transformations", self.transformations, "() with a spatial index")
+        check(estimator.entropy is None, "estimator.entropy", estimator.entropy, "None with a spatial index")
+
+    @property
+    def decay(self) -> Any:
+        """The decay of the trace, which may be traced."""
+        trace = self.estimator.trace
+        return jnp.asarray(trace.decay if isinstance(trace, Exponential) else 1.0)
+
+    @property
+    def rebase(self) -> Int[Array, ""]:
+        """Decisions from one rebase to the next."""
+        decay = self.decay
+        within = (decay > 0) & (decay < 1)
+        most = jnp.log(LEAST_SCALE) / jnp.log(jnp.where(within, decay, 0.5))
+        return jnp.where(within, jnp.clip(most.astype(jnp.int32), 1, self.index.rebase), self.index.rebase)
+
+    def init(self, key: jax.Array) -> AgentState:
+        state = super().init(key)
+        pool = state.policy
+        local = isinstance(pool, LocalGaussians)
+        check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
+        (theta,) = pool.blocks(trainable(pool))
+        cells = self.index.sides(pool.outputs, pool.inputs) ** pool.inputs
+        episodes, dtype = self.index.rebase + 1, theta.dtype
+        none = jnp.zeros((), jnp.int32)
+        index = IndexState(
+            rows=_rows(theta, jnp.zeros_like(theta)),
+            sums=jnp.zeros(episodes, dtype),
+            travel=jnp.zeros(episodes, dtype),
+            limit=jnp.full(episodes, jnp.inf, dtype),
+            episode=none,
+            count=none,
+            table=jnp.zeros((cells, 0), jnp.int32),
+            room=none,
+            reference=theta,
+            low=jnp.zeros(pool.inputs, dtype),
+            size=jnp.ones(pool.inputs, dtype),
+            moved=jnp.full((), jnp.inf, dtype),
+        )
+        return self._with_trace(state, jax.nn.one_hot(0, episodes, dtype=dtype))._replace(index=index)
+
+    def act(
+        self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " room"]
+    ) -> tuple[AgentState, Array]:
+        """As `Agent.act`, for the units that are listed where the observation is."""
+        decayed = self._with_trace(state, self.decay * state.estimator.trace)
+        state = self._begin(decayed, self.decay <= 0)  # without memory, every decision is an episode of its own
+        index, units = _index(state), state.policy.outputs
+        trace, rates = state.estimator.trace, self._rates(state)
+        near = index.table[self.index.cell(observation, index.low, index.size, units)]
+        there = near < units
+        few = jax.tree.map(lambda leaf: _rows_of(leaf, near, units, 1), state.policy)
+        base, slope, since = _parts(index.rows.at[near].get(mode="clip"))
+        since = since.astype(jnp.int32)
+        pool = _with(few, base + slope * index.sums[since][:, None])
+        fired = jnp.where(there, pool.sample(observation, uniforms), 0)
+
+        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=slope.dtype)
+        scale, total = jnp.sum(now * trace), jnp.sum(now * index.sums)
+        (gain,) = pool.blocks(
+            jax.tree.map(
+                lambda score, rate: (_rows_of(rate, near, units, score.ndim) / scale) * score,
+                pool.score(observation, fired),
+                rates,
+            )
+        )
+        slope = jnp.where((since == index.episode)[:, None], slope, 0) + gain
+        (theta,) = pool.blocks(trainable(pool))
+        rows = _rows(theta - slope * total, slope, index.episode)
+
+        _, left = self._left(_with(few, index.reference.at[near].get(mode="clip")), pool, slope)
+        limit = index.travel + jnp.min(jnp.where(there, left, jnp.inf), initial=jnp.inf)
+        limit = jnp.where(now > 0, jnp.minimum(index.limit, limit), index.limit)
+        count = jnp.sum(there)
+        index = index._replace(rows=write_rows(index.rows, near, rows, count), limit=limit)
+        return state._replace(index=index), write_rows(jnp.zeros(units, fired.dtype), near, fired, count)
+
+    def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
+        weight = state.estimator.weight
+        weight = None if weight is None else jnp.where(ended, 1.0, weight)
+        state = state._replace(estimator=state.estimator._replace(weight=weight))
+        return self._begin(state, jnp.logical_and(ended, self.decay > 0))
+
+    def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
+        index, sample = _index(state), cast(Array, state.gradient)
+        count = (index.count + 1) % self.rebase
+        travel = index.travel + jnp.abs(sample)
+        index = index._replace(sums=index.sums + sample, count=count, travel=travel)
+        due = (count == 0) | jnp.any(travel > index.limit)
+        rebased = functools.partial(self._rebased, state.policy)
+        index, trace = where_any(due, rebased, (index, state.estimator.trace))
+        return self._with_trace(state, trace)._replace(index=index, gradient=None)
+
+    def publish(self, state: AgentState) -> AgentState:
+        """The state with its policy as it is now. What is learnt from there is the same, published or not."""
+        return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
+
+    def take_up(self, state: AgentState) -> AgentState:
+        """The inverse of `publish`, of a policy that was put in place: learning goes on from there, without a trace."""
+        (theta,) = state.policy.blocks(trainable(state.policy))
+        index = _index(state)
+        moved = jnp.full_like(index.moved, jnp.inf)
+        rows = _rows(theta, jnp.zeros_like(theta))
+        return state._replace(index=index._replace(rows=rows, moved=moved, limit=jnp.full_like(index.limit, jnp.inf)))
+
+    def due(self, state: AgentState) -> Bool[Array, "*seeds"]:
+        """Whether a table must be made before the next action: see `refresh`."""
+        return _index(state).moved > MOVED
+
+    def _begin(self, state: AgentState, ended: Flag) -> AgentState:
+        index = _index(state)
+        episode = index.episode + jnp.asarray(ended, jnp.int32)
+        trace = state.estimator.trace
+        fresh = jax.nn.one_hot(episode, len(index.sums), dtype=trace.dtype)
+        return self._with_trace(state, jnp.where(ended, fresh, trace))._replace(index=index._replace(episode=episode))
+
+    def _with_trace(self, state: AgentState, trace: Float[Array, " episodes"]) -> AgentState:
+        return state._replace(estimator=state.estimator._replace(trace=trace))
+
+    def _rates(self, state: AgentState) -> Any:
+        """The learning rate of every parameter, in their structure."""
+        assert isinstance(self.optimizer, SGD)
+        return self.optimizer.learning_rates(trainable(state.policy))
+
+    def _rebased(self, policy: Any, state: tuple[IndexState, Array]) -> tuple[IndexState, Array]:
+        """All units caught up with, and what they have moved since the table was made."""
+        index, trace = state
+        pool = _with(policy, _caught_up(index))
+        (theta,) = pool.blocks(trainable(pool))
+        _, slope, since = _parts(index.rows)
+        now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
+        scale = jnp.sum(now * trace)
+        slope = jnp.where((since == index.episode)[:, None], slope * scale, 0)
+        strain, left = self._left(_with(policy, index.reference), pool, slope)
+        first = jax.nn.one_hot(0, len(index.sums), dtype=theta.dtype)
+        index = index._replace(
+            rows=_rows(theta, slope),
+            sums=jnp.zeros_like(index.sums),
+            travel=jnp.zeros_like(index.sums),
+            limit=jnp.where(first > 0, -greatest(-left), jnp.inf),
+            episode=jnp.zeros_like(index.episode),
+            moved=greatest(strain),
+        )
+        return index, first
+
+    def _left(self, before: LocalGaussians, pool: LocalGaussians, slope: Float[Array, "units row"]) -> Any:
+        """How strained units are, and how far they travel before they have used up their margins, at the earliest."""
+        strain = self.index.strain(before, pool)
+        pace = self.index.pace(pool, pool.from_blocks((slope,)))
+        return strain, jnp.maximum(1 - strain, 0) / jnp.maximum(pace, 1e-30)
+
+    def refresh(self, index: IndexState, policy: Any) -> IndexState:
+        """The tables that are due, and those that a saved state is without. It is done outside compiled code.
+
+        **Arguments:** the index of many seeds, along a leading axis, which is used up, and their policies, for what is
+        not learnt. Where a cell has more units than there was room for, all tables grow: compiled code is then another.
+        """
+        due = np.asarray(index.moved) > MOVED
+        room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]
+        lost = index.table.shape[-1] < room
+        made = {}
+        for seed in np.flatnonzero(due | lost).tolist():
+            theta = np.asarray(index.rows[seed, :, :width] if due[seed] else index.reference[seed])
+            pool = _with(jax.tree.map(lambda leaf, seed=seed: leaf[seed], policy), theta)
+            low, size = self.index.grid(pool)
+            moved = np.where(due[seed], 0, index.moved[seed]).astype(theta.dtype)
+            made[seed] = (self.index.table(pool, low, size), theta, low, size, moved)
+        most = max((len(table[0]) for table, *_ in made.values()), default=0)
+        if most > room:
+            room = min(units, STEP * math.ceil(HEADROOM * most / STEP))
+        if room > index.table.shape[-1]:
+            more = ((0, 0), (0, 0), (0, room - index.table.shape[-1]))
+            table = jnp.pad(index.table, more, constant_values=units)
+            index = index._replace(table=table, room=jnp.full_like(index.room, room))
+        for seed, (table, *rest) in made.items():
+            table = np.pad(table, ((0, 0), (0, room - table.shape[1])), constant_values=units)
+            new = dict(zip(("table", "reference", "low", "size", "moved"), (table, *rest), strict=True))
+            old = {name: getattr(index, name) for name in new}
+            index = index._replace(**_place(old, new, seed))
+        return index
+
+
+@functools.partial(jax.jit, donate_argnums=0)
+def _place(old: Any, new: Any, seed: Any) -> Any:
+    return jax.tree.map(lambda all, one: all.at[seed].set(one), old, new)
+
+
+def _index(state: AgentState) -> IndexState:
+    assert state.index is not None
+    return state.index
+
+
+def _rows(base: Array, slope: Array, episode: Any = 0) -> Float[Array, "units row"]:
+    since = jnp.broadcast_to(jnp.asarray(episode, base.dtype), (base.shape[0], 1))
+    return jnp.concatenate([base, slope, since], axis=1)
+
+
+def _parts(rows: Float[Array, "units row"]) -> tuple[Array, Array, Float[Array, " units"]]:
+    width = rows.shape[1] // 2
+    return rows[:, :width], rows[:, width:-1], rows[:, -1]
+
+
+def _caught_up(index: IndexState) -> Float[Array, "units parameters"]:
+    base, slope, since = _parts(index.rows)
+    return base + slope * index.sums[since.astype(jnp.int32)][:, None]
+
+
+def _with(policy: Any, theta: Float[Any, "units parameters"]) -> Any:
+    """A pool with these parameters, within their limits."""
+    return eqx.combine(policy.from_blocks((theta,)), split(policy)[1]).limited()
+
+
+def _rows_of(leaf: Array, units: Int[Array, " room"], all: int, dimensions: int) -> Array:
+    """The rows of some units, of an array that has a row for each; another is as it is."""
+    has = leaf.ndim >= dimensions and leaf.shape[:1] == (all,)
+    return leaf.at[units].get(mode="clip") if has else leaf

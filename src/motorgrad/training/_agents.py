@@ -1,0 +1,195 @@
+"""Agents for tasks: the task's own learner with some settings changed, and agents as tables and back."""
+
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from typing import Any, get_type_hints
+
+import jax
+import jax.numpy as jnp
+
+from motorgrad import policies
+from motorgrad._errors import check, unknown
+from motorgrad._settings import as_hinted, build, table
+from motorgrad._tree import KINDS, check_rounded, kind_of, parts_by_path
+from motorgrad.learning import Agent, Optax
+from motorgrad.tasks import Task, make
+
+LARGEST = 100_000_000  # weights of a policy
+
+
+@dataclasses.dataclass(frozen=True)
+class NamedPolicy:
+    """An initial policy by its name and its settings, for a task: what configurations and the command line know.
+
+    It is called with a seed's key, as every initial policy may be.
+
+    **Arguments:** the `task`; the `kind`, a name in `motorgrad.policies.INITIAL`; `settings`, the keyword arguments of
+    its function.
+
+    **Raises:** `ValueError` for an unknown kind or setting, and for settings that are impossible for the task.
+    """
+
+    task: Any = dataclasses.field(repr=False)
+    kind: str
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in policies.INITIAL:
+            raise unknown("policy", self.kind, policies.INITIAL)
+        hints = policy_settings(self.kind)
+        for name in self.settings:
+            if name not in hints:
+                raise unknown(f"setting of policy {self.kind!r}:", name, hints)
+        given = {
+            name: as_hinted(hints[name], value, f"policy.{name}")
+            for name, value in self.settings.items()
+            if value is not None
+        }
+        object.__setattr__(self, "settings", given)
+        units = given.get("units") or 1
+        most = LARGEST // self.task.observation_size
+        check(units <= most, "policy.units", units, f"at most {most} here")
+        try:
+            made = policies.initial(self.kind, self.task, **given)
+        except ValueError as error:
+            named = str(error).split()[0].strip(",") in given
+            raise ValueError(f"policy.{error}" if named else str(error)) from None
+        object.__setattr__(self, "_made", made)
+
+    def __call__(self, key: jax.Array) -> policies.Policy:
+        made: Any = self._made  # type: ignore[attr-defined]
+        return made if isinstance(made, policies.Policy) else made(key)
+
+    def __hash__(self) -> int:
+        return hash((self.kind, repr(sorted(self.settings.items()))))
+
+    def with_setting(self, value: str | Mapping[str, Any], where: str = "policy") -> "NamedPolicy":
+        """The policy that a setting asks for: another kind by its name, or a table that changes some settings.
+
+        Settings that the table leaves out stay, unless it names another kind.
+        """
+        settings = {"kind": value} if isinstance(value, str) else dict(value)
+        kind = settings.pop("kind", self.kind)
+        check(isinstance(kind, str), f"{where}.kind", kind, "the name of an initial policy")
+        kept = self.settings if kind == self.kind else {}
+        try:
+            return NamedPolicy(self.task, kind, {**kept, **settings})
+        except ValueError as error:
+            outer = where.removesuffix("policy") if str(error).startswith("policy.") else ""
+            raise ValueError(f"{outer}{error}") from None
+
+    def as_setting(self) -> dict[str, Any]:
+        """The inverse of `with_setting`."""
+        return {"kind": self.kind, **self.settings}
+
+
+def policy_settings(kind: str) -> dict[str, Any]:
+    """The settings of an initial policy with their types, by name."""
+    function = policies.INITIAL[kind]
+    known = inspect.signature(function).parameters
+    hints = get_type_hints(function)
+    return {name: hints.get(name, Any) for name in known if name not in ("task", "self")}
+
+
+def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    """The learner that goes with a task, with some settings changed.
+
+    **Arguments:**
+
+    - `task`: a task, or the name of one.
+    - `changes`: settings by path, such as `{"estimator.trace.decay": 0.98}`, or by the short names of
+      `Agent.aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
+    - `more`: the same for names without dots, as keywords.
+
+    A setting that is not changed stays as the task has it. A part or policy of another kind starts from that kind's own
+    settings.
+
+    **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
+
+    ```python
+    agent = mg.agent_for("hopper", {"estimator.trace.decay": 0.98}, learning_rate=1e-3)
+    agent = mg.agent_for("hopper", estimator="gpomdp", metric="fisher")
+    ```
+    """
+    task = make(task) if isinstance(task, str) else task
+    check(isinstance(task, Task), "task", task, "a task, or the name of one")
+    given = {**(changes or {}), **more}
+    return _built(task, given)
+
+
+def _built(task: Task, given: Mapping[str, Any]) -> Agent:
+    own = dict(task.learner)
+    asked = given.get("policy", given.get("policy.kind"))
+    kind = asked.get("kind") if isinstance(asked, Mapping) else asked
+    own_policy = own.pop("policy", "hyperplanes")
+    named = NamedPolicy(task, "hyperplanes").with_setting(own_policy)
+    wanted = kind if isinstance(kind, str) else named.kind
+    implied = policies.IMPLIED.get(wanted, {})  # such as growth, for a policy that grows
+    agent = as_hinted(Agent, {**own, **implied}, "agent", Agent(named))
+    agent = as_hinted(Agent, given, "agent", agent)
+    check_rounded(agent, agent.precision)
+    return agent
+
+
+def agent_table(agent: Agent) -> dict[str, Any]:
+    """An agent as a table for configurations. `agent_from_table` is the inverse where all its parts are registered."""
+    found = table(agent)
+    if found["kind"] == "dense":
+        del found["kind"]
+    if not isinstance(agent.policy, NamedPolicy):
+        state = jax.eval_shape(agent.init, jax.random.key(0))
+        found["policy"] = {"kind": "given", "structure": policies.describe(state.policy)}
+    for name, part in parts_by_path(agent):
+        if isinstance(part, Optax):
+            node, keys = found, name.split(".")
+            for key in keys:
+                node = node[int(key)] if isinstance(node, list) else node[key]
+            node.pop("transformation", None)
+            node.update(kind="optax", steps=_first_steps(part, agent))
+    return found
+
+
+def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agent") -> Agent:
+    """The agent of a saved configuration.
+
+    **Raises** `ValueError` where a part was made in Python and is not registered.
+    """
+    made = [problem for problem in _unregistered(settings, where)]
+    if made:
+        raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
+    given = dict(settings)
+    policy = NamedPolicy(task, given["policy"]["kind"]).with_setting(given.pop("policy"), f"{where}.policy")
+    kind = KINDS[Agent][given.pop("kind", "dense")]
+    return build(kind, given, where, kind(policy))
+
+
+def _unregistered(settings: Any, where: str) -> list[str]:
+    """The parts in a saved table that cannot be made again, by path."""
+    known = {name for kinds in KINDS.values() for name in kinds} | set(policies.INITIAL)
+    if isinstance(settings, Mapping):
+        found = [where] if settings.get("kind", "dense") not in known else []
+        return found + [p for name, value in settings.items() for p in _unregistered(value, f"{where}.{name}")]
+    if isinstance(settings, list | tuple):
+        return [p for index, value in enumerate(settings) for p in _unregistered(value, f"{where}.{index}")]
+    return []
+
+
+def _first_steps(part: Optax, agent: Agent) -> list[str]:
+    """What an optax transformation makes of a few gradients: it hides its constants, but most of them show here."""
+    policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
+
+    def fill(value: float) -> Any:
+        return policies.trainable(jax.tree.map(lambda leaf: jnp.full(leaf.shape, value, leaf.dtype), policy))
+
+    parameters, said = fill(1.0), []
+    state = part.transformation.init(parameters)
+    for gradient in (1.0, -0.5, 30.0):
+        step, state = part.transformation.update(fill(gradient), state, parameters)
+        said.append(f"{sum(float(jnp.sum(leaf)) for leaf in jax.tree.leaves(step)):.5g}")
+    return said
+
+
+def kind_names(agent: Agent) -> dict[str, str]:
+    """The kinds of an agent's parts, by path."""
+    return {path: kind_of(part) for path, part in parts_by_path(agent) if path}

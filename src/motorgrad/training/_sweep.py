@@ -1,0 +1,80 @@
+"""Sweeps: several settings of a learner's numbers, learnt in one compiled call."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad._tree import check_rounded, fields_of, numbers_of, with_number
+from motorgrad.learning import Agent
+from motorgrad.tasks import Task
+from motorgrad.training.engines import validate_episodes
+
+Setting = dict[str, float]
+MOST = 1_000_000
+"""Settings times seeds of one run."""
+
+
+def settings_of(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
+    """The settings of a sweep, each a mapping from paths to numbers, in the order in which they are run.
+
+    **Arguments:** `sweep`: a mapping from paths to lists of numbers, which combine as a product, the last path changing
+    fastest; or a list of mappings from paths to numbers, all with the same paths.
+
+    **Raises** `ValueError` for an unknown path, for one that is static, and for numbers that are impossible.
+    """
+    wanted = 'paths and lists of numbers, such as {"optimizer.learning_rate": [1e-3, 1e-2]}, or a list of settings'
+    if isinstance(sweep, Mapping):
+        for name, values in sweep.items():
+            listed = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str) and len(values) > 0
+            check(listed, f"sweep[{name!r}]", values, "a list of numbers")
+        paths = [_path(name, agent) for name in sweep]
+        found = [dict(zip(paths, values, strict=True)) for values in itertools.product(*sweep.values())]
+    else:
+        right = isinstance(sweep, Sequence) and not isinstance(sweep, str) and all(isinstance(s, Mapping) for s in sweep)
+        check(right, "sweep", sweep, wanted)
+        found = [{_path(name, agent): value for name, value in setting.items()} for setting in sweep]
+    check(found and all(found), "sweep", sweep, wanted)
+    check(all(set(setting) == set(found[0]) for setting in found), "sweep", sweep, "settings of the same numbers")
+    settings = []
+    dtype = agent.precision
+    for setting in found:
+        changed = agent
+        for path, value in setting.items():
+            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            check(number, f"sweep[{path!r}]", value, "a number")
+            changed = with_number(changed, path, float(value))
+        validate_episodes(task, check_rounded(changed, dtype))
+        settings.append({path: float(value) for path, value in setting.items()})
+    distinct = len({tuple(setting.items()) for setting in settings}) == len(settings)
+    check(distinct, "sweep", sweep, "without a setting that occurs twice")
+    return settings
+
+
+def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.ndarray]:
+    """The numbers of every lane of a run by path: all seeds of the first setting, then those of the second …"""
+    if not settings:
+        return {}
+    return {path: np.repeat([setting[path] for setting in settings], seeds) for path in settings[0]}
+
+
+def _path(name: str, agent: Agent) -> str:
+    """The path of a number, which may be given by its short name."""
+    path = agent.aliases.get(name, name)
+    tree = agent.hyperparameters
+    known = {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
+    if path in known:
+        return path
+    node: Any = tree
+    for part in path.split("."):
+        if part not in fields_of(type(node)) if hasattr(type(node), "__dataclass_fields__") else True:
+            raise unknown("number in the sweep", name, known)
+        node = getattr(node, part)
+    if node is None:
+        raise ValueError(f"sweep: {name!r} is absent in this agent: give it a value first")
+    raise ValueError(
+        f"sweep: {name!r} is part of the structure, not a number: lengths, intervals, counts and kinds of parts are the "
+        "same for all seeds of a run; train one run for each value"
+    )

@@ -1,0 +1,63 @@
+"""Engines of training: many seeds of one learner in step, in JAX worlds, bodies and Gymnasium environments."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from motorgrad.learning import Agent, SparseAgent
+from motorgrad.policies import Policy
+from motorgrad.tasks import BodyTask, HostTask, Task
+from motorgrad.training.engines._cycle import CycleState, Mode
+from motorgrad.training.engines._host import BodyStepper, HostStepper
+from motorgrad.training.engines._programs import clear_programs
+from motorgrad.training.engines._side_by_side import MOST, SideBySide
+from motorgrad.training.engines._sparse import SparseStepper
+from motorgrad.training.engines._stepper import Stepper, validate, validate_episodes
+from motorgrad.training.engines._world import WorldStepper
+
+__all__ = [
+    "BodyStepper",
+    "CycleState",
+    "HostStepper",
+    "Mode",
+    "SideBySide",
+    "SparseStepper",
+    "Stepper",
+    "WorldStepper",
+    "clear_programs",
+    "stepper_for",
+    "training_stepper_for",
+    "validate",
+    "validate_episodes",
+]
+
+
+def stepper_for(
+    task: Task,
+    agent: Agent,
+    seeds: Sequence[int],
+    mode: Mode = "learn",
+    threads: int = 0,
+    initial: Policy | None = None,
+    numbers: Mapping[str, Any] | None = None,
+) -> Stepper:
+    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments."""
+    if isinstance(task, BodyTask):
+        return BodyStepper(task, agent, seeds, mode, threads, initial, numbers)
+    if isinstance(task, HostTask):
+        return HostStepper(task, agent, seeds, mode, threads, initial, numbers)
+    engine = SparseStepper if isinstance(agent, SparseAgent) and mode == "learn" else WorldStepper
+    return engine(task, agent, seeds, mode, initial, numbers)
+
+
+def training_stepper_for(
+    task: Task,
+    agent: Agent,
+    seeds: Sequence[int],
+    threads: int = 0,
+    initial: Policy | None = None,
+    numbers: Mapping[str, Any] | None = None,
+) -> Stepper:
+    """The engine for training: as `stepper_for`, or several side by side for many seeds in a body."""
+    if isinstance(task, BodyTask) and len(seeds) > MOST:
+        return SideBySide(task, agent, seeds, threads, initial, numbers)
+    return stepper_for(task, agent, seeds, "learn", threads, initial, numbers)

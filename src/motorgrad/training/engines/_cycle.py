@@ -1,0 +1,192 @@
+"""One decision: what happens between two observations, for one seed.
+
+The engines for worlds and for bodies differ only in who steps the dynamics; both call the functions here:
+
+    act ──▶ (dynamics step) ──▶ learn: reward, observe, reinforce, improve ──▶ [restart where an episode ended] ──▶ act
+"""
+
+import dataclasses
+import functools
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._tree import Numbers
+from motorgrad.learning import NEVER, Agent, AgentState, two_sum
+from motorgrad.tasks import Task, outcome
+
+Mode = Literal["learn", "sample", "mode"]
+"""Learn; or act by a frozen policy, with sampled actions or the most probable ones."""
+
+
+class Tally(NamedTuple):
+    """Sums since the last record, for one seed, in few arrays, which make a fast call.
+
+    - `sums`: of the reward and of each reading; `carry`, what rounding took from them.
+    - `counts`: how often each reading occurred, episodes ended and the simulation diverged.
+    """
+
+    sums: Float[Array, " 1+readings"]
+    carry: Float[Array, " 1+readings"]
+    counts: Int[Array, " readings+2"]
+
+
+class CycleState(NamedTuple):
+    """What one seed carries from decision to decision, beside the dynamics' own state.
+
+    - `agent`: the state of the learner; `numbers`, its hyperparameters, in the order of `Cycle.numbers`.
+    - `memory`: what the task remembers; `observation` and `action`, the present ones.
+    - `elapsed`: decisions since the start of the episode, where the task has a time limit.
+    - `tally`: sums for the next record.
+    """
+
+    agent: AgentState
+    numbers: Float[Array, " numbers"]
+    memory: Any
+    observation: Float[Array, " inputs"]
+    action: Array
+    elapsed: Int[Array, ""] | None
+    tally: Tally
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cycle:
+    """The decision of `agent` on `task`, as pure functions.
+
+    The agent gives the structure. Its numbers are those of each seed's state, so that one compiled program serves all
+    values.
+    """
+
+    task: Task
+    agent: Agent
+    mode: Mode = "learn"
+    diverges: bool = False
+    """Whether the dynamics can diverge and say so."""
+
+    @functools.cached_property
+    def numbers(self) -> Numbers:
+        """The order of the hyperparameters in the vector of a state."""
+        return Numbers(self.agent.hyperparameters)
+
+    def learner(self, cycle: CycleState) -> Agent:
+        """The agent with the numbers of a state."""
+        return self.agent.with_numbers(self.numbers, cycle.numbers)
+
+    @property
+    def restarts(self) -> bool:
+        """Whether the dynamics are ever reset: at the end of an episode, or where they diverged."""
+        return self.task.has_episodes or self.diverges
+
+    def begin(
+        self,
+        agent: AgentState,
+        numbers: Float[Array, " numbers"],
+        state: Any,
+        init: Float[Array, " _"],
+        observe: Float[Array, " _"],
+    ) -> CycleState:
+        """The state before the first decision, with the dynamics in `state`."""
+        memory, observation = self.task.observe(self.task.init(init), state, observe)
+        policy = agent.policy
+        action = policy.mode(observation)
+        readings = len(self.task.reports)
+        zero = jnp.zeros(1 + readings)
+        tally = Tally(zero, zero, jnp.zeros(readings + 2, jnp.int32))
+        elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
+        return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
+
+    def resume_from(
+        self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]
+    ) -> CycleState:
+        """Before the first decision: continue, frozen, from the `memory` of the task at the end of a run."""
+        memory = self.task.freeze(self.task.renew(memory, init))
+        memory, observation = self.task.observe(memory, state, observe)
+        return cycle._replace(memory=memory, observation=observation)
+
+    def read_tally(self, tally: Tally) -> dict[str, Array]:
+        """A tally by name: the sum of rewards, the mean of each reading (NaN if it never occurred) and its count, and
+        the numbers of episodes and divergences where the task can have them."""
+        found = {"reward": tally.sums[0]}
+        if self.task.has_episodes:
+            found["episodes"] = tally.counts[-2]
+        if self.diverges:
+            found["diverged"] = tally.counts[-1]
+        for index, name in enumerate(self.task.reports):
+            found[name] = tally.sums[1 + index] / tally.counts[index]
+            found[f"{name}_count"] = tally.counts[index]
+        return found
+
+    def act(self, cycle: CycleState, uniforms: Float[Array, " _"]) -> CycleState:
+        """Choose an action on the present observation."""
+        if self.mode == "learn":
+            agent, action = self.learner(cycle).act(cycle.agent, cycle.observation, uniforms)
+            return cycle._replace(agent=agent, action=action)
+        policy = cycle.agent.policy
+        chosen = policy.mode(cycle.observation) if self.mode == "mode" else policy.sample(cycle.observation, uniforms)
+        return cycle._replace(action=chosen)
+
+    def learn(
+        self,
+        cycle: CycleState,
+        state: Any,
+        observe: Float[Array, " _"],
+        diverged: Bool[Array, ""] | bool = False,
+        resting: bool = False,
+    ) -> tuple[CycleState, Bool[Array, ""] | bool]:
+        """Observe what the action led to and learn from it. Also returns whether the episode is over.
+
+        `resting` leaves out `Agent.improve`, which changes nothing at this decision, as `rest` has said.
+        """
+        led = outcome(self.task, cycle.memory, state, cycle.action, observe, cycle.elapsed)
+        agent = cycle.agent
+        ended: Any = False
+        for flag in (led.terminated, led.truncated, diverged):
+            if flag is not False:
+                ended = flag if ended is False else ended | flag
+        if self.mode == "learn":
+            learner = self.learner(cycle)
+            told = (led.reward, led.observation, led.terminated, led.truncated, diverged)
+            agent = learner.reinforce(agent, *told)
+            agent = agent if resting else learner.improve(agent, ended, diverged)
+        tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
+        return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
+
+    @property
+    def rests(self) -> bool:
+        """Whether there are decisions that can be learnt from `resting`; `rest` counts them."""
+        return self.mode != "learn" or self.agent.rests
+
+    def rest(self, cycle: CycleState) -> Int[Array, ""]:
+        """How many decisions at least can be learnt from `resting`."""
+        return self.learner(cycle).rest(cycle.agent) if self.mode == "learn" else jnp.asarray(NEVER, jnp.int32)
+
+    def restart(
+        self,
+        cycle: CycleState,
+        state: Any,
+        where: Bool[Array, ""],
+        init: Float[Array, " _"],
+        observe: Float[Array, " _"],
+    ) -> CycleState:
+        """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
+        memory, observation = self.task.observe(self.task.renew(cycle.memory, init), state, observe)
+        fresh = cycle._replace(
+            memory=memory,
+            observation=observation,
+            elapsed=None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed),
+        )
+        return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
+
+    def _count(
+        self, tally: Tally, memory: Any, state: Any, reward: Float[Array, ""], ended: Any, diverged: Any
+    ) -> Tally:
+        kept = True if diverged is False else ~jnp.asarray(diverged)
+        named = self.task.readings(memory, state)
+        readings = [named[name] for name in self.task.reports]
+        occurred = [jnp.logical_and(happened, kept) for _, happened in readings]
+        sums = [jnp.where(kept, reward, 0.0)]
+        sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, readings, strict=True)]
+        counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, ended, diverged)])
+        return Tally(*two_sum(tally.sums, tally.carry, jnp.stack(sums)), tally.counts + counts)

@@ -1,0 +1,65 @@
+"""A pytree as few arrays.
+
+A compiled call costs some microseconds for every array that crosses its border, which for a small learner is more than
+the learning itself. Packed, a whole learner crosses as one array of 32-bit words, and one more for each wider type.
+Large leaves cross by themselves, because copying them would cost more. Leaves that a call does not change stand apart,
+so that they need not come back.
+"""
+
+import math
+from collections.abc import Collection
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+Packed = dict[str, Array]
+WORD = jnp.dtype("uint32")
+LARGE = 4096  # numbers of all seeds; where a copy begins to cost more than a border
+
+
+class Packing:
+    """How to pack trees with the structure of `example` (arrays or shapes), of one seed of so many. The leaves whose
+    indices are in `still` stand in arrays of their own, whose names the attribute `still` has."""
+
+    def __init__(self, example: PyTree[Any], seeds: int, still: Collection[int] = ()):
+        leaves, self._structure = jax.tree.flatten(example)
+        self._leaves = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
+        self._names = [_name(i, leaf, seeds, i in still) for i, leaf in enumerate(self._leaves)]
+        self.still = frozenset(self._names[index] for index in still)
+
+    def pack(self, tree: PyTree[Array]) -> Packed:
+        """Vectors with the numbers of the tree, bit for bit, and its large leaves."""
+        parts: dict[str, list[Array]] = {name: [] for name in self._names}
+        for leaf, name in zip(jax.tree.leaves(tree), self._names, strict=True):
+            words = jax.lax.bitcast_convert_type(leaf, WORD) if name.endswith(WORD.name) else leaf
+            parts[name].append(words)
+        return {
+            name: leaves[0] if _alone(name) else jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
+            for name, leaves in parts.items()
+        }
+
+    def unpack(self, packed: Packed) -> PyTree[Array]:
+        """The inverse of `pack`."""
+        leaves, start = [], dict.fromkeys(packed, 0)
+        for like, name in zip(self._leaves, self._names, strict=True):
+            leaf = packed[name]
+            if not _alone(name):
+                size = math.prod(like.shape)
+                leaf = leaf[start[name] : start[name] + size].reshape(like.shape)
+                start[name] += size
+            leaves.append(jax.lax.bitcast_convert_type(leaf, like.dtype) if name.endswith(WORD.name) else leaf)
+        return jax.tree.unflatten(self._structure, leaves)
+
+
+def _name(index: int, leaf: jax.ShapeDtypeStruct, seeds: int, still: bool) -> str:
+    """The name of the array in which a leaf stands."""
+    if math.prod(leaf.shape) * seeds > LARGE:
+        return f"leaf {index}"
+    kind = WORD if leaf.dtype.itemsize == WORD.itemsize else leaf.dtype
+    return f"still {kind.name}" if still else kind.name
+
+
+def _alone(name: str) -> bool:
+    return name.startswith("leaf")

@@ -1,0 +1,109 @@
+"""Several engines for one training, side by side."""
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import BodyTask
+from motorgrad.training.engines._host import BodyStepper
+from motorgrad.training.engines._stepper import Record, Stepper, View, fits
+
+MOST = 8
+"""Seeds of one engine. With fewer, each costs more, because a compiled call has a price of its own; with more, there
+are fewer engines for the other threads."""
+
+T = TypeVar("T")
+
+
+class SideBySide(Stepper):
+    """Learning in a body, with the seeds shared out to engines that do not wait for each other.
+
+    Within one engine, physics and learners wait for each other at every decision, and threads share physics alone. So
+    many seeds are learnt in several engines, a thread for each; only their learners take turns. The shares depend on
+    the number of seeds alone, so results are the same in every bit for any number of threads.
+
+    **Arguments:** as `BodyStepper`, in the mode "learn".
+    """
+
+    def __init__(
+        self,
+        task: BodyTask,
+        agent: Agent,
+        seeds: Sequence[int],
+        threads: int = 0,
+        initial: Policy | None = None,
+        numbers: Mapping[str, Any] | None = None,
+    ):
+        super().__init__(task, agent, seeds, "learn", initial, numbers)
+        threads = threads or os.cpu_count() or 1
+        count = 2 ** max(0, math.ceil(math.log2(len(self.seeds) / MOST)))  # which as many threads divide evenly
+        shares = np.array_split(np.arange(len(self.seeds)), count)
+        self._ends = [int(share[-1]) + 1 for share in shares[:-1]]
+        self._threads = min(threads, count)
+        self.engines: list[BodyStepper] = []
+        for share in shares:
+            own = jax.tree.map(lambda leaf, share=share: leaf[share], initial)
+            part = {path: np.broadcast_to(values, len(self.seeds))[share] for path, values in (numbers or {}).items()}
+            each, chosen = max(1, threads // count), self.seeds[share].tolist()
+            self.engines.append(BodyStepper(task, agent, chosen, "learn", each, own, part, room=len(shares[0])))
+        self.cycle = self.engines[0].cycle
+
+    def advance(self, decisions: int) -> None:
+        with ThreadPoolExecutor(self._threads) as pool:
+            for _ in pool.map(lambda engine: engine.advance(decisions), self.engines):
+                pass  # an exception of one is raised here, once the others are done
+        self.decision += decisions
+
+    @property
+    def state(self) -> PyTree[np.ndarray]:
+        return self._joined([engine.state for engine in self.engines])
+
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        fits(state, self.state)
+        for engine, part in zip(self.engines, self._parted({**state, "decision": None}), strict=True):
+            engine.restore({**part, "decision": state["decision"]})
+        self.decision = int(state["decision"])
+
+    def harvest(self) -> Record:
+        return self._joined([engine.harvest() for engine in self.engines])
+
+    def policies(self) -> Policy:
+        return self._joined([engine.policies() for engine in self.engines])
+
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        parts = zip(self.engines, self._parted(policies), self._parted(memory), strict=True)
+        for engine, policy, remembered in parts:
+            engine.use(policy, remembered)
+
+    def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
+        views = [engine.viewer(view) for engine in self.engines]
+        return lambda: self._joined([viewed() for viewed in views])
+
+    def set_number(self, path: str, value: float) -> None:
+        self._checked_place(path, value)
+        for engine in self.engines:
+            engine.set_number(path, value)
+
+    @property
+    def activation(self) -> Float[np.ndarray, "seeds groups"]:
+        """The present actions, as of `BodyStepper`."""
+        return np.concatenate([engine.activation for engine in self.engines])
+
+    def _joined(self, parts: list[T]) -> T:
+        def join(*leaves: Any) -> Any:
+            return np.concatenate(leaves) if np.ndim(leaves[0]) else leaves[0]  # the number of decisions is one for all
+
+        return jax.tree.map(join, *parts)
+
+    def _parted(self, tree: T) -> list[T]:
+        leaves, structure = jax.tree.flatten(tree)
+        parts = [np.split(np.asarray(leaf), self._ends) for leaf in leaves]
+        return [jax.tree.unflatten(structure, part) for part in zip(*parts, strict=True)] or [tree] * len(self.engines)

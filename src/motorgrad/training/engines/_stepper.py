@@ -1,0 +1,210 @@
+"""What every engine of training is: something that can be advanced, saved and restored."""
+
+import abc
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PyTree
+
+from motorgrad._errors import check, unknown
+from motorgrad._random import key_of
+from motorgrad._tree import with_number
+from motorgrad.learning import Agent, AgentState
+from motorgrad.policies import Policy, trainable
+from motorgrad.tasks import Task
+from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
+
+View = Callable[[CycleState, Any], PyTree[Array]]
+Record = dict[str, np.ndarray]
+"""What happened since the last record, by name; every array has a leading axis of seeds."""
+
+
+class Program:
+    """The compiled functions of an engine. It has no state, so engines of the same structure share one.
+
+    **Arguments:** the task; the agent, of which only the structure matters; the `mode`; whether the dynamics can
+    diverge.
+    """
+
+    def __init__(self, task: Task, agent: Agent, mode: Mode = "learn", diverges: bool = False):
+        self.task = task
+        self.cycle = Cycle(task, agent, mode, diverges)
+        self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
+        """The shapes of one seed's policy."""
+
+    def fresh(self, seed: Array, numbers: Array, initial: Policy | None) -> AgentState:
+        """One seed's learner before its first decision, from its `initial` policy where there is one."""
+        agent = self.cycle.agent.with_numbers(self.cycle.numbers, numbers)
+        return (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
+
+    def start_numbers(self, seed: Array) -> tuple[Array, Array]:
+        """One seed's random numbers for the memory and the observation before its first decision."""
+        sizes = (("start-memory", self.task.init_uniforms), ("start-look", self.task.uniforms))
+        memory, look = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
+        return memory, look
+
+    def summarize(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
+        """One seed's tallies and the visible state of its learner; the tallies begin anew."""
+        agent, tally = state.agent, state.tally
+        found = self.cycle.read_tally(tally)
+        found["baseline"] = self.cycle.learner(state).estimator.level(agent.estimator)
+        if agent.growth is not None:
+            found["units"] = jnp.sum(agent.policy.active)  # type: ignore[attr-defined]
+        found["parameters"] = ravel_pytree(trainable(agent.policy))[0]
+        return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), found
+
+
+class Stepper(abc.ABC):
+    """Many seeds of one learner on one task, in step.
+
+    **Arguments:**
+
+    - `task` and `agent`.
+    - `seeds`: integers from 0 to 2³¹ − 1. A seed may occur more than once, with other numbers.
+    - `mode`: whether to learn, or to act by the frozen policies that `restore` or `use` bring in.
+    - `initial`: the policies that the seeds begin from, along a leading axis; by default the agent's.
+    - `numbers`: the hyperparameters of every seed, by path, along a leading axis; by default the agent's.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        agent: Agent,
+        seeds: Sequence[int],
+        mode: Mode = "learn",
+        initial: Policy | None = None,
+        numbers: Mapping[str, Any] | None = None,
+    ):
+        self.task, self.agent = task, agent
+        self.seeds = np.asarray(seeds, np.int32)
+        self.decision = 0
+        self.mode: Mode = mode
+        self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
+        """The shapes of one seed's policy."""
+        validate(task, self.policy)
+        if mode == "learn":
+            validate_episodes(task, agent)
+        if initial is None and isinstance(agent.policy, Policy):
+            initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
+        self._initial = initial
+        self._start_vector = self._vectors(numbers or {})
+
+    def _vectors(self, numbers: Mapping[str, Any]) -> Float[np.ndarray, "seeds numbers"]:
+        """The hyperparameters of all seeds, one row each, with those given by path in place of the agent's."""
+        order = Cycle(self.task, self.agent).numbers
+        rows = np.tile(order.vector(self.agent.hyperparameters, self.agent.precision), (len(self.seeds), 1))
+        for path, values in numbers.items():
+            if path not in order.paths:
+                raise unknown("number", path, order.paths)
+            for value in np.unique(np.asarray(values)):
+                validate_episodes(self.task, with_number(self.agent, path, float(value)))
+            rows[:, order.places[path]] = values
+        return rows
+
+    @abc.abstractmethod
+    def advance(self, decisions: int) -> None:
+        """Make so many decisions per seed."""
+
+    @property
+    @abc.abstractmethod
+    def state(self) -> PyTree[np.ndarray]:
+        """A copy of everything that the future depends on: `decision`, the number made, and arrays whose seeds lead."""
+
+    @abc.abstractmethod
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        """Restore a `state`: what follows is then bit for bit what followed it."""
+
+    @abc.abstractmethod
+    def harvest(self) -> Record:
+        """The tallies since the last harvest, and the visible state of the learners."""
+
+    @abc.abstractmethod
+    def policies(self) -> Policy:
+        """The present policies of all seeds, stacked along a leading axis."""
+
+    @abc.abstractmethod
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
+        the task had when they had been learnt, with which it continues frozen."""
+
+    @abc.abstractmethod
+    def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
+        """A function that returns `view(cycle, state)` of every seed as it is now, copied, seeds leading.
+
+        `view` is pure and compiled: it sees one seed's `CycleState` and the state of the dynamics that the task's
+        functions see. It changes nothing.
+        """
+
+    @abc.abstractmethod
+    def set_number(self, path: str, value: float) -> None:
+        """Change a hyperparameter of all seeds from the next decision on. Nothing is compiled.
+
+        **Raises** `ValueError` for an unknown path or a value out of range.
+        """
+
+    def _checked_place(self, path: str, value: float) -> int:
+        """The place of a hyperparameter among the numbers, once the value has been checked."""
+        places = Cycle(self.task, self.agent).numbers.places
+        if path not in places:
+            raise unknown("number", path, places)
+        agent = with_number(self.agent, path, value)
+        validate_episodes(self.task, agent)
+        self.agent = agent
+        return places[path]
+
+
+def validate(task: Task, policy: Policy) -> None:
+    """Refuse a policy that does not fit the task."""
+    for name, has, wants in (
+        ("inputs", policy.inputs, task.observation_size),
+        ("outputs", policy.outputs, task.action_size),
+    ):
+        if has != wants:
+            raise ValueError(
+                f"policy {type(policy).__name__}: {name} = {has}, but the task {task.name!r} has "
+                f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
+            )
+    if policy.actions not in task.takes:
+        takes = " or ".join(task.takes)
+        raise ValueError(
+            f"policy {type(policy).__name__}: {policy.actions} actions, but the task {task.name!r} takes {takes}"
+        )
+
+
+def validate_episodes(task: Task, agent: Agent) -> None:
+    """Refuse an estimator that needs episodes on a task that has none."""
+    for setting in [] if task.has_episodes else agent.estimator.needs_episodes():
+        raise ValueError(
+            f"estimator.{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit"
+        )
+
+
+def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:
+    """Refuse a state of another structure, or of other shapes, than `template`'s."""
+    places = [jax.tree_util.tree_leaves_with_path(tree) for tree in (state, template)]
+    names = [[jax.tree_util.keystr(place) for place, _ in leaves] for leaves in places]
+    check(names[0] == names[1], "state", sorted(set(names[0]) ^ set(names[1])), "of the same learner and task")
+    for name, (_, leaf), (_, own) in zip(names[0], *places, strict=True):
+        check(np.shape(leaf) == np.shape(own), f"state{name}.shape", np.shape(leaf), f"{np.shape(own)}")
+
+
+def seeds_first(tree: Any, axes: Any = -1) -> Any:
+    """Move the axis of seeds to the front, as copies in NumPy; `axes`, where it is, of all or by part."""
+
+    def move(axis: int, part: Any) -> Any:
+        return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), axis, 0), order="C"), part)
+
+    return jax.tree.map(move, axes, tree)
+
+
+def seeds_last(tree: Any, axes: Any = -1) -> Any:
+    """The inverse of `seeds_first`, as JAX arrays."""
+
+    def move(axis: int, part: Any) -> Any:
+        return jax.tree.map(lambda x: jnp.asarray(np.moveaxis(np.asarray(x), 0, axis).copy()), part)
+
+    return jax.tree.map(move, axes, tree)

@@ -1,0 +1,147 @@
+"""The engine for worlds: one compiled loop over decisions, mapped over seeds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from motorgrad._compiler import loop_options
+from motorgrad._random import BLOCK, draw_block, key_of
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import Task
+from motorgrad.training.engines._cycle import CycleState, Mode
+from motorgrad.training.engines._programs import shared
+from motorgrad.training.engines._stepper import Program, Record, Stepper, View, fits, seeds_first, seeds_last
+from motorgrad.worlds import World
+
+Carry = tuple[CycleState, Any]
+
+
+class WorldProgram(Program):
+    """The compiled functions of learning in a JAX world. Inside the loop seeds sit last, in the processor's lanes."""
+
+    axes: ClassVar[Any] = (-1, -1)
+    """Where the seeds are in the loop's state: one axis, or a tree of them."""
+
+    def __init__(self, task: Task, agent: Agent, mode: Mode):
+        super().__init__(task, agent, mode)
+        assert isinstance(task.dynamics, World)
+        self.world = task.dynamics
+        self.begin = jax.jit(jax.vmap(self._begin, out_axes=self.axes))
+        self.run = jax.jit(self._decisions, donate_argnums=0, compiler_options=loop_options())
+        self.harvest = jax.jit(
+            jax.vmap(self.summarize, in_axes=self.axes[:1], out_axes=(self.axes[0], -1)), donate_argnums=0
+        )
+        self.resume = jax.jit(jax.vmap(self._resume, in_axes=(0, *self.axes, 0), out_axes=self.axes[0]))
+
+    def _begin(self, seed: Array, numbers: Array, initial: Policy | None) -> Carry:
+        state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))
+        agent = self.fresh(seed, numbers, initial)
+        return self.cycle.begin(agent, numbers, state, *self.start_numbers(seed)), state
+
+    def _resume(self, seed: Array, cycle: CycleState, state: Any, memory: Any) -> CycleState:
+        return self.cycle.resume_from(cycle, memory, state, *self.start_numbers(seed))
+
+    def _decide(self, carry: Carry, uniforms: dict[str, Array]) -> Carry:
+        cycle, state = carry
+        cycle = self.cycle.act(cycle, uniforms["policy"])
+        # The barrier keeps the compiler from stepping the world again for everything that depends on the new state.
+        state = jax.lax.optimization_barrier(self.world.step(state, cycle.action, uniforms["world"]))
+        cycle, ended = self.cycle.learn(cycle, state, uniforms["observe"])
+        if not isinstance(ended, bool):
+            fresh = self.world.reset(uniforms["reset"])
+            state = jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, state)
+            cycle = self.cycle.restart(cycle, state, ended, uniforms["memory"], uniforms["look"])
+        return cycle, state
+
+    def _draw(self, carry: Carry, seeds: Array, block: Array) -> dict[str, Array]:
+        """The random numbers of a block of decisions, by purpose."""
+        world, task = self.world, self.task
+        sizes = {"policy": self.policy.uniforms, "world": world.uniforms, "observe": task.uniforms}
+        if self.cycle.restarts:
+            sizes |= {"reset": world.reset_uniforms, "memory": task.init_uniforms, "look": task.uniforms}
+        return {name: draw_block(seeds, name, block, size) for name, size in sizes.items()}
+
+    def _decisions(self, carry: Carry, seeds: Array, start: Array, stop: Array) -> Any:
+        """Decisions `start` … `stop` − 1, with a block of random numbers at a time."""
+        decide = jax.vmap(self._decide, in_axes=(self.axes, -1), out_axes=self.axes)
+
+        def block(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
+            first, carry = position
+            index = first // BLOCK
+            uniforms = self._draw(carry, seeds, index)
+            last = jnp.minimum(stop, (index + 1) * BLOCK)
+
+            def decision(t: Array, carry: Carry) -> Carry:
+                return decide(carry, {name: drawn[t % BLOCK] for name, drawn in uniforms.items()})
+
+            return last, jax.lax.fori_loop(first, last, decision, carry)
+
+        return jax.lax.while_loop(lambda position: position[0] < stop, block, (start, carry))[1]
+
+
+class WorldStepper(Stepper):
+    """Learning in a JAX world."""
+
+    program_type: ClassVar[type[WorldProgram]] = WorldProgram
+
+    def __init__(
+        self,
+        task: Task,
+        agent: Agent,
+        seeds: Sequence[int],
+        mode: Mode = "learn",
+        initial: Policy | None = None,
+        numbers: Mapping[str, Any] | None = None,
+    ):
+        super().__init__(task, agent, seeds, mode, initial, numbers)
+        kind = self.program_type
+        self.program = shared(kind, task, agent, mode, lambda: kind(task, agent, mode))
+        self.cycle, self._axes = self.program.cycle, self.program.axes
+        self._carry = self.program.begin(self.seeds, self._start_vector, self._initial)
+
+    def advance(self, decisions: int) -> None:
+        start, stop = jnp.uint32(self.decision), jnp.uint32(self.decision + decisions)
+        self._carry = self.program.run(self._carry, self.seeds, start, stop)
+        jax.block_until_ready(self._carry)
+        self.decision += decisions
+
+    @property
+    def state(self) -> PyTree[np.ndarray]:
+        cycle, world = seeds_first(self._carry, self._axes)
+        return {"decision": np.array(self.decision), "cycle": cycle, "world": world}
+
+    def restore(self, state: PyTree[np.ndarray]) -> None:
+        fits(state, self.state)
+        self._carry = seeds_last((state["cycle"], state["world"]), self._axes)
+        self.decision = int(state["decision"])
+
+    def harvest(self) -> Record:
+        cycle, found = self.program.harvest(self._carry[0])
+        self._carry = (cycle, self._carry[1])
+        return seeds_first(found)
+
+    def policies(self) -> Policy:
+        return seeds_first(self.agent.kept(self._carry[0].agent))
+
+    def use(self, policies: Policy, memory: Any = None) -> None:
+        cycle, world = self._carry
+        cycle = cycle._replace(agent=self.agent.use(cycle.agent, seeds_last(policies)))
+        if memory is not None:
+            cycle = self.program.resume(self.seeds, cycle, world, memory)
+        self._carry = (cycle, world)
+
+    def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
+        viewed = jax.jit(jax.vmap(view, in_axes=self._axes))
+        return lambda: jax.tree.map(np.array, viewed(*self._carry))
+
+    def set_number(self, path: str, value: float) -> None:
+        place = self._checked_place(path, value)
+        cycle, world = self._carry
+        numbers = np.array(cycle.numbers)  # seeds last
+        numbers[place] = value
+        self._carry = (cycle._replace(numbers=jnp.asarray(numbers)), world)

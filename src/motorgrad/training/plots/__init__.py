@@ -1,0 +1,1 @@
+"""Learning curves as figures, and as TensorBoard event files."""

@@ -1,0 +1,118 @@
+"""Runs as TensorBoard event files.
+
+What a file holds follows from the run's records alone, so that its bytes for the first records begin those for more of
+them. A file is therefore brought up to date by adding what is missing, whatever a killed process has left of it; and
+as it is added to, not replaced, a TensorBoard that is open follows.
+"""
+
+import importlib.util
+import io
+import math
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from motorgrad._files import read_json, write_atomically
+from motorgrad.training.plots._plot_curves import Plotted
+
+FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
+# TensorBoard has axes of its own for the first ones; parameters are no scalars.
+SKIPPED = ("seed", "decision", "simulated_time", "wall_time", "parameters")
+
+
+def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
+    """Write a run's records as TensorBoard event files, in a subfolder `seed-N` of `folder` for each seed.
+
+    Scalars are the columns of the metrics under their own names: `reward`, `apex` … What did not occur in a window has
+    no point there. The step is the decision. The time is when the run began, and the seconds spent on decisions since:
+    TensorBoard's relative time leaves out the pauses between sessions. Files that this function wrote before are
+    brought up to date.
+
+    **Returns** the folder.
+
+    **Raises** `RuntimeError` where the optional package tensorboard is missing (`motorgrad[tensorboard]`), `ValueError`
+    for a run without records.
+    """
+    check_tensorboard()
+    run.curve("reward")  # refuses a run without records
+    EventFiles(folder, run.seeds, _beginning(run)).add(run.metrics)
+    return Path(folder)
+
+
+def check_tensorboard() -> None:
+    """**Raises** `RuntimeError` where the package tensorboard is missing; it names the extra."""
+    if importlib.util.find_spec("tensorboard") is None:
+        raise RuntimeError("event files need the package tensorboard: pip install 'motorgrad[tensorboard]'")
+
+
+class EventFiles:
+    """An event file for each seed of a run, added to as records come.
+
+    **Arguments:** the folder; the run's seeds; when it began, in seconds since 1970.
+    """
+
+    def __init__(self, folder: Path | str, seeds: Sequence[int], began: float):
+        self.files = [Path(folder) / f"seed-{seed}" / FILE for seed in seeds]
+        self.began = began
+        self._mended = False
+
+    def add(self, records: pa.Table | None) -> None:
+        """Add records. The first time they must be all that the run has; then those since the last time."""
+        new = [b""] * len(self.files) if records is None else self._encoded(records)
+        for file, content in zip(self.files, new, strict=True):
+            if not self._mended:
+                content = self._missing(file, _event(self.began, file_version="brain.Event:2") + content)
+            if content:
+                with file.open("ab") as end:
+                    end.write(content)
+        self._mended = True
+
+    def _encoded(self, records: pa.Table) -> list[bytes]:
+        """Records as events, for each seed."""
+        names = [name for name in records.column_names if name not in SKIPPED]
+        columns = {name: records[name].to_pylist() for name in ("decision", "wall_time", *names)}
+        content = [io.BytesIO() for _ in self.files]
+        for row in range(records.num_rows):  # records are ordered by decision, then as the seeds are
+            found = {name: columns[name][row] for name in names}
+            event = _event(
+                self.began + columns["wall_time"][row],
+                step=columns["decision"][row],
+                summary={"value": [{"tag": n, "simple_value": v} for n, v in found.items() if math.isfinite(v)]},
+            )
+            content[row % len(content)].write(event)
+        return [each.getvalue() for each in content]
+
+    def _missing(self, file: Path, whole: bytes) -> bytes:
+        """What a file lacks of its whole content; one that holds anything else is begun anew."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        there = file.read_bytes() if file.exists() else b""
+        if not whole.startswith(there):
+            write_atomically(file, there := b"")
+        return whole[len(there) :]
+
+
+def _event(wall_time: float, **parts: Any) -> bytes:
+    """An event as it stands in a file: its length, its bytes, their checksums."""
+    from tensorboard.compat.proto.event_pb2 import Event  # type: ignore
+    from tensorboard.summary.writer.record_writer import RecordWriter  # type: ignore
+
+    content = io.BytesIO()
+    RecordWriter(content).write(Event(wall_time=wall_time, **parts).SerializeToString())
+    return content.getvalue()
+
+
+def _beginning(run: Plotted) -> float:
+    """When the run's first session began; a run in memory is taken to have ended just now."""
+    if run.path is None:
+        return time.time() - run.metrics["wall_time"][-1].as_py()
+    return began(run.path)
+
+
+def began(path: Path) -> float:
+    """When the first session in a run directory began, in seconds since 1970."""
+    first = read_json(path / "provenance.json")["sessions"][0]
+    return datetime.fromisoformat(first["started"]).timestamp()
