@@ -67,7 +67,13 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
         for name in outer:
             inner = node.setdefault(name, _Changes())
             if not isinstance(inner, dict):  # a part by its kind, or given whole
-                inner = table(inner) if isinstance(inner, Part) else dict(inner) if isinstance(inner, Mapping) else {"kind": inner}
+                inner = (
+                    table(inner)
+                    if isinstance(inner, Part)
+                    else dict(inner)
+                    if isinstance(inner, Mapping)
+                    else {"kind": inner}
+                )
                 node[name] = inner
             node = inner
         value = values[key]
@@ -164,7 +170,9 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
 
 def _is_part_table(hint: Any, value: Any) -> bool:
     """Whether a table describes a part, and not numbers by group."""
-    mappings = any(isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint))
+    mappings = any(
+        isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint)
+    )
     return isinstance(value, Mapping) and (not mappings or "kind" in value)
 
 

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, shown, unknown
@@ -139,7 +140,7 @@ def parts_in(hint: Any) -> tuple[type[Part], ...]:
 
 def is_tracer(value: Any) -> bool:
     """Whether a value is not known until a compiled function runs."""
-    return isinstance(value, jax.core.Tracer)
+    return isinstance(value, Tracer)
 
 
 class Numbers:
@@ -296,7 +297,9 @@ def _check_field(part: Part, name: str, field: dataclasses.Field[Any]) -> None:
         _check_number(name, value, field.metadata["range"], field.metadata["groups"], options)
     elif "whole" in field.metadata:
         low, high = field.metadata["whole"]
-        text = any(typing.get_origin(option) is typing.Literal and value in typing.get_args(option) for option in options)
+        text = any(
+            typing.get_origin(option) is typing.Literal and value in typing.get_args(option) for option in options
+        )
         whole = isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
         check(text or whole, name, value, _whole_words(low, high, options))
     elif typing.get_origin(hint) is typing.Literal:
@@ -330,7 +333,12 @@ def _check_number(name: str, value: Any, allowed: Range, groups: bool, options: 
 
 def _whole_words(low: int, high: int, options: tuple[Any, ...]) -> str:
     words = f"a whole number of at least {low}" if high >= 2**30 else f"a whole number from {low} to {high:,}"
-    literals = [shown(item) for option in options if typing.get_origin(option) is typing.Literal for item in typing.get_args(option)]
+    literals = [
+        shown(item)
+        for option in options
+        if typing.get_origin(option) is typing.Literal
+        for item in typing.get_args(option)
+    ]
     return " or ".join([words, *literals, *(["None"] if type(None) in options else [])])
 
 

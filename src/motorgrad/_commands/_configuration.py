@@ -6,19 +6,24 @@ for `--check` where it is not the plain table of its fields.
 """
 
 import dataclasses
+import inspect
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar
 
+import numpy as np
 import tomli_w
 import tyro
 
-from motorgrad._commands._help import description_of, descriptions
 from motorgrad._commands._words import REGISTRY, reader, shown_as
+from motorgrad._docstrings import description_of, descriptions
 from motorgrad._errors import check
 from motorgrad._files import check_writable, read_toml
-from motorgrad._settings import build, convert, default_of, fields_of, table
+from motorgrad._settings import build, convert, default_of, table
+from motorgrad._tree import KINDS, Part, fields_of, hints_of, kind_of, options_of, parts_in
+from motorgrad.policies import INITIAL
+from motorgrad.training import policy_settings
 
 T = TypeVar("T")
 COMMON: list[Any] = [
@@ -108,7 +113,9 @@ def fill(cls: type, given: Given, prog: str) -> dict[str, Any]:
 
 
 def _values(form: Any, cls: type) -> dict[str, Any]:
-    values = {name: getattr(form, name) for name in fields_of(cls)}
+    """A filled form as a table; a form of a part of a learner has entries of its own."""
+    names = [field.name for field in dataclasses.fields(form)] if issubclass(cls, _PartForm) else fields_of(cls)
+    values = {name: getattr(form, name) for name in names}
     return {
         name: _values(value, type(value)) if dataclasses.is_dataclass(value) else value
         for name, value in values.items()
@@ -120,19 +127,71 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any
     hints, helps, entries = typing.get_type_hints(cls, include_extras=True), descriptions(cls), []
     for name, field in fields_of(cls).items():
         hint, default = hints[name], values[name] if name in values else default_of(field)
-        if dataclasses.is_dataclass(default):
+        if isinstance(default, Part):
+            hint = part_form(default)
+            default = hint()
+        elif dataclasses.is_dataclass(default):
             hint = _form(type(default), {inner: getattr(default, inner) for inner in fields_of(type(default))})
             default = hint()
-        elif "choices" in field.metadata:
-            hint = typing.Literal[tuple(field.metadata["choices"])]
-        missing = "(required)" if default is dataclasses.MISSING else None  # of no words tyro makes an empty default
-        argument = tyro.conf.arg(help=helps.get(name), metavar=shown_as(hint), help_behavior_hint=missing)
-        hint = Annotated[(hint, argument, *reader(hint))]
-        given = () if default is dataclasses.MISSING else (dataclasses.field(default_factory=lambda d=default: d),)
-        entries.append((name, hint, *given))
+        entries.append((name, *_entry(hint, default, helps.get(name))))
     space = {"__doc__": description_of(cls), "__post_init__": lambda self: None}
     # a subclass, so that what stands under the fields of `cls` is found as their help
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return dataclasses.make_dataclass(
         cls.__name__, [*entries, *more], bases=(cls,), namespace=space, frozen=frozen, kw_only=True
     )
+
+
+class _PartForm:
+    """The options of a part of a learner, or of an initial policy."""
+
+
+def part_form(part: Part) -> Any:
+    """The options of a part of a learner and of the parts within it, with their present values as defaults."""
+    cls, entries = type(part), []
+    helps, hints = descriptions(cls), hints_of(cls)
+    families = [kinds for kinds in KINDS.values() if cls in kinds.values() and len(kinds) > 1]
+    if families:
+        kind: Any = typing.Literal[tuple(families[0])]
+        entries.append(("kind", *_entry(kind, kind_of(part), "Which kind; another kind starts from its own settings.")))
+    for name in fields_of(cls):
+        value, hint = getattr(part, name), hints[name]
+        if name == "transformations" and not value:
+            continue
+        if hasattr(value, "as_setting"):
+            hint = policy_form(value)
+            value = hint()
+        elif isinstance(value, Part):
+            hint = part_form(value)
+            value = hint()
+        elif kinds := parts_in(hint):
+            names = [name for kind in kinds for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
+            numeric = float in options_of(hint)
+            hint = float | None if numeric else typing.Literal[("none", *names)]
+            value = value if numeric else "none"
+        elif np.ndim(value):
+            value = tuple(value.tolist())
+        entries.append((name, *_entry(hint, value, helps.get(name))))
+    space = {"__doc__": description_of(cls)}
+    return dataclasses.make_dataclass(cls.__name__, entries, bases=(_PartForm,), namespace=space)
+
+
+def policy_form(policy: Any) -> Any:
+    """The options of an initial policy."""
+    function = INITIAL[policy.kind]
+    known = inspect.signature(function).parameters
+    entries = [("kind", *_entry(typing.Literal[tuple(INITIAL)], policy.kind, "The initial policy."))]
+    helps = descriptions(function)
+    for name, hint in policy_settings(policy.kind).items():
+        entries.append((name, *_entry(hint, policy.settings.get(name, known[name].default), helps.get(name))))
+    doc = (inspect.getdoc(function) or "").partition("\n")[0]
+    return dataclasses.make_dataclass("Policy", entries, bases=(_PartForm,), namespace={"__doc__": doc})
+
+
+def _entry(hint: Any, default: Any, about: str | None) -> tuple[Any, ...]:
+    """The type of an option and its default, as `dataclasses.make_dataclass` takes them after the name."""
+    missing = "(required)" if default is dataclasses.MISSING else None  # of no words tyro makes an empty default
+    argument = tyro.conf.arg(help=about, metavar=shown_as(hint), help_behavior_hint=missing)
+    hint = Annotated[(hint, argument, *reader(hint))]
+    given = () if default is dataclasses.MISSING else (dataclasses.field(default_factory=lambda: default),)
+    return (hint, *given)

@@ -44,11 +44,12 @@ def reader(hint: Any) -> tuple[Any, ...]:
     tables = [option for option in options if _is_table(option)]
     if not tables:
         return ()
+    single = float in options
     spec: PrimitiveConstructorSpec[Any] = PrimitiveConstructorSpec(
         nargs="*",
-        metavar="NAME VALUE ...",
-        instance_from_str=lambda words: _table(tables[0], type(None) in options, words),
-        is_instance=lambda value: value is None or isinstance(value, Mapping),
+        metavar="FLOAT | NAME VALUE ..." if single else "NAME VALUE ...",
+        instance_from_str=lambda words: _table(tables[0], type(None) in options, single, words),
+        is_instance=lambda value: value is None or isinstance(value, Mapping | float),
         str_from_instance=_words,
     )
     return (spec,)
@@ -81,13 +82,17 @@ def _number(word: str) -> int | float:
         return float(word)
 
 
-def _words(table: Mapping[str, Any] | None) -> list[str]:
-    return ["None"] if table is None else [str(word) for pair in table.items() for word in pair]
+def _words(table: Mapping[str, Any] | float | None) -> list[str]:
+    if not isinstance(table, Mapping):
+        return [str(table)]
+    return [str(word) for pair in table.items() for word in pair]
 
 
-def _table(hint: Any, optional: bool, words: list[str]) -> Any:
-    if optional and words == ["None"]:
+def _table(hint: Any, optional: bool, single: bool, words: list[str]) -> Any:
+    if optional and words in (["None"], ["none"]):
         return None
+    if single and len(words) == 1:
+        return as_hinted(float, _value(words[0]), "")
     if not words or len(words) % 2:
         last = f"{words[-1]!r} has no value" if words else "nothing is given"
         raise ValueError(f"{last}; must be names and values in turn")

@@ -8,9 +8,9 @@ from typing import Any
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._shared import write_json
 from motorgrad.experiments import EXPERIMENTS
+from motorgrad.learning import Estimator
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
-from motorgrad.training import ESTIMATORS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,7 +23,7 @@ class List:
 
 def run(arguments: list[str]) -> int:
     options = parse(List, arguments, "list")
-    estimators = {name: ", ".join(f"{k} {v}" for k, v in parts.items()) for name, parts in ESTIMATORS.items()}
+    estimators = {name: ", ".join(f"{k} {v}" for k, v in parts.items()) for name, parts in Estimator.presets.items()}
     found = {
         "tasks": {name: _first_line(task) for name, task in TASKS.items()},
         "policies": {name: _first_line(make) for name, make in INITIAL.items()},

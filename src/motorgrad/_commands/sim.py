@@ -8,16 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from motorgrad._commands._configuration import Given, fill, read, resolve, take
-from motorgrad._commands._task_options import policy_of, task_of, with_learner
+from motorgrad._commands._configuration import Given, read, resolve, take
+from motorgrad._commands._task_options import learner_command, task_of
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
-from motorgrad._settings import as_hinted, build, table
+from motorgrad._settings import build, table
 from motorgrad.sim import live
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
-from motorgrad.training import RunDirectoryError, load, settings_for, settled
+from motorgrad.training import RunDirectoryError, agent_table, load
 
 USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
 
@@ -64,7 +64,9 @@ class Options:
 
     def effective(self: Any) -> dict[str, Any]:
         values = {**table(self), **self.scene}
-        return values if self.task is None else {**values, "task": {"name": self.task.name, **values["task"]}}
+        if self.task is None:
+            return values
+        return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
 
     @property
     def pace(self) -> float:
@@ -100,23 +102,17 @@ def _learner_options(given: Given, scene: Mapping[str, Any]) -> Any:
     """The options with those of the task and its learner, whose defaults depend on each other."""
     name, given = task_of(given)
     check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
-    about_task = any(argument.startswith("--task") for argument in given.rest)
-    settings = {key: value for key, value in given.table.items() if key == "task"}
-    draft = given._replace(table=settings, rest=given.rest if about_task else [])
-    asked = fill(_command(TASKS[str(name)]()), draft, f"sim {name}").get("task", {})
-    task = as_hinted(TASKS[str(name)], asked, "task")
-    kind = _command(task, policy_of(given))
+    kind, given = learner_command(Options, "Sim", "See it learn", str(name), given)
     kind.scene = scene
     return resolve(kind, given, f"sim {name}")
 
 
 def _setup(options: Any, place: Place) -> Any:
-    agent = settled(options.agent, settings_for(options.task, policy=options.agent.policy))
-    seed = options.seed
+    agent, seed = options.agent, options.seed
     if options.run is not None:
         known = load(options.run)
         seed = known.seeds[0] if seed is None else seed
-        if isinstance(known.config["agent"]["policy"], dict):  # made in Python, and not to be made again
+        if known.config["agent"]["policy"]["kind"] == "given":  # made in Python, and not to be made again
             why = "true: the learner of this run was made in Python, so that its policy can only act"
             check(options.frozen, "frozen", options.frozen, why)
             agent = live.acting(known, seed)
@@ -198,7 +194,7 @@ def _with_run(given: Given) -> Given:
         own_name, settings = config["task"]["name"], config["agent"]["policy"]
     except (KeyError, TypeError):
         raise RunDirectoryError(f"{file}: damaged: it does not say which task was learnt, and how") from None
-    if isinstance(settings, dict):  # made in Python
+    if settings.get("kind") == "given":  # made in Python
         config["agent"] = {}
     asked = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None
     if asked is None and isinstance(values.get("task"), Mapping):
@@ -218,10 +214,6 @@ def _named(given: Given, make: Any) -> Any:
     except ValueError as error:
         told = str(error)
         raise ValueError(told if given.file is None or str(given.file) in told else f"{given.file}: {told}") from None
-
-
-def _command(task: Any, policy: dict[str, str] | None = None) -> Any:
-    return with_learner(Options, "Sim", "See it learn", task, policy)
 
 
 def _usage(status: int) -> int:

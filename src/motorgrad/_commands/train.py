@@ -1,26 +1,26 @@
 """`motorgrad train TASK`: learn."""
 
 import dataclasses
+import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._commands._configuration import fill, read, resolve, take
+from motorgrad._commands._configuration import read, resolve, take
 from motorgrad._commands._shared import in_words, summary, write_json
-from motorgrad._commands._task_options import policy_of, task_of, with_learner
+from motorgrad._commands._task_options import changes_of, learner_command, task_of
 from motorgrad._errors import check
 from motorgrad._files import check_writable
-from motorgrad._settings import as_hinted, table
+from motorgrad._settings import table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
     Run,
     RunDirectoryError,
+    agent_table,
     check_tensorboard,
     check_training,
     given_initial,
-    settings_for,
-    settled,
     train,
 )
 
@@ -39,6 +39,9 @@ class Options:
     """The run directory, by default runs/TASK. An unfinished run found there goes on."""
     resume: Path | None = None
     """Go on with the run in this directory, with its own task, learner, seeds and steps; in place of TASK and --out."""
+    sweep: tuple[str, ...] | None = None
+    """Numbers to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2: all combinations are learnt side by side in one
+    compiled call. In a file it is a table of lists, or a list of tables."""
     window: int | None = None
     """Decisions per record of the metrics; by default a two-hundredth of the steps."""
     checkpoint_every: float = 30.0
@@ -47,17 +50,22 @@ class Options:
     """Threads that work on bodies; 0 for one per processor."""
     tensorboard: bool = False
     """Keep TensorBoard event files in tensorboard/ of the run directory, up to date with every checkpoint."""
+    file_sweep: ClassVar[Any] = None
+    """The sweep of a file, where it has one."""
     json: Path | None = None
     """Also write the result to this file, for machines; - for the standard output."""
-
-    def __post_init__(self: Any) -> None:
-        object.__setattr__(self, "agent", settled(self.agent, settings_for(self.task, policy=self.agent.policy)))
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")
         one_way = self.first_seed == 0 or isinstance(self.seeds, int)
         check(one_way, "first_seed", self.first_seed, "0 where the seeds themselves are given")
-        check_training(*self.learning, window=self.window, checkpoint_every=self.checkpoint_every, threads=self.threads)
+        check_training(
+            *self.learning,
+            window=self.window,
+            checkpoint_every=self.checkpoint_every,
+            threads=self.threads,
+            sweep=self.swept,
+        )
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
             check_tensorboard()
@@ -70,12 +78,29 @@ class Options:
         return self.task, self.agent, self.steps, seeds
 
     @property
+    def swept(self: Any) -> Any:
+        """The sweep, as `train` takes it."""
+        if self.sweep is None:
+            return self.file_sweep
+        check(self.file_sweep is None, "sweep", self.sweep, "given once, here or in the file")
+        found = {}
+        for word in self.sweep:
+            name, equals, values = word.partition("=")
+            check(all((name, equals, values)), "sweep", word, "a name and numbers, such as decay=0.9,0.95")
+            try:
+                found[name.replace("-", "_")] = [float(value) for value in values.split(",")]
+            except ValueError:
+                raise ValueError(f"sweep = {word!r}: must be a name and numbers, such as decay=0.9,0.95") from None
+        return found
+
+    @property
     def directory(self: Any) -> Path:
         return self.out or Path("runs") / self.task.name
 
     def effective(self: Any) -> dict[str, Any]:
-        values = table(self)
-        return {**values, "task": {"name": self.task.name, **values["task"]}}
+        values = {name: value for name, value in table(self).items() if name != "sweep"}
+        values |= {} if self.swept is None else {"sweep": self.swept}
+        return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
 
 
 def run(arguments: list[str]) -> int:
@@ -89,20 +114,22 @@ def run(arguments: list[str]) -> int:
         print(f"usage: motorgrad train TASK [options]\n\ntasks: {', '.join(TASKS)}\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
         return 0 if asked else 2
-    # The learner's defaults are those of the task and of the policy that are asked for, so these are found out first.
-    about_task = any(argument.startswith("--task") for argument in given.rest)
-    settings = {key: value for key, value in given.table.items() if key == "task"}
-    draft = given._replace(table=settings, rest=given.rest if about_task else [])
-    asked = fill(_command(TASKS[name]()), draft, f"train {name}").get("task", {})
-    task = as_hinted(TASKS[name], asked, "task")
-    options = resolve(_command(task, policy_of(given)), given, f"train {name}")
+    swept = given.table.get("sweep")
+    given = given._replace(table={key: value for key, value in given.table.items() if key != "sweep"})
+    kind, given = learner_command(Options, "Train", "Learn", name, given)
+    kind.file_sweep = swept
+    options = resolve(kind, given, f"train {name}")
     initial = given_initial(options.directory)
     if begun and initial is None:
         how = "go on with it by --resume, or begin another in Python, train(..., initial=...)"
         raise ValueError(f"{given.file}: run.initial: this run began from policies that it was given: {how}")
+    if changed := changes_of(options.task, options.agent):
+        said = ", ".join(f"{path} = {value}" for path, value in changed.items())
+        print(f"learner: that of {name} with {said}; the rest as the task has it", file=sys.stderr)
     result = train(
         *options.learning,
         options.directory,
+        sweep=options.swept,
         window=options.window,
         checkpoint_every=options.checkpoint_every,
         threads=options.threads,
@@ -114,11 +141,6 @@ def run(arguments: list[str]) -> int:
         _say(result, found, options.directory)
     write_json(options.json, found)
     return 0 if result.complete else 130
-
-
-def _command(task: Any, policy: dict[str, str] | None = None) -> type[Options]:
-    """The options with those of a task and of the learner that goes with it, and with a policy."""
-    return with_learner(Options, "Train", "Learn", task, policy)
 
 
 def _resumed(arguments: list[str]) -> list[str]:

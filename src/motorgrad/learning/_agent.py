@@ -23,9 +23,9 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, any_of, where
 from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
-from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import changes
+from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import Policy, split, trainable
 
 
@@ -63,8 +63,8 @@ class AgentState(NamedTuple):
 class Agent(Part):
     """A learner: what acts, how credit is assigned, and how parameters move.
 
-    It is one tree of parts. Numbers are leaves: they may differ by seed, and change while the learner runs. Structure is
-    static: the kinds of parts, lengths, intervals and counts. A part that is absent is `None`.
+    It is one tree of parts. Numbers are leaves: they may differ by seed, and change while the learner runs. Structure
+    is static: the kinds of parts, lengths, intervals and counts. A part that is absent is `None`.
 
     **Arguments:**
 

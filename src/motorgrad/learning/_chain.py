@@ -186,7 +186,9 @@ class Optax(Optimizer):
 
     def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
         if self.hyperparameters is not None:
-            given = {name: jnp.asarray(value, state.hyperparams[name].dtype) for name, value in self.hyperparameters.items()}
+            given = {
+                name: jnp.asarray(value, state.hyperparams[name].dtype) for name, value in self.hyperparameters.items()
+            }
             state = state._replace(hyperparams={**state.hyperparams, **given})
         return self.transformation.update(updates, state, trainable(policy))
 
@@ -257,7 +259,7 @@ class Chain(NamedTuple):
         """The step of the parameters for a gradient to be climbed, and the states afterwards."""
         updates, after = jax.tree.map(jnp.negative, gradient), []
         for stage, state in zip(self.stages, states, strict=True):
-            updates, state = stage.update(updates, state, policy, steps, due)  # noqa: PLW2901
+            updates, state = stage.update(updates, state, policy, steps, due)
             after.append(state)
         return policy.allowed(updates), tuple(after)
 

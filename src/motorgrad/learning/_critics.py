@@ -28,8 +28,8 @@ class CriticStep(NamedTuple):
     r"""What one decision tells a critic.
 
     `features` $\phi(y_t)$ and `next_features` $\phi(y_{t+1})$, 0 where the episode terminated; the `reward`, and the
-    `level` $\rho$ that it is compared with; the temporal difference `error` $\delta$; $\gamma$ and $\lambda$, `discount`
-    and `decay`.
+    `level` $\rho$ that it is compared with; the temporal difference `error` $\delta$; $\gamma$ and $\lambda$,
+    `discount` and `decay`.
     """
 
     features: Weights
@@ -92,7 +92,9 @@ class TemporalDifference(CriticFit):
     def init(self, weights: Weights) -> Weights:
         return weights
 
-    def update(self, weights: Weights, state: Weights, step: CriticStep, dropped: Flag = False) -> tuple[Weights, Weights]:
+    def update(
+        self, weights: Weights, state: Weights, step: CriticStep, dropped: Flag = False
+    ) -> tuple[Weights, Weights]:
         trace = step.discount * step.decay * state + step.features
         return where(dropped, weights, weights + self.learning_rate * step.error * trace), trace
 
@@ -101,7 +103,7 @@ class TemporalDifference(CriticFit):
 
 
 class LeastSquaresState(NamedTuple):
-    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; their `sums` over the decisions since, `gathered` many."""
+    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; their `sums` over the `gathered` decisions since."""
 
     trace: Weights
     means: RunningMean

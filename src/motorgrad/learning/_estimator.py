@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Transition
-from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._branching import where
 from motorgrad.learning._critics import LinearCritic
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._traces import Exponential, Trace
@@ -134,9 +134,7 @@ class Estimator(Part):
             weight=None if self.discount is None else jnp.ones((), dtype),
         )
 
-    def act(
-        self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]
-    ) -> EstimatorState:
+    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
         """The state after an action was chosen on `observation`; its score enters the trace."""
         if self.baseline is not None:
             state = state._replace(baseline=self.baseline.observe(state.baseline, observation))

@@ -132,7 +132,7 @@ def soft_boxes(
 def growing(
     task: Any,
     units: int | None = None,
-    kind: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
+    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
     p_max: float = 0.5,
     hardness: float = 10.0,
 ) -> Masked:
@@ -146,9 +146,9 @@ def growing(
         "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), wall),
         "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), wall),
     }
-    choice("kind", kind, kinds)
+    choice("shape", shape, kinds)
     centre, wall = jnp.zeros((outputs, inputs)), jnp.full(outputs, math.log(hardness))
-    return Masked(kinds[kind](), jnp.zeros(outputs, bool))
+    return Masked(kinds[shape](), jnp.zeros(outputs, bool))
 
 
 def lattice(places: int, inputs: int) -> np.ndarray:

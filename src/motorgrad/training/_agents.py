@@ -142,7 +142,8 @@ def agent_table(agent: Agent) -> dict[str, Any]:
         found["policy"] = {"kind": "given", "structure": policies.describe(state.policy)}
     for name, part in parts_by_path(agent):
         if isinstance(part, Optax):
-            node, keys = found, name.split(".")
+            node: Any = found
+            keys = name.split(".")
             for key in keys:
                 node = node[int(key)] if isinstance(node, list) else node[key]
             node.pop("transformation", None)
@@ -155,7 +156,7 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
 
     **Raises** `ValueError` where a part was made in Python and is not registered.
     """
-    made = [problem for problem in _unregistered(settings, where)]
+    made = _unregistered(settings, where)
     if made:
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
     given = dict(settings)

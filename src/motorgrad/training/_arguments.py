@@ -74,7 +74,9 @@ def check_training(
     own = None if initial is None else stacked(initial, policy, len(chosen))
     settings = [] if sweep is None else settings_of(sweep, task, learner)
     lanes = len(chosen) * max(1, len(settings))
-    check(lanes <= MOST_SEEDS, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MOST_SEEDS} in all")
+    check(
+        lanes <= MOST_SEEDS, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MOST_SEEDS} in all"
+    )
     return Asked(task, learner, int(steps), [int(seed) for seed in chosen], own, settings)
 
 

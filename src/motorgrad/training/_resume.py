@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training._agents import agent_from_table
 from motorgrad.training._run import Run, given_initial, task_of
 from motorgrad.training._train import train
+from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
 
 
 def resume(

@@ -14,10 +14,10 @@ import pyarrow.compute as pc
 from motorgrad._errors import check, unknown
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import TASKS, Task, make
-from motorgrad.training.store._checkpoint import into, name_of
-from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
 from motorgrad.training.plots._plot import Format, learning_curves
 from motorgrad.training.plots._plot_curves import Axis
+from motorgrad.training.store._checkpoint import into, name_of
+from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
 
 if TYPE_CHECKING:
     from motorgrad.training.plots._plot_figure import LearningCurves
@@ -30,8 +30,8 @@ class Run:
     - `config`: the effective configuration, as in `config.toml`.
     - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
     - `metrics`: a table of records (`docs/training.md` has its columns).
-    - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner has
-      `PolyakAveraging`; `initial`, the same before learning.
+    - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner
+      has `PolyakAveraging`; `initial`, the same before learning.
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
       `gpomdp`, the estimate itself. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
@@ -88,7 +88,7 @@ class Run:
         config["agent"] = _with_setting(config["agent"], self.settings[index])
         metrics = self.metrics
         if metrics.num_rows:
-            metrics = metrics.filter(pc.equal(metrics["setting"], index)).drop_columns(["setting"])
+            metrics = metrics.filter(pc.field("setting") == index).drop_columns(["setting"])
         memory = {name: array[rows] for name, array in self._memory.items()}
         return dataclasses.replace(
             self,
@@ -123,7 +123,7 @@ class Run:
         return into(template, self._memory)
 
     def policy(self, seed: int | None = None) -> Policy:
-        """The learnt policy of one seed, by default the first. Of a sweep, take the run of a setting first (`split`)."""
+        """The learnt policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""
         check(not self.settings, "policy", self, "of a run of one setting: run.split()[0].policy()")
         seed = self.seeds[0] if seed is None else seed
         check(seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad._tree import check_rounded, fields_of, numbers_of, with_number
+from motorgrad._tree import Part, check_rounded, fields_of, numbers_of, with_number
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training.engines import validate_episodes
@@ -33,9 +33,12 @@ def settings_of(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
         paths = [_path(name, agent) for name in sweep]
         found = [dict(zip(paths, values, strict=True)) for values in itertools.product(*sweep.values())]
     else:
-        right = isinstance(sweep, Sequence) and not isinstance(sweep, str) and all(isinstance(s, Mapping) for s in sweep)
+        right = (
+            isinstance(sweep, Sequence) and not isinstance(sweep, str) and all(isinstance(s, Mapping) for s in sweep)
+        )
         check(right, "sweep", sweep, wanted)
-        found = [{_path(name, agent): value for name, value in setting.items()} for setting in sweep]
+        given: Any = sweep
+        found = [{_path(name, agent): value for name, value in setting.items()} for setting in given]
     check(found and all(found), "sweep", sweep, wanted)
     check(all(set(setting) == set(found[0]) for setting in found), "sweep", sweep, "settings of the same numbers")
     settings = []
@@ -69,12 +72,12 @@ def _path(name: str, agent: Agent) -> str:
         return path
     node: Any = tree
     for part in path.split("."):
-        if part not in fields_of(type(node)) if hasattr(type(node), "__dataclass_fields__") else True:
+        if not isinstance(node, Part) or part not in fields_of(type(node)):
             raise unknown("number in the sweep", name, known)
         node = getattr(node, part)
     if node is None:
         raise ValueError(f"sweep: {name!r} is absent in this agent: give it a value first")
     raise ValueError(
-        f"sweep: {name!r} is part of the structure, not a number: lengths, intervals, counts and kinds of parts are the "
-        "same for all seeds of a run; train one run for each value"
+        f"sweep: {name!r} is part of the structure, not a number: lengths, intervals, counts and kinds of parts are "
+        "the same for all seeds of a run; train one run for each value"
     )

@@ -51,14 +51,14 @@ def train(
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `agent`: the learner; or changes of the learner that goes with the task, as `agent_for` takes them; by default that
-      learner itself. A run whose parts are all registered can be resumed from its directory alone (`resume`).
+    - `agent`: the learner; or changes of the learner that goes with the task, as `agent_for` takes them; by default
+      that learner itself. A run whose parts are all registered can be resumed from its directory alone (`resume`).
     - `steps`: decisions per seed. Where the directory holds a run that has made more, that run is returned.
     - `seeds`: how many (0, 1, 2 …), or which.
     - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
       for bit; if it is finished, it is returned; with more `steps` than before, it is continued.
-    - `sweep`: several settings of the agent's numbers, learnt side by side in one compiled call: a mapping from paths to
-      lists of numbers, which combine as a product, or a list of mappings. Seed k has the same random numbers under
+    - `sweep`: several settings of the agent's numbers, learnt side by side in one compiled call: a mapping from paths
+      to lists of numbers, which combine as a product, or a list of mappings. Seed k has the same random numbers under
       every setting. `Run.split` gives the run of each setting.
     - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run in the
       directory has.
@@ -244,7 +244,7 @@ class _Training:
 
 
 def _refuse_less(path: Path, asked: int, before: int, made: int) -> None:
-    """An unfinished run keeps its number of steps, which would be lost silently otherwise. A finished one is returned."""
+    """Refuse fewer steps than an unfinished run has: its goal would be lost silently. A finished run is returned."""
     if asked < before and made < before:
         raise RunDirectoryError(
             f"{path} holds a run of {before:,} decisions, of which {made:,} are made; {asked:,} were asked for now: "

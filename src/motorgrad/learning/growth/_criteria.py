@@ -72,8 +72,8 @@ class PlateauState(NamedTuple):
     - `batch`: the mean of the current batch, of `rewards` many.
     - `mean` and `squares`: the mean of the current window's batch means and the sum of their squared deviations;
       `batches`, how many.
-    - `last` and `last_variance`: the mean of the last window and its variance; `windows`, how many since the newest unit
-      was grown.
+    - `last` and `last_variance`: the mean of the last window and its variance; `windows`, how many since the newest
+      unit was grown.
     - `best` and `best_variance`: the best level before a unit was added.
     - `vain`: how many units in a row brought nothing; `due`: whether a unit is due.
     """

@@ -37,7 +37,9 @@ class Visited(Part):
         none = jnp.zeros((), jnp.uint32)
         return VisitedState(jnp.zeros((self.slots, inputs), dtype), none, none)
 
-    def observe(self, state: VisitedState, observation: Float[Array, " inputs"], salt: UInt32[Array, ""]) -> VisitedState:
+    def observe(
+        self, state: VisitedState, observation: Float[Array, " inputs"], salt: UInt32[Array, ""]
+    ) -> VisitedState:
         """The memory after an observation; one that is not finite is never kept."""
         block, place = state.seen // self.every, state.seen % self.every
         chosen = (hash_bits(block ^ salt) % self.every == place) & jnp.all(jnp.isfinite(observation))

@@ -6,9 +6,10 @@ decision $t_0$, a unit of base $b$ and slope $v = \alpha z/B$ has the parameters
 
 $$\theta_t = b + v S_t .$$
 
-An update adds the score to the slope, $v \leftarrow v + \alpha\nabla\log\pi/B$, and moves the base so that $\theta$ stays
-where it is. Every few tens of decisions all units are brought up to date, and $t_0$ is now ("rebase"). Each episode
-within that time has a sum of its own; a unit that was last updated in an earlier episode stays where its end left it.
+An update adds the score to the slope, $v \leftarrow v + \alpha\nabla\log\pi/B$, and moves the base so that $\theta$
+stays where it is. Every few tens of decisions all units are brought up to date, and $t_0$ is now ("rebase"). Each
+episode within that time has a sum of its own; a unit that was last updated in an earlier episode stays where its end
+left it.
 """
 
 import functools
@@ -40,8 +41,8 @@ class IndexState(NamedTuple):
     r"""What a sparse learner knows beside its policy, which is up to date only where it was published.
 
     - `rows`: of each unit the base, the slope, and the episode in which it was last updated.
-    - `sums`: $S$ of each episode since the rebase; `travel`, the same of $|\delta|$; `limit`, the travel at which a unit
-      may have used up its margin, at the earliest.
+    - `sums`: $S$ of each episode since the rebase; `travel`, the same of $|\delta|$; `limit`, the travel at which a
+      unit may have used up its margin, at the earliest.
     - `episode`: the present episode; `count`, decisions up to the next rebase.
     - `table`: as `SpatialIndex.table` makes it, with `room` for so many units, for units where `reference` has them and
       a grid at `low` of cells of `size`.
@@ -72,8 +73,8 @@ class SparseAgent(Agent):
     Tables are made outside compiled code. Where `due` says so, call `refresh` before the next `act`, which consumes as
     many uniforms as the table has room for. `publish` brings the policy up to date, for others to read.
 
-    **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that does
-    not depend on the observation, a step at every decision by `SGD` without weight decay, and no metric, growth,
+    **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that
+    does not depend on the observation, a step at every decision by `SGD` without weight decay, and no metric, growth,
     averaging or entropy bonus; and
 
     - `index`: what is neglected and when tables are made.

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from motorgrad._tree import Part, count, static
 from motorgrad._errors import check
+from motorgrad._tree import Part, count, static
 from motorgrad.policies import LocalGaussians
 
 SLACK = 1e-3  # of a cell: how much wider a cell is taken than it is, for the rounding of single precision
@@ -20,8 +20,8 @@ class SpatialIndex(Part):
 
     A unit fires with a probability above $\varepsilon$ only within $r = \sqrt{2\ln(p_\max/\varepsilon)}$ of its widths.
     It is listed in every cell that comes nearer to its centre than $r + m$ widths. So where it is not listed it fires
-    with at most $\varepsilon$ for as long as its `strain` is at most 1: until it has moved, or grown, by the margin $m$.
-    The grid spans the units' centres; cells at its border reach to infinity, so every observation is in one.
+    with at most $\varepsilon$ for as long as its `strain` is at most 1: until it has moved, or grown, by the margin
+    $m$. The grid spans the units' centres; cells at its border reach to infinity, so every observation is in one.
 
     All numbers fix tables that are made outside compiled code, so they are static.
 

@@ -30,8 +30,8 @@ _alone = threading.Lock()
 class HostProgram(Program):
     """The compiled functions of a `HostStepper`, each for all seeds. Several threads may call them.
 
-    **Arguments:** as `Program`; an `example` of the batch, for the layout of its rows; how many `seeds` at most; whether
-    policies to begin from are `given`.
+    **Arguments:** as `Program`; an `example` of the batch, for the layout of its rows; how many `seeds` at most;
+    whether policies to begin from are `given`.
     """
 
     task: HostTask
@@ -279,4 +279,3 @@ class BodyStepper(HostStepper):
     def activation(self) -> Float[np.ndarray, "seeds groups"]:
         """The present actions: what each group of muscles does until the next decision."""
         return self._out[:, : len(self.batch.groups)]
-

@@ -24,7 +24,9 @@ class SparseProgram(WorldProgram):
     """
 
     axes: ClassVar[Any] = (
-        CycleState(AgentState(*[LAST] * (len(AgentState._fields) - 1), index=0), *[LAST] * (len(CycleState._fields) - 1)),
+        CycleState(
+            AgentState(*[LAST] * (len(AgentState._fields) - 1), index=0), *[LAST] * (len(CycleState._fields) - 1)
+        ),
         LAST,
     )
 
@@ -72,9 +74,7 @@ class SparseStepper(WorldStepper):
         stop = self.decision + decisions
         while self.decision < stop:
             self._refresh()
-            made, self._carry = self.program.run(
-                self._carry, self.seeds, jnp.uint32(self.decision), jnp.uint32(stop)
-            )
+            made, self._carry = self.program.run(self._carry, self.seeds, jnp.uint32(self.decision), jnp.uint32(stop))
             self.decision = int(made)
 
     @property

@@ -1,0 +1,58 @@
+"""Help for settings, from the docstrings of their classes: a text is written once."""
+
+import inspect
+import re
+from typing import Any
+
+FIELD = re.compile(r"^- `(\w+)`([^`:]*): (.*?)(?=\n- |\n\n|\Z)", re.DOTALL | re.MULTILINE)
+WORD = re.compile(r"[a-z]+(?=[\s,:;-]|$)")  # not a symbol or a name, such as ρ, k_SE and motorgrad.make
+
+
+SYMBOLS = {
+    r"\alpha": "α", r"\beta": "β", r"\gamma": "γ", r"\delta": "δ", r"\Delta": "Δ", r"\epsilon": "ε",
+    r"\varepsilon": "ε",
+    r"\theta": "θ", r"\kappa": "κ", r"\lambda": "λ", r"\mu": "μ", r"\pi": "π", r"\rho": "ρ", r"\sigma": "σ",
+    r"\phi": "φ", r"\tau": "τ", r"\nabla": "∇", r"\sum": "Σ", r"\infty": "∞", r"\in": " ∈ ", r"\ge": " ≥ ",
+    r"\le": " ≤ ", r"\times": " × ", r"\cdot": "·", r"\mid": " | ", r"\leftarrow": " ← ", r"\frac12": "½",
+    r"\ldots": "…",
+}  # fmt: skip
+
+
+def description_of(cls: type) -> str:
+    """What a docstring says before its list of arguments and its example."""
+    return _without_formulas(_doc(cls).partition("**Arguments")[0].partition("```")[0]).replace("`", "").strip()
+
+
+def descriptions(cls: Any) -> dict[str, str]:
+    """What the docstrings of a class and of its bases, or of a function, say of each field.
+
+    It stands in lines "- `name` (unit): text" or "- `name` of what: text".
+    """
+    found: dict[str, str] = {}
+    for base in getattr(cls, "__mro__", (cls,)):
+        for name, more, text in FIELD.findall(_doc(base)):
+            unit = more if more.startswith(" (") else ""
+            text = _without_formulas(text).replace("`", "")
+            said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".split())
+            said = said[:1].upper() + said[1:] if WORD.match(said) else said
+            found.setdefault(name, f"{said.rstrip('.')}{unit}.")
+    return found
+
+
+def _without_formulas(text: str) -> str:
+    """A text whose formulas between dollar signs are written in plain characters."""
+
+    def plain(match: re.Match[str]) -> str:
+        formula = match[1]
+        for command, symbol in sorted(SYMBOLS.items(), key=lambda pair: -len(pair[0])):
+            formula = re.sub(re.escape(command) + r"(?![a-zA-Z])", symbol, formula)
+        formula = re.sub(r"\\[a-zA-Z]+\{([^}]*)\}", r"\1", formula)  # \text{level rate}
+        formula = re.sub(r"\\([a-zA-Z]+)", r"\1", formula)  # \max
+        return " ".join(re.sub(r"\\[,;! ]|[{}]", "", formula).split())
+
+    return re.sub(r"\$\$?([^$]+)\$\$?", plain, text)
+
+
+def _doc(cls: Any) -> str:
+    own = cls.__dict__.get("__doc__") if isinstance(cls, type) else cls.__doc__
+    return inspect.cleandoc(own or "")
