@@ -312,7 +312,7 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
         (lambda: Agent(Hyperplanes([[1.0]], [0.0]), growth=QUICK).init(jax.random.key(0)), "'Hyperplanes': must be a"),
         (
             lambda: Agent(Masked(FreeGaussians([[0.0]], [[0.0]], [0.0])), growth=QUICK).init(jax.random.key(0)),
-            "'FreeGaussians': must be a Masked pool of LocalGaussians or SoftBoxes or SoftSpheres",
+            "'FreeGaussians': must be a Masked pool of local units that keep their height",
         ),
         (lambda: learner(growth="clock"), "growth = 'clock': must be None or a Growth"),
         (lambda: learner(estimator=Gpomdp(0.5)), "growth"),

@@ -1,8 +1,10 @@
-"""The policies that every policy test runs over. A new kind of policy is one more line of `EXAMPLES`.
+"""The policies that every policy test runs over.
 
-An example is a function of a NumPy generator, so that each has as many parameter settings as a test likes to draw.
+An example is a function of a NumPy generator, so that a test can draw as many parameter settings as it likes. A new
+kind of policy in `motorgrad.policies.INITIAL` gets an example by itself; list others only where they add something.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.policies import (
+    INITIAL,
     Factored,
     FreeGaussians,
     Gated,
@@ -24,6 +27,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    split,
 )
 from motorgrad.worlds import AdmissionThresholds
 
@@ -106,6 +110,33 @@ def call(policy: Policy, method: str, *arguments: Any) -> Any:
 def over_actions(policy: Policy, method: str, observation: Any) -> Any:
     """A method of (observation, action) for every action, along a leading axis."""
     return jax.vmap(lambda action: getattr(policy, method)(observation, action))(policy.enumerate())
+
+
+def from_initial(name: str, rng: Rng) -> Policy:
+    """The initial policy called `name`, with random numbers added to its parameters."""
+    for inputs, units in ((2, 3), (1, 3), (3, 6)):
+        try:
+            start = INITIAL[name](inputs, units)
+            break
+        except ValueError:  # some policies need a single input, or several
+            continue
+    policy = start if isinstance(start, Policy) else start(jax.random.key(rng.integers(2**31)))
+    learnt, rest = split(policy)
+    return eqx.combine(jax.tree.map(lambda x: x + jnp.asarray(rng.normal(size=x.shape), x.dtype), learnt), rest)
+
+
+def unlisted(examples: dict[str, Callable[[Rng], Policy]]) -> dict[str, Callable[[Rng], Policy]]:
+    """Examples of all kinds of policies in `INITIAL` that have none yet and whose actions can be enumerated."""
+    listed = {type(make(np.random.default_rng(0))) for make in examples.values()}
+    found = {}
+    for name in sorted(INITIAL.keys() - {"mirrored"}):  # this one needs a task with a mirror
+        policy = from_initial(name, np.random.default_rng(0))
+        if type(policy) not in listed and policy.actions in ("binary", "discrete"):
+            found[name] = functools.partial(from_initial, name)
+    return found
+
+
+EXAMPLES |= unlisted(EXAMPLES)
 
 
 def _motoneurons_at(potential: float) -> tuple[Policy, np.ndarray]:

@@ -41,7 +41,7 @@ def test_cells_are_asked_for_in_proportion_to_the_entropy_and_evenly_within(low,
     found = queries(policy)
     count, _ = np.histogram(found, edges)
     np.testing.assert_allclose(count / len(found), expected, atol=1e-4)
-    np.testing.assert_allclose(policy.chances(), expected, rtol=1e-5)
+    np.testing.assert_allclose(policy.query_probabilities(), expected, rtol=1e-5)
     assert low <= found.min()
     assert found.max() <= high
     likely = int(np.argmax(expected))
@@ -53,7 +53,7 @@ def test_cells_are_asked_for_in_proportion_to_the_entropy_and_evenly_within(low,
 @pytest.mark.slow
 def test_a_policy_that_is_sure_everywhere_asks_uniformly():
     policy = Querying(Motoneurons([50.0], [1e6]), 0.0, 1.0, 0.0, 8)
-    np.testing.assert_allclose(policy.chances(), 1 / 8)
+    np.testing.assert_allclose(policy.query_probabilities(), 1 / 8)
     found = queries(policy, 8_000)
     np.testing.assert_array_equal(np.histogram(found, np.linspace(0, 1, 9))[0], 1_000)
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import EXAMPLES, observation_of, policy_of
+from policy_examples import EXAMPLES, from_initial, observation_of, policy_of, unlisted
 
 from motorgrad import policies
 from motorgrad.policies import (
@@ -263,3 +263,21 @@ def test_impossible_initial_settings_are_refused_by_name(make, names):
     with pytest.raises(ValueError) as error:  # noqa: PT011
         make()
     assert names in str(error.value)
+
+
+@pytest.mark.parametrize("name", sorted(INITIAL.keys() - {"mirrored"}))
+def test_every_initial_policy_gives_examples_with_random_parameters(name):
+    one, other = (split(from_initial(name, np.random.default_rng(seed))) for seed in (0, 1))
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one[0]), jax.tree.leaves(other[0]), strict=True):
+        assert np.all(a != b)
+
+
+def test_a_new_kind_of_policy_in_the_registry_is_tested_without_another_list(monkeypatch):
+    class Steep(Hyperplanes):
+        """A kind of units that no test names."""
+
+    assert not unlisted(EXAMPLES)
+    start = lambda task, units=None: Steep(np.zeros((units, task)), np.zeros(units))  # noqa: E731
+    monkeypatch.setitem(INITIAL, "steep", start)
+    assert isinstance(unlisted(EXAMPLES)["steep"](np.random.default_rng(0)), Steep)

@@ -91,7 +91,7 @@ def querying() -> Figure:
     fires.legend(loc="upper left", ncols=2)
     for explore, colour in ((0.0, ORANGE), (0.1, RED), (1.0, FAINT)):
         policy = Querying(pool, explore=jnp.asarray(explore))
-        density = policy.cells * np.asarray(policy.chances())
+        density = policy.cells * np.asarray(policy.query_probabilities())
         edges = np.linspace(0, 1, policy.cells + 1)
         asked.stairs(density, edges, color=colour, label=rf"$\epsilon$ = {explore:g}")
     asked.set(title="density of the loads asked for", xlabel="load", ylim=(0, None))

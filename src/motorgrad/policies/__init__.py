@@ -1,36 +1,23 @@
-"""Stochastic units and the policies they make up."""
+"""Stochastic units, and the policies composed of them."""
 
-from motorgrad.policies._binary import BinaryUnits, SigmoidUnits
-from motorgrad.policies._box import SoftBoxes
-from motorgrad.policies._factored import Factored
-from motorgrad.policies._gated import Gated
-from motorgrad.policies._gaussian import FreeGaussians, GaussianUnits, LocalGaussians
-from motorgrad.policies._graded import GradedMotoneurons, GradedUnits
-from motorgrad.policies._graded_hyperplane import GradedHyperplanes
-from motorgrad.policies._graded_pool import GradedPool
-from motorgrad.policies._grow import grow
-from motorgrad.policies._hyperplane import Hyperplanes
-from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
-from motorgrad.policies._initial_composed import gated, mirrored, mixture, primitives
-from motorgrad.policies._initial_global import (
+from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
+from motorgrad.policies._composed import Factored, Gated, gated, mixture
+from motorgrad.policies._graded import (
+    GradedHyperplanes,
+    GradedMotoneurons,
+    GradedUnits,
     graded_hyperplanes,
     graded_motoneurons,
-    hyperplanes,
-    motoneurons,
-    querying_motoneurons,
-    softmax,
 )
-from motorgrad.policies._initial_local import gaussians, graded_tiles, growing, soft_boxes, soft_spheres, tiles
-from motorgrad.policies._masked import Masked
-from motorgrad.policies._mirrored import Mirrored
-from motorgrad.policies._motoneuron import Motoneurons
-from motorgrad.policies._policy import Policy, fixed, split, trainable
-from motorgrad.policies._primitives import Primitives
-from motorgrad.policies._prune import activity, prune, reach
-from motorgrad.policies._querying import Querying
-from motorgrad.policies._softmax import Softmax
-from motorgrad.policies._sphere import SoftSpheres
-from motorgrad.policies._structure import describe, rebuild
+from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, prune, reach
+from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
+from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
+from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
+from motorgrad.policies._mirrored import Mirrored, mirrored
+from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, split, trainable
+from motorgrad.policies._querying import Querying, querying_motoneurons
+from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
+from motorgrad.policies._softmax import Softmax, softmax
 
 __all__ = [
     "IMPLIED",
@@ -47,12 +34,14 @@ __all__ = [
     "Hyperplanes",
     "Initial",
     "LocalGaussians",
+    "LocalUnits",
     "Masked",
     "Mirrored",
     "Motoneurons",
     "Policy",
     "Primitives",
     "Querying",
+    "Regions",
     "SigmoidUnits",
     "SoftBoxes",
     "SoftSpheres",

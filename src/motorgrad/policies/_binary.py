@@ -1,32 +1,45 @@
-"""Pools of independent stochastic binary units: each decides whether it fires."""
+"""Pools of independent binary units: the contract, sigmoid units, hyperplanes and motoneurons."""
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Self
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
-from motorgrad.policies._policy import Policy, has_rows, in_structure, outer, unit_rows
+from motorgrad._errors import check
+from motorgrad.policies._policy import (
+    Policy,
+    has_rows,
+    in_structure,
+    outer,
+    per_unit,
+    sizes,
+    unit_rows,
+    with_fields,
+)
 
 
 class BinaryUnits(Policy):
     r"""A pool of $N$ units that fire independently with probabilities $p_i(y)$.
 
-    An action is a vector of $N$ zeros and ones, in the floating type of the parameters; its log-probability is the sum
-    of the units' and its score the concatenation of theirs (section 4.2.1 of the thesis).
+    An action is a vector of $N$ zeros and ones, in the floating type of the parameters. Its log-probability is the sum
+    over the units, and its score the concatenation of the units' scores (section 4.2.1 of the thesis).
+
+    A subclass defines `inputs`, `outputs`, `prob` and `score`.
     """
 
     @property
     def independent(self) -> bool:
-        """Whether each unit decides without regard to what the others do at the same decision."""
+        """Whether the units fire independently of each other, given the observation."""
         return True
 
     @property
     def separate(self) -> bool:
-        """Whether each unit has parameters of its own, which no other unit uses."""
+        """Whether each unit has parameters of its own that no other unit uses."""
         return has_rows(self)
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
@@ -34,12 +47,12 @@ class BinaryUnits(Policy):
         return (uniforms < p).astype(p.dtype)
 
     def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        """1 where a unit fires with probability above one half."""
+        """1 for each unit that fires with probability above one half."""
         p = self.prob(observation)
         return (p > 0.5).astype(p.dtype)
 
     def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        r"""Each unit's own term of $\log\pi$, its action being what it is in `action`."""
+        r"""The term of each unit in $\log\pi$."""
         p = self.prob(observation)
         return jnp.where(action > 0, jnp.log(p), jnp.log1p(-p))
 
@@ -47,16 +60,15 @@ class BinaryUnits(Policy):
         return jnp.sum(self.log_probs(observation, action))
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
-        """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
+        """One row per unit if every trainable array leads with the units, else a single row."""
         return (unit_rows(self, gradient),)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        r"""Exact, $p\,s_1s_1' + (1 - p)\,s_0s_0'$ of the scores for firing and for silence, which is
-        $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$, as their mean is 0.
+        r"""Exact: $p\,s_1s_1' + (1 - p)\,s_0s_0'$ for the scores of firing $s_1$ and of silence $s_0$.
 
-        Where several units share parameters it is the sample $ss'$.
+        As their mean is 0, this is $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$. Units that share parameters use the sample $ss'$.
         """
         p = self.prob(observation)
         (fire,), (silent,) = (self.blocks(self.score(observation, jnp.full_like(p, a))) for a in (1.0, 0.0))
@@ -68,14 +80,17 @@ class BinaryUnits(Policy):
         return entropy_of(self.prob(observation))
 
     def enumerate(self) -> Float[Array, "actions units"]:
-        """All $2^N$ firing patterns; the last unit's bit changes fastest."""
-        return enumerate_binary(self.outputs)
+        """All $2^N$ firing patterns; the bit of the last unit changes fastest."""
+        codes = jnp.arange(2**self.outputs)[:, None] >> jnp.arange(self.outputs - 1, -1, -1)
+        return (codes & 1).astype(jnp.result_type(float))
 
 
 class SigmoidUnits(BinaryUnits):
-    r"""Units that fire with probability $\sigma(\phi_i(y))$ of a potential $\phi$.
+    r"""Units that fire with probability $\sigma(\phi_i(y))$, where $\phi$ is a potential.
 
-    Their score is $\nabla \log \pi = (A - p)\,\nabla\phi$ for the action $A \in \{0, 1\}$ (appendix A.1).
+    The score is $\nabla \log \pi = (A - p)\,\nabla\phi$ for the action $A \in \{0, 1\}$ (appendix A.1 of the thesis).
+
+    A subclass defines `inputs`, `outputs`, `potential` and `potential_gradient`.
     """
 
     @abc.abstractmethod
@@ -84,42 +99,137 @@ class SigmoidUnits(BinaryUnits):
 
     @abc.abstractmethod
     def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
-        r"""$\partial\phi_i/\partial\theta$ of every trainable field, by the field's name; units lead."""
+        r"""$\partial\phi_i/\partial\theta$ for every trainable field, by field name. Units lead."""
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return jax.nn.sigmoid(self.potential(observation))
 
     def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        # log σ of the signed potential stays finite and exact in the far tails, where log p would not.
+        # log σ of the signed potential stays finite and exact in the far tails, where log p does not.
         return jax.nn.log_sigmoid((2 * action - 1) * self.potential(observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         surprise = action - self.prob(observation)
         gradient = self.potential_gradient(observation)
-        return in_structure(
-            self, **{k: surprise.reshape(surprise.shape + (1,) * (v.ndim - 1)) * v for k, v in gradient.items()}
-        )
+        return in_structure(self, **{name: per_unit(surprise, slope) * slope for name, slope in gradient.items()})
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         potential = self.potential(observation)
         return jnp.sum(jax.nn.softplus(potential) - potential * jax.nn.sigmoid(potential))
 
 
+class Hyperplanes(SigmoidUnits):
+    r"""Units that fire on one side of a soft linear boundary, with probability $p_i = \sigma(w_i \cdot y + b_i)$.
+
+    Score: $\partial_w = (A - p)\,y$ and $\partial_b = A - p$ (equation 5.1 of the thesis).
+
+    **Arguments:** `weights` of shape `(units, inputs)` and `bias` of shape `(units,)`.
+    """
+
+    weights: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    bias: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self) -> None:
+        check(self.weights.ndim == 2, "weights", self.weights.shape, "of shape (units, inputs)")
+        check(self.bias.shape == self.weights.shape[:1], "bias", self.bias.shape, f"of shape {self.weights.shape[:1]}")
+
+    @property
+    def inputs(self) -> int:
+        return self.weights.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        return self.weights.shape[0]
+
+    def potential(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
+        return jnp.sum(self.weights * observation, axis=-1) + self.bias
+
+    def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
+        return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
+
+    def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
+        return with_fields(self, weights=self.weights / factor, bias=self.bias / factor)
+
+
+class Motoneurons(SigmoidUnits):
+    r"""Motoneurons with a threshold and a gain on one common input, $p_i = \sigma(k_i (y - y^*_i))$.
+
+    Score: $\partial_{y^*} = -(A - p)\,k$ and $\partial_k = (A - p)(y - y^*)$ (section 4.2.2 of the thesis).
+
+    **Arguments:** `threshold` $y^*$ and `gain` $k$, both of shape `(units,)`. A unit of negative gain fires below its
+    threshold.
+    """
+
+    threshold: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    gain: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self) -> None:
+        check(self.threshold.ndim == 1, "threshold", self.threshold.shape, "of shape (units,)")
+        check(self.gain.shape == self.threshold.shape, "gain", self.gain.shape, f"of shape {self.threshold.shape}")
+
+    @property
+    def inputs(self) -> int:
+        return 1
+
+    @property
+    def outputs(self) -> int:
+        return self.threshold.shape[0]
+
+    def potential(self, observation: Float[Array, " 1"]) -> Float[Array, " units"]:
+        return self.gain * (observation[0] - self.threshold)
+
+    def potential_gradient(self, observation: Float[Array, " 1"]) -> dict[str, Array]:
+        return {"threshold": -self.gain, "gain": observation[0] - self.threshold}
+
+    def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
+        return with_fields(self, gain=self.gain / factor)
+
+
+def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
+    """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
+
+    **Arguments:** `task`, a task or a number of inputs; `units`, by default the task's number of binary actions.
+    """
+    inputs, outputs = sizes(task, units)
+    return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
+
+
+def motoneurons(
+    task: Any, units: int | None = None, low: float = 0.0, high: float = 1.0
+) -> Callable[[jax.Array], Motoneurons]:
+    """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis)."""
+    outputs = single_input_units("motoneurons", task, units, low, high)
+
+    def initial(key: jax.Array) -> Motoneurons:
+        return Motoneurons(jax.random.uniform(key, (outputs,), minval=low, maxval=high), jnp.zeros(outputs))
+
+    return initial
+
+
+def single_input_units(name: str, task: Any, units: int | None, low: float, high: float) -> int:
+    """The number of units of an initial policy with thresholds in [`low`, `high`].
+
+    **Raises:** `ValueError` unless there is exactly one input, naming the policy.
+    """
+    inputs, outputs = sizes(task, units)
+    if inputs != 1 and not isinstance(task, int):
+        named = f"task {getattr(task, 'name', type(task).__name__)!r} has {inputs} observed numbers"
+        raise ValueError(f"policy = {name!r}: {named}, a motoneuron has a single input")
+    check(inputs == 1, "inputs", inputs, "1: a motoneuron has a single input")
+    check(low < high, "low, high", (low, high), "an interval, low < high")
+    return outputs
+
+
 def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:
-    """The entropy in nats of units that fire independently with these probabilities."""
+    """Entropy in nats of units that fire independently with probabilities `p`."""
     unsure = (p > 0) & (p < 1)
-    p = jnp.where(unsure, p, 0.5)  # the slope of a unit that is sure is 0, and no number by the formula
+    p = jnp.where(unsure, p, 0.5)  # at 0 and 1 the derivative of the formula is NaN; it has to be 0
     return -jnp.sum(jnp.where(unsure, xlogy(p, p) + xlog1py(1 - p, -p), 0))
 
 
-def enumerate_binary(units: int) -> Float[Array, "actions units"]:
-    """All firing patterns of `units` binary units, as floats."""
-    codes = jnp.arange(2**units)[:, None] >> jnp.arange(units - 1, -1, -1)
-    return (codes & 1).astype(jnp.result_type(float))
-
-
 def product(lists: Sequence[Float[Array, "actions units"]]) -> Float[Array, "actions units"]:
-    """Every action of one list beside every action of the next; the last list's change fastest."""
+    """The Cartesian product of lists of actions, concatenated; the last list changes fastest."""
     joint = lists[0]
     for more in lists[1:]:
         left = jnp.repeat(joint, more.shape[0], axis=0)

@@ -1,7 +1,8 @@
-"""Units of graded activation: a positive function of the input, and noise (stochastic real-valued units)."""
+"""Stochastic real-valued units: a mean that depends on the input, plus Gaussian noise."""
 
 import abc
 import math
+from collections.abc import Callable
 from typing import Any, Self
 
 import equinox as eqx
@@ -12,21 +13,33 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._policy import Policy, fixed, in_structure, outer, unit_rows
+from motorgrad.policies._binary import single_input_units
+from motorgrad.policies._policy import (
+    Policy,
+    fixed,
+    in_structure,
+    outer,
+    per_unit,
+    sizes,
+    unit_rows,
+    with_fields,
+)
 
-LEAST = 2.0**-24  # a number from U[0, 1) that is 0 stands for less than the least step of single precision
+LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
 
 
 class GradedUnits(Policy):
-    r"""A pool of $N$ units with activations $a_i = m_i(y) + s_i\,\varepsilon_i$, with independent noise
-    $\varepsilon_i \sim \mathcal N(0, 1)$ (section 6.2.3 of the thesis; Williams, 1992; Gullapalli, 1990).
+    r"""A pool of $N$ units with activations $a_i = m_i(y) + s_i\,\varepsilon_i$, where $\varepsilon_i \sim \mathcal
+    N(0, 1)$ is independent noise (section 6.2.3 of the thesis; Williams, 1992; Gullapalli, 1990).
 
-    The deviation is $s = s_{\min} + e^\lambda$: the `floor` keeps the score, which has $1/s$, from growing without
-    bound as a unit becomes sure. With $z = (a - m)/s$ the score is $(z/s)\,\nabla m$ and
-    $\partial_\lambda = (z^2 - 1)\,e^\lambda/s$. A step size of 0 for `log_deviation` keeps the noise as it is.
+    The standard deviation is $s = s_{\min} + e^\lambda$: the `floor` $s_{\min}$ bounds the score, which contains
+    $1/s$, as a unit becomes certain. With $z = (a - m)/s$ the score is $(z/s)\,\nabla m$ and
+    $\partial_\lambda = (z^2 - 1)\,e^\lambda/s$. To hold the noise constant, give `log_deviation` a step size of 0.
 
-    An action is a vector of $N$ real numbers, as drawn: also below 0 and above 1. What that means is a matter of the
-    task, and the score is of what was drawn.
+    An action is a vector of $N$ real numbers, exactly as drawn, also below 0 and above 1. The task decides what such
+    activations do.
+
+    A subclass defines `inputs`, `mean` and `mean_gradient`.
     """
 
     log_deviation: eqx.AbstractVar[Float[Array, " units"]]
@@ -38,7 +51,7 @@ class GradedUnits(Policy):
 
     @abc.abstractmethod
     def mean_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
-        r"""$\partial m_i/\partial\theta$ of every trainable field but `log_deviation`, by the field's name; units
+        r"""$\partial m_i/\partial\theta$ for every trainable field except `log_deviation`, by field name. Units
         lead."""
 
     @property
@@ -55,63 +68,66 @@ class GradedUnits(Policy):
         return self.floor + jnp.exp(self.log_deviation)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        """The mean activations, which play the part of a binary unit's probability of firing."""
+        """The mean activations, the counterpart of a binary unit's firing probability."""
         return self.mean(observation)
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
-        noise = jax.scipy.special.ndtri(jnp.maximum(uniforms, LEAST))
-        return self.mean(observation) + self.deviation * noise.astype(self.log_deviation.dtype)
+        return self.mean(observation) + self.deviation * normal_of(uniforms).astype(self.log_deviation.dtype)
 
     def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         return self.mean(observation)
 
     def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        """Logarithm of each unit's density."""
+        """Log-density of each unit's activation."""
         s = self.deviation
         return -0.5 * ((action - self.mean(observation)) / s) ** 2 - jnp.log(s) - 0.5 * math.log(2 * math.pi)
 
     def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        """Logarithm of the density."""
+        """Log-density of the action."""
         return jnp.sum(self.log_probs(observation, action))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         s = self.deviation
         z = (action - self.mean(observation)) / s
-        parts = {name: _times(z / s, slope) for name, slope in self.mean_gradient(observation).items()}
-        return in_structure(self, **parts, log_deviation=(z * z - 1) * self._slope())
+        parts = {name: per_unit(z / s, slope) * slope for name, slope in self.mean_gradient(observation).items()}
+        return in_structure(self, **parts, log_deviation=(z * z - 1) * self._log_deviation_slope())
 
-    def _slope(self) -> Float[Array, " units"]:
+    def _log_deviation_slope(self) -> Float[Array, " units"]:
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
         return jnp.exp(self.log_deviation) / self.deviation
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
-        """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
+        """One row per unit if every trainable array leads with the units, else a single row."""
         return (unit_rows(self, gradient),)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        r"""Exact, $\nabla m \nabla m'/s^2$ and $2\,(e^\lambda/s)^2$: mean and deviation do not mix, as $\mathbb E z^3$
-        is 0.
+        r"""Exact: $\nabla m \nabla m'/s^2$ for the mean and $2\,(e^\lambda/s)^2$ for $\lambda$.
 
-        Where several units share parameters it is the sample $ss'$.
+        There is no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
         none = jnp.zeros_like(self.log_deviation)
-        slopes = {name: _times(1 / self.deviation, v) for name, v in self.mean_gradient(observation).items()}
-        (level,) = self.blocks(in_structure(self, **slopes, log_deviation=none))
-        others = {name: jnp.zeros_like(v) for name, v in slopes.items()}
-        (spread,) = self.blocks(in_structure(self, **others, log_deviation=math.sqrt(2) * self._slope()))
-        if level.shape[0] != self.outputs:
+        gradient = self.mean_gradient(observation)
+        slopes = {name: per_unit(1 / self.deviation, slope) * slope for name, slope in gradient.items()}
+        (mean,) = self.blocks(in_structure(self, **slopes, log_deviation=none))
+        others = {name: jnp.zeros_like(slope) for name, slope in slopes.items()}
+        spread = math.sqrt(2) * self._log_deviation_slope()
+        (noise,) = self.blocks(in_structure(self, **others, log_deviation=spread))
+        if mean.shape[0] != self.outputs:
             return super().fisher(observation, action)
-        return (outer(level) + outer(spread),)
+        return (outer(mean) + outer(noise),)
+
+    def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
+        return with_fields(self, log_deviation=self.log_deviation + jnp.log(factor))
 
     @property
     def entropies(self) -> Float[Array, " units"]:
-        """The differential entropy of each unit, in nats."""
+        """Differential entropy of each unit, in nats."""
         return jnp.log(self.deviation) + 0.5 * math.log(2 * math.pi * math.e)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        """The differential entropy, in nats; below 0 where there is little noise. It is the same at all inputs."""
+        """Differential entropy in nats: the same at all inputs, and negative for little noise."""
         return jnp.sum(self.entropies)
 
     def enumerate(self) -> Array:
@@ -119,12 +135,13 @@ class GradedUnits(Policy):
 
 
 class GradedMotoneurons(GradedUnits):
-    r"""A pool of motoneurons on one common input whose firing rate follows it, $m_i = \sigma(k_i (y - y^*_i))$.
+    r"""Motoneurons whose mean firing rate follows one common input, $m_i = \sigma(k_i (y - y^*_i))$.
 
-    Slopes: $\partial_{y^*} m = -k\,m(1 - m)$ and $\partial_k m = (y - y^*)\,m(1 - m)$; the rest is in `GradedUnits`.
+    Gradient of the mean: $\partial_{y^*} m = -k\,m(1 - m)$ and $\partial_k m = (y - y^*)\,m(1 - m)$. For the score and
+    the noise, see `GradedUnits`.
 
     **Arguments:** `threshold` $y^*$, `gain` $k$ and `log_deviation` $\lambda$, all of shape `(units,)`; `floor`
-    $s_{\min}$, the least deviation, above 0 and not learnt.
+    $s_{\min}$, the lower bound of the standard deviation, positive and not trainable.
     """
 
     threshold: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
@@ -153,14 +170,90 @@ class GradedMotoneurons(GradedUnits):
         return {"threshold": -self.gain * rise, "gain": away * rise}
 
 
+class GradedHyperplanes(GradedUnits):
+    r"""Units with a mean linear in the inputs, $m_i = w_i \cdot y + b_i$ (the Gaussian unit of Williams, 1992).
+
+    Gradient of the mean: $\partial_{w_i} m_i = y$ and $\partial_{b_i} m_i = 1$. For the score and the noise, see
+    `GradedUnits`.
+
+    **Arguments:** `slope` $w$ of shape `(units, inputs)`; `level` $b$ and `log_deviation` $\lambda$, both `(units,)`;
+    `floor` $s_{\min}$, the lower bound of the standard deviation, positive and not trainable.
+    """
+
+    slope: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    level: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    log_deviation: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    floor: Float[Array, ""] = fixed(converter=jnp.asarray, default=0.02)
+
+    def __check_init__(self) -> None:
+        check(self.slope.ndim == 2, "slope", self.slope.shape, "of shape (units, inputs)")
+        for name in ("level", "log_deviation"):
+            shape = getattr(self, name).shape
+            check(shape == self.slope.shape[:1], name, shape, f"of shape {self.slope.shape[:1]}")
+        check_floor(self.floor)
+
+    @property
+    def inputs(self) -> int:
+        return self.slope.shape[1]
+
+    def mean(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
+        return jnp.sum(self.slope * observation, axis=-1) + self.level
+
+    def mean_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
+        return {"slope": jnp.broadcast_to(observation, self.slope.shape), "level": jnp.ones_like(self.level)}
+
+
+def graded_motoneurons(
+    task: Any,
+    units: int | None = None,
+    low: float = 0.0,
+    high: float = 1.0,
+    deviation: float = 0.3,
+    floor: float = 0.02,
+) -> Callable[[jax.Array], GradedMotoneurons]:
+    """Graded motoneurons of gain 0 (mean activation one half) with thresholds drawn from U[`low`, `high`].
+
+    Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
+    """
+    outputs = single_input_units("graded-motoneurons", task, units, low, high)
+    noise = log_deviations(outputs, deviation, floor)
+
+    def initial(key: jax.Array) -> GradedMotoneurons:
+        threshold = jax.random.uniform(key, (outputs,), minval=low, maxval=high)
+        return GradedMotoneurons(threshold, jnp.zeros(outputs), noise, jnp.asarray(floor, noise.dtype))
+
+    return initial
+
+
+def graded_hyperplanes(
+    task: Any, units: int | None = None, level: float = 0.0, deviation: float = 0.3, floor: float = 0.02
+) -> GradedHyperplanes:
+    """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
+
+    Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
+    """
+    inputs, outputs = sizes(task, units)
+    check(math.isfinite(level), "level", level, "a finite number")
+    noise = log_deviations(outputs, deviation, floor)
+    least = jnp.asarray(floor, noise.dtype)
+    return GradedHyperplanes(jnp.zeros((outputs, inputs)), jnp.full(outputs, float(level)), noise, least)
+
+
+def normal_of(uniforms: Array) -> Array:
+    """Standard normal numbers, as a function of numbers from U[0, 1)."""
+    return jax.scipy.special.ndtri(jnp.maximum(uniforms, LEAST))
+
+
+def log_deviations(units: int, deviation: float, floor: float) -> jax.Array:
+    r"""The parameters $\lambda$ of units with the standard deviation `deviation`."""
+    check(0 < floor < deviation < math.inf, "floor, deviation", (floor, deviation), "positive, floor < deviation")
+    return jnp.full(units, math.log(deviation - floor))
+
+
 def check_floor(floor: Array) -> None:
-    """Refuse a least deviation that is none."""
+    """Refuse a lower bound of standard deviations that is not one positive, finite number."""
     check(floor.shape == (), "floor", floor.shape, "one number")
-    if not isinstance(floor, Tracer):  # while tracing there is no value to look at
+    if not isinstance(floor, Tracer):  # a tracer has no value to check
         value = float(np.asarray(floor))
         check(0 < value < math.inf, "floor", value, "positive and finite")
-
-
-def _times(units: Float[Array, " units"], values: Array) -> Array:
-    """A number for each unit times an array that leads with the units."""
-    return units.reshape(units.shape + (1,) * (values.ndim - 1)) * values

@@ -1,8 +1,4 @@
-"""Initial policies for a task: the usual starting points by name.
-
-Each takes a task (anything with `observation_size` and `action_size`) or the sizes themselves; `mirrored` a task that
-has a `mirror`. Where the start is random the result is a function of a key, so that every seed starts differently.
-"""
+"""The registry of initial policies."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,20 +6,20 @@ from typing import Any
 import jax
 
 from motorgrad._errors import unknown
-from motorgrad.policies._initial_composed import gated, mirrored, mixture, primitives
-from motorgrad.policies._initial_global import (
-    graded_hyperplanes,
-    graded_motoneurons,
-    hyperplanes,
-    motoneurons,
-    querying_motoneurons,
-    softmax,
-)
-from motorgrad.policies._initial_local import gaussians, graded_tiles, growing, soft_boxes, soft_spheres, tiles
+from motorgrad.policies._binary import hyperplanes, motoneurons
+from motorgrad.policies._composed import gated, mixture
+from motorgrad.policies._graded import graded_hyperplanes, graded_motoneurons
+from motorgrad.policies._grow_and_prune import growing
+from motorgrad.policies._hybrid import graded_tiles, primitives
+from motorgrad.policies._local import gaussians, tiles
+from motorgrad.policies._mirrored import mirrored
 from motorgrad.policies._policy import Policy
+from motorgrad.policies._querying import querying_motoneurons
+from motorgrad.policies._soft_shapes import soft_boxes, soft_spheres
+from motorgrad.policies._softmax import softmax
 
 Initial = Policy | Callable[[jax.Array], Policy]
-"""A policy, or a function that makes one from a seed's key."""
+"""A policy, or a function from a seed's key to a policy."""
 
 INITIAL: dict[str, Callable[..., Initial]] = {
     "gated": gated,
@@ -43,7 +39,12 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "softmax": softmax,
     "tiles": tiles,
 }
-"""Initial policies by the name used in configurations and on the command line."""
+"""Initial policies by name, as used in configurations and on the command line.
+
+Each takes a task (anything with `observation_size` and `action_size`), or a number of inputs and a number of units;
+`mirrored` needs a task with a `mirror`. A random initial policy is a function of a key, so that every seed has its own.
+A new kind of policy is registered here: configurations, command line, TimLab and tests find it by this name.
+"""
 
 
 IMPLIED: dict[str, dict[str, str]] = {"growing": {"growth": "clock"}}
@@ -51,7 +52,17 @@ IMPLIED: dict[str, dict[str, str]] = {"growing": {"growth": "clock"}}
 
 
 def initial(name: str, task: Any, **settings: Any) -> Initial:
-    """The initial policy called `name` for `task`; an unknown name is refused with the nearest one."""
+    """The initial policy called `name` for a task.
+
+    **Raises:** `ValueError` for an unknown name, suggesting the closest one.
+
+    **Example:**
+
+    ```python
+    initial("tiles", motorgrad.make("particle"), copies=2, width=0.2)
+    initial("motoneurons", 1, units=4)(jax.random.key(0))  # one input, four units, random thresholds
+    ```
+    """
     if name not in INITIAL:
         raise unknown("policy", name, INITIAL)
     return INITIAL[name](task, **settings)

@@ -1,29 +1,70 @@
-"""What every policy is: a distribution over actions that can be sampled and differentiated."""
+"""The contract of every policy, its trainable part, and its structure as plain text."""
 
 import abc
+import dataclasses
 import itertools
-from typing import Any, Self, TypeVar
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from motorgrad._errors import check, unknown
 
 
 def fixed(**keywords: Any) -> Any:
-    """Declare a field of a policy that holds arrays which are *not* learnt (a mask, a maximal probability)."""
+    """Declare a field of a policy whose arrays are *not* trainable, such as a mask or a maximal probability.
+
+    Takes the keywords of `equinox.field`.
+
+    **Example:**
+
+    ```python
+    class Units(SigmoidUnits):
+        threshold: Array  # trainable
+        steepness: Array = fixed(converter=jnp.asarray, default=5.0)  # not trainable
+    ```
+    """
     return eqx.field(metadata={"fixed": True}, **keywords)
+
+
+class Regions(NamedTuple):
+    """Where local units respond, as NumPy arrays with one row per unit.
+
+    `centre` and `half`: centres and half extents along each input; `box`: true for boxes, false for ellipsoids;
+    `active`: false for units that a mask has switched off.
+    """
+
+    centre: Float[np.ndarray, "units inputs"]
+    half: Float[np.ndarray, "units inputs"]
+    box: Bool[np.ndarray, " units"]
+    active: Bool[np.ndarray, " units"]
 
 
 class Policy(eqx.Module):
     r"""A distribution $\pi(a \mid y, \theta)$ over actions $a$ given an observation $y$.
 
-    A policy is a pytree. Its trainable parameters $\theta$ are the floating-point arrays of the fields that are not
-    declared `fixed`; a score, a trace, a gradient and a step size are pytrees of the same structure as the trainable
-    part (see `trainable`).
+    A policy is a pytree. Its trainable parameters $\theta$ are the floating-point arrays of all fields that are not
+    declared with `fixed`. Scores, traces, gradients and step sizes have the structure of `trainable(policy)`.
 
-    All methods are pure and act on one observation; use `jax.vmap` for many. Randomness is explicit: `sample` consumes
-    `uniforms` numbers drawn from U[0, 1), so that a whole block of decisions can be drawn at once.
+    All methods are pure and take a single observation; batch them with `jax.vmap`. Randomness is explicit: `sample`
+    consumes `uniforms` numbers drawn from U[0, 1), so that the numbers for many decisions can be drawn at once.
+
+    A field may hold another policy, or a tuple of policies. By default, `limited`, `allowed` and `with_temperature`
+    apply to each of them.
+
+    **Example:**
+
+    ```python
+    policy = Hyperplanes(weights=[[1.0, -2.0]], bias=[0.5])
+    observation = jnp.array([0.3, 0.1])
+    action = policy.sample(observation, jax.random.uniform(key, (policy.uniforms,)))
+    score = policy.score(observation, action)
+    ```
     """
 
     @property
@@ -34,23 +75,26 @@ class Policy(eqx.Module):
     @property
     @abc.abstractmethod
     def outputs(self) -> int:
-        """Number of units (binary actions), or of alternatives (a discrete action)."""
+        """Number of units, or number of alternatives of a discrete action."""
 
     @property
     def actions(self) -> str:
-        """What an action is: `"binary"`, a vector of zeros and ones; `"discrete"`, one of some integers; `"graded"`, a
-        vector of real numbers; `"querying"`, zeros and ones followed by an input that is asked for."""
-        seen = jax.ShapeDtypeStruct((self.inputs,), jnp.result_type(float))
-        return "binary" if jax.eval_shape(lambda policy, y: policy.mode(y), self, seen).ndim else "discrete"
+        """The kind of action.
+
+        `"binary"`: a vector of zeros and ones. `"discrete"`: an integer. `"graded"`: a vector of real numbers.
+        `"querying"`: zeros and ones followed by the requested next input.
+        """
+        observation = jax.ShapeDtypeStruct((self.inputs,), jnp.result_type(float))
+        return "binary" if jax.eval_shape(lambda policy, y: policy.mode(y), self, observation).ndim else "discrete"
 
     @property
     def uniforms(self) -> int:
-        """How many numbers from U[0, 1) one decision consumes: one a unit, unless a policy says otherwise."""
+        """Count of U[0, 1) numbers that one decision consumes; by default one per unit."""
         return self.outputs
 
     @abc.abstractmethod
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
-        """Each unit's probability of firing, or mean activation; or each alternative's probability of being chosen."""
+        """Firing probability (or mean activation) of each unit, or probability of each alternative."""
 
     @abc.abstractmethod
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
@@ -66,60 +110,125 @@ class Policy(eqx.Module):
 
     @abc.abstractmethod
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
-        r"""The analytic $\nabla_\theta \log \pi(a \mid y, \theta)$, in the structure of `trainable(self)`."""
+        r"""The analytic $\nabla_\theta \log \pi(a \mid y, \theta)$, with the structure of `trainable(self)`."""
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
-        """A gradient's numbers as matrices, a row for each unit that has parameters of its own.
+        """Flatten a gradient to matrices that have one row for each unit with parameters of its own.
 
-        By default it is one row of all. A pool of binary units whose every parameter has a leading axis of units has a
-        row for each, a policy of several pools a matrix for each.
+        The default is a single row. A pool of binary units whose trainable arrays all have a leading axis of units
+        returns one row per unit. A policy made of several pools returns one matrix per pool.
         """
         return (rows(gradient, 1),)
 
     def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
-        """The inverse of `blocks`: a gradient in the structure of `trainable(self)`."""
+        """The inverse of `blocks`: a gradient with the structure of `trainable(self)`."""
         return from_rows(trainable(self), blocks[0])
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        r"""The Fisher matrix of each row of `blocks`, $\mathbb E[ss']$ of the row's score $s$ at one observation.
+        r"""The Fisher matrix $\mathbb E[ss']$ of each row $s$ of `blocks`, at one observation.
 
-        The mean is over the unit's own action, exactly, where that is cheap: binary units and softmax. Otherwise, as
-        here, it is the sample $ss'$ of the `action` that was drawn, whose mean it is.
+        Binary units and softmax compute the expectation over the unit's own action exactly. The default is the sample
+        $ss'$ for the drawn `action`, an unbiased estimate.
         """
         return tuple(outer(block) for block in self.blocks(self.score(observation, action)))
 
     def limited(self) -> Self:
-        """The policy with its parameters put back within their limits, where it has any: after every step."""
-        return self
+        """The policy with its parameters clipped to their limits, if they have any. Applied after every step."""
+        return with_parts(self, [part.limited() for part in parts_of(self)])
 
     def allowed(self, step: Any) -> Any:
-        """A step of the parameters without what must not move; by default all of it."""
-        return step
+        """Zero the entries of a parameter step that must not move; by default none."""
+        parts = parts_of(self)
+        if not parts:
+            return step
+        return with_parts(step, [part.allowed(own) for part, own in zip(parts, parts_of(step), strict=True)])
+
+    @property
+    def has_temperature(self) -> bool:
+        """Whether `with_temperature` changes the policy."""
+        own = type(self).with_temperature is not Policy.with_temperature
+        return own or any(part.has_temperature for part in parts_of(self))
+
+    def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
+        r"""The policy with the temperature of its units multiplied by `factor`.
+
+        Where a unit fires with probability $\sigma(\phi)$, the temperature divides $\phi$. Graded units multiply their
+        own noise $e^\lambda$ by `factor`, soft spheres divide their hardness by it. Units without a temperature stay as
+        they are, and so do all other parameters. Parameters may have any leading axes of seeds.
+
+        A unit that overrides this method has a temperature; nothing else needs to be declared.
+        """
+        return with_parts(self, [part.with_temperature(factor) for part in parts_of(self)])
+
+    def regions(self) -> Regions | None:
+        """Where each unit responds, or `None` if some unit is not local."""
+        return None
 
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        """Entropy of the action's distribution, in nats."""
+        """Entropy of the action distribution, in nats."""
 
     @abc.abstractmethod
     def enumerate(self) -> Array:
-        """Every action, along a leading axis: what an exact oracle sums over. **Raises** `ValueError` where there are
-        infinitely many."""
+        """All actions along a leading axis, for exact sums.
+
+        **Raises:** `ValueError` if there are infinitely many.
+        """
+
+
+class Composed(Policy):
+    """A policy whose trainable parameters all belong to the policies that it is made of."""
+
+    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+        """The blocks of the parts, in the order of the fields."""
+        parts = zip(parts_of(self), parts_of(gradient), strict=True)
+        return tuple(block for part, own in parts for block in part.blocks(own))
+
+    def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
+        remaining, gradients = iter(blocks), []
+        for part in parts_of(self):
+            count = len(part.blocks(trainable(part)))
+            gradients.append(part.from_blocks(tuple(itertools.islice(remaining, count))))
+        return with_parts(trainable(self), gradients)
 
 
 P = TypeVar("P", bound=Policy)
 
 
+def parts_of(policy: Policy) -> tuple[Any, ...]:
+    """The policies that a policy is made of, in the order of its fields."""
+    fields = [getattr(policy, field.name) for field in dataclasses.fields(policy)]
+    leaves = jax.tree.leaves(fields, is_leaf=lambda node: isinstance(node, Policy))
+    return tuple(leaf for leaf in leaves if isinstance(leaf, Policy))
+
+
+def with_parts(policy: P, parts: Sequence[Any]) -> P:
+    """Replace the policies that a policy is made of, unchecked, so that arrays may have leading axes of seeds."""
+    return eqx.tree_at(parts_of, policy, tuple(parts)) if parts else policy
+
+
+def with_fields(policy: P, /, **values: Any) -> P:
+    """Replace fields of a policy, unchecked, so that arrays may have leading axes of seeds."""
+    names = tuple(values)
+    return eqx.tree_at(lambda node: tuple(getattr(node, name) for name in names), policy, tuple(values.values()))
+
+
+def is_plain(policy: Policy) -> bool:
+    """Whether a policy is a pool of one kind of units, not made of other policies."""
+    return not parts_of(policy)
+
+
 def trainable(policy: P) -> P:
-    """The trainable part: `policy` with every fixed array replaced by `None` (as `equinox.partition` does)."""
+    """The trainable part: `policy` with every fixed array replaced by `None`, as in `equinox.partition`."""
     return split(policy)[0]
 
 
 def split(policy: P) -> tuple[P, P]:
-    """Part a policy in its trainable and its fixed arrays; `equinox.combine` joins them again."""
+    """Partition a policy into its trainable and its fixed arrays; `equinox.combine` joins them again."""
 
-    def learnt(path: tuple[Any, ...], leaf: Any) -> bool:
+    def is_trainable(path: tuple[Any, ...], leaf: Any) -> bool:
         node: Any = policy
         for key in path:
             if isinstance(key, jax.tree_util.GetAttrKey):
@@ -130,25 +239,22 @@ def split(policy: P) -> tuple[P, P]:
                 node = node[key.idx if isinstance(key, jax.tree_util.SequenceKey) else key.key]
         return eqx.is_inexact_array(leaf)
 
-    return eqx.partition(policy, jax.tree_util.tree_map_with_path(learnt, policy))
+    return eqx.partition(policy, jax.tree_util.tree_map_with_path(is_trainable, policy))
 
 
-def in_structure(policy: P, **values: Array) -> P:
-    """A gradient of `policy`: its trainable structure with these fields' values."""
-    names = tuple(values)
-    return eqx.tree_at(
-        lambda node: tuple(getattr(node, name) for name in names), trainable(policy), tuple(values.values())
-    )
+def in_structure(policy: P, /, **values: Any) -> P:
+    """A gradient of `policy`: its trainable structure with the given values of the fields."""
+    return with_fields(trainable(policy), **values)
 
 
 def rows(gradient: Any, units: int) -> Float[Array, "units parameters"]:
-    """Arrays that lead with `units`, side by side; for one unit, whatever their shape."""
+    """Arrays with a leading axis of `units`, flattened and side by side; for one unit, arrays of any shape."""
     parts = [leaf.reshape(units, leaf.size // units) for leaf in jax.tree.leaves(gradient)]
     return jnp.concatenate(parts, axis=1) if parts else jnp.zeros((units, 0))
 
 
 def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
-    """The inverse of `rows`, in the structure, shapes and types of `like`."""
+    """The inverse of `rows`, with the structure, shapes and types of `like`."""
     leaves, structure = jax.tree.flatten(like)
     widths = [leaf.size // matrix.shape[0] for leaf in leaves]
     ends = itertools.accumulate(widths, initial=0)
@@ -158,20 +264,89 @@ def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
 
 
 def unit_rows(policy: Policy, gradient: Any) -> Float[Array, "units parameters"]:
-    """A row for each unit, where every trainable array leads with the units; else one row of what they share."""
+    """One row per unit if every trainable array leads with the units, else a single row."""
     return rows(gradient, policy.outputs if has_rows(policy) else 1)
 
 
 def has_rows(policy: Policy) -> bool:
-    """Whether every trainable array leads with the units."""
+    """Whether every trainable array has a leading axis of units."""
     return all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
 
 
-def is_plain(policy: Policy) -> bool:
-    """Whether a policy is a pool of one kind of units, and not made of others."""
-    parts = jax.tree.leaves(vars(policy), is_leaf=lambda part: isinstance(part, Policy))
-    return not any(isinstance(part, Policy) for part in parts)
-
-
 def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:
+    """The outer product of each row with itself."""
     return block[:, :, None] * block[:, None, :]
+
+
+def per_unit(values: Float[Array, " units"], array: Array) -> Array:
+    """`values` with trailing axes of length 1, to broadcast against an array that leads with the units."""
+    return values.reshape(values.shape + (1,) * (array.ndim - 1))
+
+
+def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
+    """The numbers of inputs and outputs of a policy for a task, or for a number of inputs."""
+    sized = isinstance(task, int) or all(hasattr(task, name) for name in ("observation_size", "action_size"))
+    check(sized and not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
+    inputs = task if isinstance(task, int) else task.observation_size
+    outputs = (None if isinstance(task, int) else task.action_size) if outputs is None else outputs
+    check(inputs > 0, "inputs", inputs, "a positive number of inputs")
+    check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
+    return inputs, int(outputs or 0)
+
+
+def describe(value: Any) -> Any:
+    """The structure of a policy as plain data: its kind, and for every field a shape and type or a nested description.
+
+    A stored policy is rebuilt from this, so that loading one never runs code from the file.
+
+    **Example:**
+
+    ```python
+    describe(Hyperplanes([[1.0, 2.0]], [0.0]))
+    # {'kind': 'motorgrad.policies.Hyperplanes', 'weights': 'float32[1,2]', 'bias': 'float32[1]'}
+    ```
+    """
+    if isinstance(value, Policy):
+        fields = {field.name: describe(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {"kind": _kind(type(value)), **{name: field for name, field in fields.items() if field is not None}}
+    if isinstance(value, tuple | list):
+        return [describe(item) for item in value]
+    if hasattr(value, "shape") and hasattr(value, "dtype"):
+        return f"{np.dtype(value.dtype).name}[{','.join(map(str, value.shape))}]"
+    return value
+
+
+def rebuild(description: Any) -> Any:
+    """The inverse of `describe`: a policy whose arrays are placeholders (`jax.ShapeDtypeStruct`).
+
+    **Raises:** `ValueError` for an unknown kind of policy. A class is known once its module has been imported.
+    """
+    if isinstance(description, dict):
+        known = _kinds()
+        if description["kind"] not in known:
+            raise unknown("kind of policy", description["kind"], known)
+        policy = object.__new__(known[description["kind"]])
+        for field in dataclasses.fields(policy):
+            object.__setattr__(policy, field.name, rebuild(description.get(field.name)))
+        return policy
+    if isinstance(description, list):
+        return tuple(rebuild(item) for item in description)
+    if isinstance(description, str) and (found := re.fullmatch(r"(\w+)\[([\d,]*)\]", description)):
+        shape = tuple(int(size) for size in found[2].split(",") if size)
+        return jax.ShapeDtypeStruct(shape, np.dtype(found[1]))
+    return description
+
+
+def _kind(cls: type) -> str:
+    """The public path of a class, without private modules: stored policies survive the move of a private file."""
+    parts = [part for part in cls.__module__.split(".") if not part.startswith("_")]
+    return ".".join([*parts, cls.__qualname__])
+
+
+def _kinds() -> dict[str, type[Policy]]:
+    found, pending = {}, [Policy]
+    while pending:
+        cls = pending.pop()
+        found[_kind(cls)] = cls
+        pending.extend(cls.__subclasses__())
+    return found

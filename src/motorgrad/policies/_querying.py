@@ -1,5 +1,6 @@
-"""Policies that also choose what they see next (active learning)."""
+"""Active learning: policies that also request the next input."""
 
+from collections.abc import Callable
 from typing import Any, Self
 
 import equinox as eqx
@@ -10,24 +11,31 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits
-from motorgrad.policies._policy import Policy, fixed, trainable
+from motorgrad.policies._binary import BinaryUnits, motoneurons, single_input_units
+from motorgrad.policies._policy import Composed, fixed, in_structure
 
 
-class Querying(Policy):
-    r"""A policy of one input that also asks which input it shall see next: the more often, the less it is sure there
+class Querying(Composed):
+    r"""A policy of one input that requests its next input: the less certain it is of an input, the more often
     (section 4.4.1 of the thesis).
 
-    The last number of an action is the query. The interval from `low` to `high` is cut in cells; a cell is drawn in
-    proportion to the entropy $\mathcal H$ of `policy` at its middle, and the query uniformly within it. A share
-    `explore` of the queries is uniform over the interval instead, so that none of it is forgotten.
+    The last number of an action is the query. The interval [`low`, `high`] is divided into equal cells. A cell is drawn
+    with probability proportional to the entropy $\mathcal H$ of `policy` at its centre, and the query uniformly within
+    the cell. A fraction `explore` of the queries is uniform over the whole interval, so that no part of it is
+    neglected.
 
-    The query depends on the parameters, but counts as chosen by the task: it is no part of the log-probability, the
-    score and the entropy, which are those of `policy`. Learning then maximises the reward at the inputs that are asked
-    for.
+    The query depends on the parameters, but counts as chosen by the task: log-probability, score and entropy are those
+    of `policy` alone. Learning then maximises the reward under the distribution of requested inputs.
 
-    **Arguments:** `policy`, a pool of binary units with one input; `low` and `high`; `explore`, from 0 to 1; `cells`,
-    how many, from 1 to 10,000.
+    **Arguments:** `policy`, a pool of binary units with one input; `low` and `high`; `explore`, in [0, 1]; `cells`,
+    from 1 to 10,000.
+
+    **Example:**
+
+    ```python
+    policy = Querying(Motoneurons(threshold=[0.5], gain=[20.0]), cells=4)
+    policy.query_probabilities()  # highest in the two middle cells, next to the threshold
+    ```
     """
 
     policy: BinaryUnits
@@ -61,18 +69,18 @@ class Querying(Policy):
     def uniforms(self) -> int:
         return self.policy.uniforms + 1
 
-    def chances(self) -> Float[Array, " cells"]:
-        """The probability of each cell of being asked for."""
+    def query_probabilities(self) -> Float[Array, " cells"]:
+        """The probability that the next input is requested from each cell."""
         middle = (jnp.arange(self.cells) + 0.5) / self.cells
         entropy = jax.vmap(self.policy.entropy)((self.low + (self.high - self.low) * middle)[:, None])
         total = jnp.sum(entropy)
-        certain = total <= 0  # everywhere: nothing is more worth asking for than anything else
+        certain = total <= 0  # of its action everywhere: all cells are equally informative
         share = jnp.where(certain, 1 / self.cells, entropy / jnp.where(certain, 1, total))
         return self.explore / self.cells + (1 - self.explore) * share
 
     def query(self, uniform: Float[Array, ""]) -> Float[Array, ""]:
-        """The input that is asked for, as a function of a number from U[0, 1)."""
-        ends = jnp.cumsum(self.chances())
+        """The requested input, as a function of a number from U[0, 1)."""
+        ends = jnp.cumsum(self.query_probabilities())
         target = uniform * ends[-1]
         cell = jnp.minimum(jnp.sum(target >= ends), self.cells - 1)
         start = jnp.where(cell > 0, ends[cell - 1], 0)
@@ -80,47 +88,54 @@ class Querying(Policy):
         return self.low + (self.high - self.low) * (cell + jnp.clip(inside, 0, 1)) / self.cells
 
     def prob(self, observation: Float[Array, " 1"]) -> Float[Array, " units"]:
-        """Each unit's probability of firing; nothing for the query."""
+        """Firing probability of each unit, without an entry for the query."""
         return self.policy.prob(observation)
 
     def sample(self, observation: Float[Array, " 1"], uniforms: Float[Array, " units+1"]) -> Float[Array, " units+1"]:
-        return self._with(self.policy.sample(observation, uniforms[:-1]), self.query(uniforms[-1]))
+        return self._with_query(self.policy.sample(observation, uniforms[:-1]), self.query(uniforms[-1]))
 
     def mode(self, observation: Float[Array, " 1"]) -> Float[Array, " units+1"]:
-        """The most probable action, and the middle of the cell that is most often asked for."""
-        middle = (jnp.argmax(self.chances()) + 0.5) / self.cells
-        return self._with(self.policy.mode(observation), self.low + (self.high - self.low) * middle)
+        """The most probable action, and the centre of the most probable cell."""
+        middle = (jnp.argmax(self.query_probabilities()) + 0.5) / self.cells
+        return self._with_query(self.policy.mode(observation), self.low + (self.high - self.low) * middle)
 
     @staticmethod
-    def _with(action: Float[Array, " units"], query: Float[Array, ""]) -> Float[Array, " units+1"]:
+    def _with_query(action: Float[Array, " units"], query: Float[Array, ""]) -> Float[Array, " units+1"]:
         return jnp.append(action, query.astype(action.dtype))
 
     def log_prob(self, observation: Float[Array, " 1"], action: Float[Array, " units+1"]) -> Float[Array, ""]:
         return self.policy.log_prob(observation, action[:-1])
 
     def score(self, observation: Float[Array, " 1"], action: Float[Array, " units+1"]) -> Self:
-        inner = self.policy.score(observation, action[:-1])
-        return eqx.tree_at(lambda each: each.policy, trainable(self), inner)
-
-    def blocks(self, gradient: Self) -> tuple[Float[Array, "units parameters"], ...]:
-        return self.policy.blocks(gradient.policy)
-
-    def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
-        return eqx.tree_at(lambda each: each.policy, trainable(self), self.policy.from_blocks(blocks))
+        return in_structure(self, policy=self.policy.score(observation, action[:-1]))
 
     def fisher(
         self, observation: Float[Array, " 1"], action: Float[Array, " units+1"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         return self.policy.fisher(observation, action[:-1])
 
-    def allowed(self, step: Any) -> Any:
-        return eqx.tree_at(lambda each: each.policy, step, self.policy.allowed(step.policy))
-
-    def limited(self) -> Self:
-        return eqx.tree_at(lambda each: each.policy, self, self.policy.limited())
-
     def entropy(self, observation: Float[Array, " 1"]) -> Float[Array, ""]:
         return self.policy.entropy(observation)
 
     def enumerate(self) -> Array:
         raise ValueError("Querying: has infinitely many actions: the query is a real number; enumerate its policy's")
+
+
+def querying_motoneurons(
+    task: Any, units: int | None = None, low: float = 0.0, high: float = 1.0, explore: float = 0.1, cells: int = 32
+) -> Callable[[jax.Array], Querying]:
+    """The units of `motoneurons` for all actions but the last, which requests the next input.
+
+    They request inputs from [`low`, `high`] in proportion to their entropy in each of `cells`, and a fraction `explore`
+    uniformly.
+    """
+    outputs = single_input_units("querying-motoneurons", task, units, low, high)
+    check(outputs > 1, "outputs", outputs, "at least 2: the last is the requested input")
+    pool = motoneurons(1, outputs - 1, low, high)
+
+    def initial(key: jax.Array) -> Querying:
+        start, end, share = (jnp.asarray(value, jnp.result_type(float)) for value in (low, high, explore))
+        return Querying(pool(key), start, end, share, cells)
+
+    initial(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
+    return initial

@@ -1,6 +1,6 @@
-"""A choice among a few alternatives."""
+"""A discrete choice among several alternatives."""
 
-from typing import Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -8,15 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad.policies._policy import Policy, in_structure
+from motorgrad.policies._policy import Policy, in_structure, sizes, with_fields
 
 
 class Softmax(Policy):
     r"""One of $K$ actions with probability $\pi_k \propto \exp(\theta_k \cdot y)$ (Baxter & Bartlett, 2001, eq. 25).
 
-    An action is an integer scalar in 0 … K − 1. Score: $\partial_{\theta_k} = (\mathbb 1[a = k] - \pi_k)\,y$.
-
-    One number from U[0, 1) chooses among all, by the inverse of the cumulative distribution.
+    An action is an integer scalar in 0 … K − 1, drawn with a single number from U[0, 1) by inversion of the cumulative
+    distribution. Score: $\partial_{\theta_k} = (\mathbb 1[a = k] - \pi_k)\,y$.
 
     **Arguments:** `weights` $\theta$ of shape `(actions, inputs)`.
     """
@@ -49,7 +48,7 @@ class Softmax(Policy):
         return jax.nn.softmax(logits)
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " 1"]) -> Int[Array, ""]:
-        # Inverse of the cumulative distribution; the last alternative needs no comparison.
+        # Without the last entry: rounding may leave the cumulative sum below 1, and no comparison is needed there.
         cumulative = jnp.cumsum(self.prob(observation))[:-1]
         return jnp.sum(uniforms[0] >= cumulative, dtype=jnp.int32)
 
@@ -66,10 +65,13 @@ class Softmax(Policy):
     def fisher(
         self, observation: Float[Array, " inputs"], action: Int[Array, ""]
     ) -> tuple[Float[Array, "one parameters parameters"], ...]:
-        r"""Exact, $(\operatorname{diag}\pi - \pi\pi')\otimes yy'$ in the order of `weights`. It is singular."""
+        r"""Exact: $(\operatorname{diag}\pi - \pi\pi')\otimes yy'$, in the order of `weights`. It is singular."""
         p = self.prob(observation)
         among = jnp.diag(p) - p[:, None] * p
         return (jnp.kron(among, observation[:, None] * observation)[None],)
+
+    def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
+        return with_fields(self, weights=self.weights / factor)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         log_p = jax.nn.log_softmax(self._logits(observation))
@@ -77,3 +79,12 @@ class Softmax(Policy):
 
     def enumerate(self) -> Int[Array, " actions"]:
         return jnp.arange(self.outputs, dtype=jnp.int32)
+
+
+def softmax(task: Any, units: int | None = None) -> Softmax:
+    """A softmax policy with zero weights: all actions are equally probable.
+
+    **Arguments:** `task`, a task or a number of inputs; `units`, the number of actions, by default the task's.
+    """
+    inputs, outputs = sizes(task, units)
+    return Softmax(jnp.zeros((outputs, inputs)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -45,31 +45,14 @@ def shapes_of(policy: Policy) -> Shapes:
     import jax
     import jax.numpy as jnp
 
-    parts = _parts(policy)
-    seen = jnp.concatenate([jnp.asarray(centre) for centre, *_ in parts])
-    surely = np.diagonal(np.asarray(jax.vmap(policy.prob)(seen)))
-    centre, half, square, there = (np.concatenate([np.asarray(part[k]) for part in parts]) for k in range(4))
-    return Shapes(centre[:, :2], half[:, :2], square, there, np.nan_to_num(np.clip(surely, 0, 1)))
-
-
-def _parts(policy: Any) -> list[tuple[Any, Any, Any, Any]]:
-    """Centre, half extent, rectangular or not, and there or not, of each plain pool in the order of the actions."""
-    from motorgrad.policies import Factored, Gated, Masked, SoftBoxes
-
-    if isinstance(policy, Masked):
-        ((centre, half, square, there),) = _parts(policy.pool)
-        return [(centre, half, square, there & np.asarray(policy.active))]
-    if isinstance(policy, Factored):
-        return [part for pool in policy.pools for part in _parts(pool)]
-    if isinstance(policy, Gated):
-        return [part for pool in (policy.gate, *policy.branches) for part in _parts(pool)]
-    kind, log_size = type(policy).__name__, getattr(policy, "log_width", getattr(policy, "log_radius", None))
-    local = hasattr(policy, "centre") and log_size is not None and policy.centre.shape[-1] >= 2
-    check(local, "policy", kind, "made of local units, which have a centre in the plane and a width")
-    half = np.exp(np.asarray(log_size, float))
-    half = np.broadcast_to(half if half.ndim == 2 else half[:, None], policy.centre.shape)
-    count = len(policy.centre)
-    return [(policy.centre, half, np.full(count, isinstance(policy, SoftBoxes)), np.ones(count, bool))]
+    regions = policy.regions()
+    local = regions is not None and regions.centre.shape[-1] >= 2
+    wanted = "made of local units, which have a centre in the plane and a width"
+    check(local, "policy", type(policy).__name__, wanted)
+    assert regions is not None
+    surely = np.diagonal(np.asarray(jax.vmap(policy.prob)(jnp.asarray(regions.centre))))
+    centre, half = regions.centre[:, :2], regions.half[:, :2]
+    return Shapes(centre, half, regions.box, regions.active, np.nan_to_num(np.clip(surely, 0, 1)))
 
 
 def direction_colours(forces: Float[np.ndarray, "units 2"]) -> Float[np.ndarray, "units 4"]:

@@ -14,10 +14,8 @@ from motorgrad._errors import check
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning.growth._criteria import Clock, Criterion
 from motorgrad.learning.growth._visited import Visited, VisitedState, hash_bits
-from motorgrad.policies import LocalGaussians, Masked, Policy, SoftBoxes, SoftSpheres
+from motorgrad.policies import LocalUnits, Masked, Policy
 
-SIZES = {LocalGaussians: "log_width", SoftBoxes: "log_width", SoftSpheres: "log_radius"}
-"""The field that says how large a unit of each kind is, as a logarithm."""
 LONG = 2**30  # where the count of decisions since an addition stands still
 
 
@@ -179,14 +177,13 @@ class Growth(Part):
 
 def _masked(policy: Policy) -> Masked:
     kind = type(policy.pool).__name__ if isinstance(policy, Masked) else type(policy).__name__
-    grows = isinstance(policy, Masked) and isinstance(policy.pool, tuple(SIZES))
-    wanted = "a Masked pool of " + " or ".join(each.__name__ for each in SIZES)
-    check(grows, "policy of a growing learner", kind, wanted)
+    grows = isinstance(policy, Masked) and isinstance(policy.pool, LocalUnits) and policy.pool.resizable
+    check(grows, "policy of a growing learner", kind, "a Masked pool of local units that keep their height")
     assert isinstance(policy, Masked)
     return policy
 
 
 def _size(pool: Masked) -> tuple[str, Array]:
-    """The name and the value of the field that says how large the units are."""
-    name = next(name for kind, name in SIZES.items() if isinstance(pool.pool, kind))
+    """The name and the value of the field with the logarithm of the units' size."""
+    name = pool.pool.size_field  # type: ignore[attr-defined]
     return name, getattr(pool.pool, name)

@@ -8,7 +8,6 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.learning import IndexedAgent
 from motorgrad.sim.live._body_part import BodyPart
-from motorgrad.sim.live._exploring import explores, hotter
 from motorgrad.sim.live._learner_settings import EXPLORATION, named_rates, put_rate, rebuilt, with_changes
 from motorgrad.sim.live._looking import Seen, gradient_norm, watch
 from motorgrad.sim.live._muscle_settings import check_number
@@ -40,7 +39,7 @@ class Learner:
         self._stepper, self._comparing = stepper, False
         self._untrained: Stepper | None = None
         self.settings = named_rates(stepper.state) | rebuilt(self.task, self.agent) | self._body.read()
-        if explores(stepper.policy):
+        if stepper.policy.has_temperature:
             self.settings[EXPLORATION] = 1.0
         self._pushed_until = self._counted = 0
         self._last: Seen | None = None
@@ -248,5 +247,5 @@ class Learner:
 
 def _explore(state: Any, factor: float) -> None:
     cycle = state["cycle"]
-    policy = jax.tree.map(np.asarray, hotter(cycle.agent.policy, factor))
+    policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
     state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))

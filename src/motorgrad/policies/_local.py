@@ -1,0 +1,266 @@
+"""Local units: the contract, Gaussian units of fixed and of learnt height, and their layout over the inputs."""
+
+import abc
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._policy import Regions, fixed, in_structure, sizes
+
+CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
+Limits = tuple[float, float] | None
+
+
+class LocalUnits(BinaryUnits):
+    """Binary units that fire only near a centre.
+
+    Local units can be drawn in the plane, placed by a growing learner (`motorgrad.learning.Growth`), and judged by
+    `reach`. What these need to know of a new kind of unit is declared here, as class attributes:
+
+    - `size_field`: the field with the logarithm of a unit's half extent, `(units, inputs)` or `(units,)`; by default
+      `log_width`.
+    - `box`: true if units fire in a box, false if they fire in an ellipsoid.
+    - `resizable`: whether a unit keeps its height when its size changes, as growth requires.
+    """
+
+    size_field: ClassVar[str] = "log_width"
+    box: ClassVar[bool] = False
+    resizable: ClassVar[bool] = True
+
+    centre: eqx.AbstractVar[Float[Array, "units inputs"]]
+
+    @property
+    def inputs(self) -> int:
+        return self.centre.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        return self.centre.shape[0]
+
+    def regions(self) -> Regions:
+        centre = np.asarray(self.centre)
+        half = np.exp(np.asarray(getattr(self, self.size_field), float))
+        half = np.broadcast_to(half if half.ndim == 2 else half[:, None], centre.shape)
+        return Regions(centre, half, np.full(len(centre), self.box), np.ones(len(centre), bool))
+
+
+class CappedUnits(LocalUnits):
+    r"""Local units defined by a log-probability of firing $\log p_i(y)$ that may reach 0.
+
+    $p$ is capped at $1 - 10^{-6}$, where the score is 0: the score of silence diverges as $p$ approaches 1. Elsewhere
+    the score is $\nabla\log p$ for firing and $-p/(1 - p)$ times that for silence (appendix A.1 of the thesis).
+    """
+
+    @abc.abstractmethod
+    def _log_fire(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        """Log-probability of firing, before the cap."""
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jnp.minimum(jnp.exp(self._log_fire(observation)), 1 - CAP)
+
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        log_fire = jnp.minimum(self._log_fire(observation), jnp.log1p(-CAP))
+        return jnp.where(action > 0, log_fire, jnp.log(-jnp.expm1(log_fire)))
+
+    def _surprise(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        """d log π / d log p: 1 for firing, −p/(1 − p) for silence, 0 where p is capped."""
+        log_fire = self._log_fire(observation)
+        capped = log_fire >= jnp.log1p(-CAP)
+        safe = jnp.where(capped, -1.0, log_fire)
+        # −p/(1 − p) = 1/(1 − 1/p); with expm1 it is exact at both ends of (0, 1).
+        silence = jnp.exp(safe) / jnp.expm1(safe)
+        return jnp.where(capped, 0.0, jnp.where(action > 0, 1.0, silence))
+
+
+class GaussianUnits(CappedUnits):
+    r"""Units whose firing probability falls off as a Gaussian of the distance from a centre $\mu$.
+
+    $\log p = \log h - \frac12\sum_j z_j^2$ with $z_j = (y_j - \mu_j)/\sigma_j$, widths $\sigma_j = e^{\lambda_j}$ and a
+    height $h$ that the subclass defines. $p$ is capped as in `CappedUnits`.
+    """
+
+    log_width: eqx.AbstractVar[Float[Array, "units inputs"]]
+    log_width_limits: eqx.AbstractVar[Limits]
+
+    @abc.abstractmethod
+    def log_height(self) -> Float[Array, " units"]:
+        """Log-probability of firing at the centre, before the cap."""
+
+    def limited(self) -> Self:
+        if self.log_width_limits is None:
+            return self
+        return eqx.tree_at(lambda units: units.log_width, self, jnp.clip(self.log_width, *self.log_width_limits))
+
+    def _scaled(self, observation: Float[Array, " inputs"]) -> Float[Array, "units inputs"]:
+        return (observation - self.centre) * jnp.exp(-self.log_width)
+
+    def _log_fire(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return self.log_height() - 0.5 * jnp.sum(self._scaled(observation) ** 2, axis=-1)
+
+
+class LocalGaussians(GaussianUnits):
+    r"""Local Gaussian units of fixed height, $p_i = p_\max \exp(-\frac12 \sum_j ((y_j - \mu_j)/\sigma_j)^2)$.
+
+    Score of firing: $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$ and
+    $\partial_{\lambda_j} = ((y_j - \mu_j)/\sigma_j)^2$; of silence: the same times $-p/(1 - p)$ (section 6.2 of the
+    thesis, but with a height that does not depend on the widths; for one that does, see `FreeGaussians`).
+
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `p_max`, a number or `(units,)`, in (0, 1];
+    `log_width_limits`, the bounds to which learning clips `log_width`, or `None`.
+    """
+
+    centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    p_max: Float[Array, " units"] = fixed(converter=jnp.asarray, default=1.0)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
+
+    def __check_init__(self) -> None:
+        _check_shapes(self)
+        count = self.centre.shape[:1]
+        check(self.p_max.shape in ((), count), "p_max", self.p_max.shape, f"one number or of shape {count}")
+        if not isinstance(self.p_max, Tracer):  # a tracer has no value to check
+            p_max = np.asarray(self.p_max)
+            check(np.all((p_max > 0) & (p_max <= 1)), "p_max", p_max.tolist(), "in (0, 1]")
+
+    def log_height(self) -> Float[Array, " units"]:
+        return jnp.log(self.p_max)
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        surprise = self._surprise(observation, action)[:, None]
+        scaled = self._scaled(observation)
+        return in_structure(self, centre=surprise * scaled * jnp.exp(-self.log_width), log_width=surprise * scaled**2)
+
+
+class FreeGaussians(GaussianUnits):
+    r"""Local Gaussian units of learnt height, $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$.
+
+    The density is normalised as in equation 6.1 of the thesis: a unit that widens becomes lower, hence the $z^2 - 1$ in
+    its score.
+
+    Score of firing: $\partial_\alpha = 1$, $\partial_{\mu_j} = (y_j - \mu_j)/\sigma_j^2$ and
+    $\partial_{\lambda_j} = z_j^2 - 1$; of silence: the same times $-p/(1 - p)$.
+
+    **Arguments:** `centre` and `log_width`, both `(units, inputs)`; `log_mass` $\alpha$, `(units,)`;
+    `log_width_limits` as for `LocalGaussians`.
+    """
+
+    resizable: ClassVar[bool] = False
+
+    centre: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    log_width: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    log_mass: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    log_width_limits: Limits = eqx.field(static=True, default=None)
+
+    def __check_init__(self) -> None:
+        _check_shapes(self)
+        count = self.centre.shape[:1]
+        check(self.log_mass.shape == count, "log_mass", self.log_mass.shape, f"of shape {count}")
+
+    def log_height(self) -> Float[Array, " units"]:
+        return self.log_mass - jnp.sum(self.log_width, axis=-1) - 0.5 * self.inputs * jnp.log(2 * jnp.pi)
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        surprise = self._surprise(observation, action)
+        scaled = self._scaled(observation)
+        return in_structure(
+            self,
+            centre=surprise[:, None] * scaled * jnp.exp(-self.log_width),
+            log_width=surprise[:, None] * (scaled**2 - 1),
+            log_mass=surprise,
+        )
+
+
+def _check_shapes(units: GaussianUnits) -> None:
+    shape = units.centre.shape
+    check(units.centre.ndim == 2, "centre", shape, "of shape (units, inputs)")
+    check(units.log_width.shape == shape, "log_width", units.log_width.shape, f"of shape {shape}")
+    limits = units.log_width_limits
+    check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")
+
+
+def gaussians(
+    task: Any, units: int | None = None, width: float = 0.5, p_max: float = 1.0, low: float = -1.0, high: float = 1.0
+) -> Callable[[jax.Array], LocalGaussians]:
+    """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input."""
+    inputs, outputs = sizes(task, units)
+    check_random_layout({"width": width}, low, high)
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+
+    def initial(key: jax.Array) -> LocalGaussians:
+        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
+        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), p_max=jnp.asarray(p_max))
+
+    return initial
+
+
+def tiles(
+    task: Any,
+    units: int | None = None,
+    copies: int = 1,
+    width: float = 0.16,
+    p_max: float = 1.0,
+    low: float | None = None,
+    high: float | None = None,
+    least_log_width: float = -4.0,
+    most_log_width: float = 2.0,
+) -> LocalGaussians:
+    """Local Gaussian units laid out evenly over the range of the inputs (section 6.3 of the thesis).
+
+    The range is the task's `observation_range`, [0, 1] for a task without one, or [`low`, `high`] in every input. The
+    centres form a lattice with about as many rows as there are centres in a row. Each centre is shared by `copies`
+    consecutive units, such as one that pushes left and one that pushes right. `width` is a standard deviation as a
+    fraction of the range. Learning clips the log-widths to the two limits.
+
+    **Example:**
+
+    ```python
+    tiles(2, units=18, copies=2).centre.shape  # (18, 2): nine places in the unit square
+    ```
+    """
+    inputs, outputs = sizes(task, units)
+    check(isinstance(copies, int) and 1 <= copies <= outputs, "copies", copies, f"from 1 to the {outputs} units")
+    check(0 < width < math.inf, "width", width, "positive")
+    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
+    limits = (least_log_width, most_log_width)
+    ranges = input_ranges(task, inputs, low, high)
+    check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
+    extent = ranges[:, 1] - ranges[:, 0]
+    places = ranges[:, 0] + extent * lattice(-(-outputs // copies), inputs)
+    log_width = np.clip(np.log(width * extent), *limits)
+    centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
+    widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
+    return LocalGaussians(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
+
+
+def lattice(places: int, inputs: int) -> np.ndarray:
+    """`places` points `(places, inputs)` spread evenly over the unit cube, at the centres of cells."""
+    if inputs == 1:
+        return (np.arange(places)[:, None] + 0.5) / places
+    rows = max(1, round(places ** (1 / inputs)))
+    parts = [len(part) for part in np.array_split(np.arange(places), rows)]
+    layers = [np.insert(lattice(part, inputs - 1), 0, (n + 0.5) / rows, axis=1) for n, part in enumerate(parts)]
+    return np.concatenate(layers)
+
+
+def input_ranges(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:
+    """The range of each input, `(inputs, 2)`: as given, else the task's, else [0, 1]."""
+    spans = getattr(task, "observation_range", None) or [(0.0, 1.0)] * inputs
+    ranges = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])
+    check((ranges[:, 0] < ranges[:, 1]).all(), "low, high", (low, high), "an interval, low < high, in every input")
+    return ranges
+
+
+def check_random_layout(lengths: dict[str, float], low: float, high: float) -> None:
+    """Refuse lengths that are not positive, and an empty interval of centres."""
+    for name, value in lengths.items():
+        check(0 < value < math.inf, name, value, "positive")
+    check(low < high, "low, high", (low, high), "an interval, low < high")
