@@ -160,7 +160,7 @@ def _resumed(arguments: list[str]) -> list[str]:
 
 def _result(run: Run) -> dict[str, Any]:
     """The last tenth of the run, per seed."""
-    skipped = {"seed", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
+    skipped = {"seed", "setting", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
     found: dict[str, Any] = {
         "task": run.task.name,
         "path": str(run.path),
