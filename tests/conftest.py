@@ -1,19 +1,19 @@
-"""Shared by all tests: a folder of what JAX has compiled, and the cases that are left to `make test-all`."""
+"""Shared by all tests: the compilation cache, and the cases that are left to `make test-all`."""
 
 import os
-import shutil
-import tempfile
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
-# Most of the time of small tests goes into compiling the same few functions anew for every learner. All workers share
-# one folder, gone when the session is done: what one finds half written by another it compiles for itself. So do the
-# processes that tests start (`process_environment`).
+import compilations
+
+# All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
+# for itself. The processes that tests start compile for themselves, too (`process_environment`).
 _FOLDER = "JAX_COMPILATION_CACHE_DIR"
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _CACHE = {
-    _FOLDER: os.environ[_FOLDER] if _WORKER else tempfile.mkdtemp(prefix="motorgrad-tests-"),
+    _FOLDER: os.environ[_FOLDER] if _WORKER else str(compilations.open_run()),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
 }
@@ -44,7 +44,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_unconfigure() -> None:
     if not _WORKER:
-        shutil.rmtree(_CACHE[_FOLDER], ignore_errors=True)
+        compilations.close_run(Path(_CACHE[_FOLDER]))
 
 
 @pytest.fixture(scope="session")
