@@ -19,6 +19,7 @@ from pathlib import Path
 STORE = Path(__file__).parent.parent / ".cache" / "tests" / "jax"
 MOST_BYTES = 1 << 30
 _ABANDONED = 24 * 3600  # s, the age at which the folder of a run that was killed goes
+FOLDER = "JAX_COMPILATION_CACHE_DIR"
 _RUN = "run-"
 
 
@@ -68,6 +69,17 @@ def _link(source: Path, target: Path) -> None:
         pass
     except OSError:  # a file system without hard links
         shutil.copy2(source, target)
+
+
+def environment(run: Path) -> dict[str, str]:
+    """The variables by which JAX, when it is imported, chooses the folder of a run for all that it compiles."""
+    return {
+        FOLDER: str(run),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+        # Caches for GPUs would make the folder's path a part of every key, and no run would find another's entries.
+        "JAX_PERSISTENT_CACHE_ENABLE_XLA_CACHES": "none",
+    }
 
 
 def open_run(store: Path = STORE) -> Path:

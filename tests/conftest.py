@@ -10,13 +10,9 @@ import compilations
 
 # All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
 # for itself. The processes that tests start compile for themselves, too (`process_environment`).
-_FOLDER = "JAX_COMPILATION_CACHE_DIR"
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
-_CACHE = {
-    _FOLDER: os.environ[_FOLDER] if _WORKER else str(compilations.open_run()),
-    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-}
+_RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
+_CACHE = compilations.environment(_RUN)
 _BROWSERS = {"browser", "chromium"}  # fixtures
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
 
@@ -44,7 +40,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_unconfigure() -> None:
     if not _WORKER:
-        compilations.close_run(Path(_CACHE[_FOLDER]))
+        compilations.close_run(_RUN)
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,8 @@
 """The compilation cache of the tests (`compilations.py`)."""
 
 import os
+import subprocess
+import sys
 import zlib
 
 import pytest
@@ -64,3 +66,27 @@ def test_entries_of_other_versions_go(tmp_path):
     (tmp_path / "python3.0-jax0").mkdir()
     run = compilations.open_run(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([compilations._key(), run.name])
+
+
+PROGRAM = """
+import jax
+from jax import monitoring
+found = []
+monitoring.register_event_listener(lambda name, **_: found.append(name.rpartition("/")[2]))
+jax.jit(lambda x: 2 * x + 1)(3.0)
+print(found.count("cache_hits"), found.count("cache_misses"))
+"""
+
+
+def test_a_process_finds_what_one_of_another_run_compiled(tmp_path, process_environment):
+    counts = []
+    for _ in range(2):
+        run = compilations.open_run(tmp_path)
+        environment = {**process_environment, **compilations.environment(run)}
+        done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        counts.append(tuple(map(int, done.stdout.split())))
+        compilations.close_run(run, tmp_path)
+    (hits, misses), again = counts
+    assert misses > 0
+    assert again == (hits + misses, 0)
