@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import (
     Factored,
@@ -24,6 +25,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    split,
 )
 from motorgrad.worlds import AdmissionThresholds
 
@@ -100,6 +102,53 @@ def observation_of(policy: Policy, seed: int = 0, scale: float = 1.0) -> jax.Arr
 def call(policy: Policy, method: str, *arguments: Any) -> Any:
     """`policy.method(*arguments)`, compiled once for all policies of one shape."""
     return getattr(policy, method)(*arguments)
+
+
+class Compiled:
+    """A policy whose methods are compiled, one program for all policies of one structure, and answer in NumPy."""
+
+    def __init__(self, policy: Policy):
+        self._policy = policy
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        return lambda *arguments: jax.tree.map(np.asarray, call(self._policy, method, *arguments))
+
+    def over(self, method: str, observation: Any, actions: Any) -> Any:
+        """A method of (observation, action) for many actions, along a leading axis."""
+        return jax.tree.map(np.asarray, _over(self._policy, method, observation, actions))
+
+    def samples(self, observation: Any, uniforms: Any) -> np.ndarray:
+        return np.asarray(samples(self._policy, observation, uniforms))
+
+    def derivatives(self, observation: Any, actions: Any) -> np.ndarray:
+        """The derivative of the log-probability of each action by automatic differentiation, (actions, parameters)."""
+        return np.asarray(_derivatives(self._policy, observation, actions))
+
+    def scores(self, observation: Any, actions: Any) -> np.ndarray:
+        """The analytic score of each action, (actions, parameters)."""
+        return np.asarray(_scores(self._policy, observation, actions))
+
+
+@eqx.filter_jit
+def samples(policy: Policy, observation: Any, uniforms: Any) -> jax.Array:
+    return jax.vmap(policy.sample, (None, 0))(observation, uniforms)
+
+
+@eqx.filter_jit
+def _over(policy: Policy, method: str, observation: Any, actions: Any) -> Any:
+    return jax.vmap(getattr(policy, method), (None, 0))(observation, actions)
+
+
+@eqx.filter_jit
+def _scores(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+    return jax.vmap(lambda action: ravel_pytree(policy.score(observation, action))[0])(actions)
+
+
+@eqx.filter_jit
+def _derivatives(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+    parameters, rest = split(policy)
+    derivative = jax.grad(lambda theta, action: eqx.combine(theta, rest).log_prob(observation, action))
+    return jax.vmap(lambda action: ravel_pytree(derivative(parameters, action))[0])(actions)
 
 
 @eqx.filter_jit
