@@ -18,23 +18,25 @@ os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixtur
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a test that is `thinned`, every third case is quick, or those that the mark names; the others are slow. Where
-    none that is named was collected, all are quick, so that a wrong name leaves out nothing.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves all cases of a test but its `representatives` to `make test-all`: the others are slow.
 
-    A test in a browser is tried twice: an answer may come late where pages are drawn by software, beside all else.
+    A test in a browser that fails is tried again: pages are drawn by software, and an answer may come late.
     """
-    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    cases: dict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
         if _BROWSERS.intersection(item.fixturenames):
             item.add_marker(pytest.mark.flaky(reruns=1))
-        if item.get_closest_marker("thinned") is not None and not item.get_closest_marker("slow"):
+        if item.get_closest_marker("representatives") is not None:
             cases[item.nodeid.partition("[")[0]].append(item)
-    for several in cases.values():
-        named = several[0].get_closest_marker("thinned").args
-        quick = [item for item in several if item.callspec.id in named] or several[:: 1 if named else 3]
+    some = any("[" in argument for argument in config.args)  # cases asked for by name are only some of a test's
+    for test, several in cases.items():
+        names = several[0].get_closest_marker("representatives").args
+        unknown = set(names) - {item.callspec.id for item in several}
+        if unknown and not some:
+            raise pytest.UsageError(f"{test}: representatives {sorted(unknown)} are not among its cases")
         for item in several:
-            if item not in quick:
+            if item.callspec.id not in names:
                 item.add_marker(pytest.mark.slow)
 
 

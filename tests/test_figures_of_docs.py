@@ -48,7 +48,7 @@ def slow(name):
 KEPT = 6  # one of so many is drawn in the quick tests
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("unit-motoneuron", "hexapod-muscles")
 @pytest.mark.parametrize(
     "name", [*(slow(n) if i % KEPT or n == "growth" else n for i, n in enumerate(DRAWN)), *map(slow, MEASURED)]
 )

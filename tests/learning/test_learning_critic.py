@@ -65,7 +65,11 @@ def check_exact(weights, exact, centred, tolerance):
     np.testing.assert_array_less(np.abs(weights.mean(0) - exact), 4 * spread + tolerance * scale)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(
+    "three states-least squares-0.7-None",
+    "three states-temporal differences-0.7-0.8",
+    "chain-temporal differences-0.7-None",
+)
 @pytest.mark.parametrize("discount", [None, 0.8])
 @pytest.mark.parametrize("decay", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 @pytest.mark.parametrize("fit", FITS)
@@ -85,7 +89,7 @@ def test_inputs_and_a_constant_tell_three_states_apart():
     check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("least squares")
 @pytest.mark.parametrize("fit", FITS)
 def test_a_critic_that_cannot_tell_states_apart_ends_at_the_fixed_point(fit):
     """Of 80 states it sees 16: the weights are those of Tsitsiklis and Van Roy (1997), whose error is not 0."""
@@ -136,7 +140,7 @@ ADVANTAGES = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("right, \\u03bb = 0")
 @pytest.mark.parametrize("name", ADVANTAGES)
 def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
     mdp, (given, decay) = ThreeState().dynamics, ADVANTAGES[name]

@@ -80,7 +80,7 @@ def whole(policy, blocks):
     return matrix
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "mirrored", "coupled")
 @pytest.mark.parametrize("name", rng_policies(0))
 @few
 @given(seed=st.integers(0, 2**31))
@@ -122,7 +122,7 @@ def random_mdp(actions, inputs, seed=0, states=4):
     return FiniteMDP(transitions, rng.normal(size=(actions, states)), rng.normal(size=(states, inputs)))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "coupled")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "coupled", "softmax"])
 def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     policy = rng_policies(2)[name]
@@ -168,7 +168,7 @@ CONVERGING = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("softmax")
 @pytest.mark.parametrize("name", CONVERGING)
 def test_the_running_matrix_and_direction_are_the_oracles(name):
     task, policy = CONVERGING[name]
@@ -272,7 +272,7 @@ def test_hyperplanes_and_motoneurons_that_are_one_policy_move_as_one():
     assert np.abs(moved["w", "plain"] / moved["k", "plain"] - 1).max() > 0.1
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("True-1", "True-21", "False-3")
 @pytest.mark.parametrize("size", [1, 2, 3, 21])
 @pytest.mark.parametrize("x64", [True, False])
 def test_the_direction_is_numpys_solution(size, x64):
@@ -315,7 +315,7 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     assert moved["not damped"] > 10 * moved["damped"]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "gaussians")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "gaussians", "softmax"])
 def test_a_matrix_of_nothing_moves_nothing_and_a_singular_one_stays_finite(name):
     policy, metric = rng_policies(3)[name], FisherMetric(0.5, 0.0, 0.0)

@@ -85,7 +85,7 @@ def measured(policy, seen):
     return state._replace(fisher=tuple(jnp.mean(jnp.stack(blocks), axis=0) for blocks in zip(*fisher, strict=True)))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("hyperplanes", "softmax")
 @pytest.mark.parametrize("name", pools())
 def test_a_long_step_is_cut_to_the_divergence_that_policies_then_have(name):
     policy, limit = pools()[name], 1e-4
@@ -138,7 +138,7 @@ def test_no_step_of_a_learner_is_longer_than_its_limit_and_the_limit_is_annealed
     assert state.steps.tolist() == [6] * 3
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("hyperplanes", "softmax", "masked")
 @pytest.mark.parametrize("name", [*pools(), "gated", "masked", "boxes"])
 def test_the_entropys_gradient_is_that_of_finite_differences(name):
     rng = np.random.default_rng(5)
@@ -221,7 +221,7 @@ def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
 AVERAGES = {"all": WeightAverage(), "late": WeightAverage(start=7), "forgetting": WeightAverage(2, 0.5)}
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("all-1", "late-5")
 @pytest.mark.parametrize("improve", [1, 5])
 @pytest.mark.parametrize("name", AVERAGES)
 def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):

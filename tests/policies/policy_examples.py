@@ -87,6 +87,9 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
+REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "softmax-5")
+"""The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
+
 
 def policy_of(name: str, seed: int = 0) -> Policy:
     """The example called `name` with the parameters of one seed, in JAX's present precision."""
@@ -228,3 +231,21 @@ EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
 }
 """Places where a careless formula overflows, divides by zero or cancels: a policy and the observation that brings it
 there."""
+
+EXTREME_REPRESENTATIVES = (
+    "motoneurons at -700.0",
+    "motoneurons at 700.0",
+    "softmax-5 at -700.0",
+    "softmax-5 at 700.0",
+    "gaussian 0.0 widths away",
+    "gaussian 0.0015 widths away",
+    "gaussian 40.0 widths away",
+    "free gaussian of too great a mass",
+    "sphere, 1e-15 from its centre",
+    "hard sphere at its centre",
+    "box, 40.0 from its centre",
+    "hard box at its wall",
+    "gate surely open, capped below",
+    "gate surely closed, far below",
+)
+"""The places that `make test` runs: both ends of each kind of unit."""

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from policy_examples import EXAMPLES, EXTREMES, call, observation_of, over_actions, policy_of
+from policy_examples import (
+    EXAMPLES,
+    EXTREME_REPRESENTATIVES,
+    EXTREMES,
+    REPRESENTATIVES,
+    call,
+    observation_of,
+    over_actions,
+    policy_of,
+)
 from scipy import stats
 
 from motorgrad.policies import Masked
@@ -34,7 +43,7 @@ def drawn(name, seed, look):
     return policy, observation, np.asarray(over_actions(policy, "log_prob", observation))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -44,7 +53,7 @@ def test_probabilities_of_all_actions_sum_to_one(name, seed, look):
     assert np.exp(log_p).sum() == pytest.approx(1, abs=1e-13)  # at most 32 terms of rounding 1e-16
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_probabilities_of_all_actions_sum_to_one_at_extremes(place):
     with jax.enable_x64(True):
@@ -53,7 +62,7 @@ def test_probabilities_of_all_actions_sum_to_one_at_extremes(place):
     assert total == pytest.approx(1, abs=1e-13)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -65,7 +74,7 @@ def test_prob_is_the_marginal_of_the_log_probability(name, seed, look):
     np.testing.assert_allclose(prob, marginal, atol=1e-13)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -76,7 +85,7 @@ def test_entropy_is_the_expected_surprise(name, seed, look):
     assert entropy == pytest.approx(surprise(log_p), abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(place):
     policy, observation = EXTREMES[place]()
@@ -91,7 +100,7 @@ def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(p
     assert single == pytest.approx(exact, abs=2e-4)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -102,7 +111,7 @@ def test_mode_is_the_most_probable_action(name, seed, look):
     assert at_mode == pytest.approx(log_p.max(), abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
     policy = policy_of(name)
@@ -114,7 +123,7 @@ def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
     assert (actions[0].shape, actions.dtype) == (sample.shape, sample.dtype)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
     policy = policy_of(name)
@@ -128,7 +137,7 @@ def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
         assert not np.array_equal(low, high)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if getattr(policy_of(name), "independent", True)])
 def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
     policy, points = policy_of(name), 4096
@@ -163,7 +172,7 @@ def check_frequencies(name, draws):
     assert stats.chi2.sf(statistic, max(kept.sum() - 1, 1)) > 1e-5
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_actions_are_as_frequent_as_their_joint_probability(name):
     check_frequencies(name, 20_000)
@@ -187,7 +196,7 @@ def everything(policy, observation, action, uniforms):
     }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_mapping_over_seeds_gives_the_same_as_one_at_a_time(name):
     policies = [policy_of(name, seed) for seed in range(3)]

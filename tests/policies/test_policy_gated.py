@@ -63,7 +63,7 @@ def test_nothing_below_a_closed_gate_fires_however_deep():
     np.testing.assert_array_equal(never.sample(jnp.zeros(1), half), [0, 0, 0])
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("gated")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_fisher_matrices_are_the_blocks_of_the_exact_one_which_has_no_others(name):
     with jax.enable_x64(True):
@@ -99,7 +99,7 @@ def test_where_units_share_parameters_the_fisher_matrix_is_the_sample_and_right_
     np.testing.assert_allclose(mean, exact, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("gated")
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_are_taken_apart_and_joined_again(name):
     policy = policy_of(name)

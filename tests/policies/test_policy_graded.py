@@ -74,7 +74,7 @@ def drawn(kind, seed):
     return policy, observation, policy.mean(observation) + policy.deviation * rng.uniform(-5, 5, policy.outputs)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons")
 @pytest.mark.parametrize("kind", KINDS)
 @few
 @given(seed=seeds)
@@ -102,7 +102,7 @@ def test_the_log_density_is_that_of_independent_normals(seed):
     np.testing.assert_allclose(mean, 1 / (1 + np.exp(-policy.gain * (observation[0] - policy.threshold))), rtol=1e-9)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons")
 @pytest.mark.parametrize("kind", KINDS)
 @few
 @given(seed=seeds)
@@ -174,7 +174,7 @@ def test_the_mode_is_the_mean():
     np.testing.assert_array_equal(policy.mode(jnp.array([0.4])), policy.mean(jnp.array([0.4])))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("False")
 @pytest.mark.parametrize("double", [False, True])
 def test_however_sure_a_unit_is_its_score_is_bounded_by_the_floor(double):
     with jax.enable_x64(double):

@@ -29,7 +29,7 @@ def pair(name, seed=0):
     return Masked(pool, ACTIVE), prune(pool, ACTIVE), observation_of(pool, seed)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
 @pytest.mark.parametrize("name", POOLS)
 def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
     with jax.enable_x64(True):
@@ -53,7 +53,7 @@ def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
         np.testing.assert_array_equal(fisher[1], 0)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
 @pytest.mark.parametrize("name", POOLS)
 def test_units_that_are_off_never_fire(name):
     masked, smaller, y = pair(name)
@@ -73,7 +73,7 @@ RULES = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("False-sgd", "False-optax", "True-adam", "True-natural")
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):

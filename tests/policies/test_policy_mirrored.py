@@ -67,7 +67,7 @@ def test_each_unit_sees_its_own_sides_view_and_drives_its_outputs():
     assert ravel_pytree(trainable(policy))[0].size == ravel_pytree(trainable(units))[0].size == 8
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("mirrored")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exact(name):
     with jax.enable_x64(True):

@@ -55,7 +55,7 @@ def test_without_a_unit_actions_differ_by_exactly_its_activity():
             assert distance == pytest.approx(share[unit], abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("local", "boxes")
 @pytest.mark.parametrize("name", LOCAL)
 def test_reach_is_the_greatest_probability_on_a_fine_grid_of_the_box(name):
     policy = made(name)

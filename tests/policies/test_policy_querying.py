@@ -28,7 +28,7 @@ def queries(policy, count=200_000):
     return np.asarray(jax.vmap(policy.query)((jnp.arange(count) + 0.5) / count))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("0.0-0.0-1.0", "0.25--2.0-14.0")
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-2.0, 14.0)])
 @pytest.mark.parametrize("explore", [0.0, 0.25, 1.0])
 def test_cells_are_asked_for_in_proportion_to_the_entropy_and_evenly_within(low, high, explore):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
-from policy_examples import EXAMPLES, EXTREMES, call, over_actions, policy_of
+from policy_examples import EXAMPLES, EXTREME_REPRESENTATIVES, EXTREMES, REPRESENTATIVES, call, over_actions, policy_of
 
 from motorgrad.policies import Factored, LocalGaussians, split, trainable
 
@@ -29,7 +29,7 @@ def scores(policy, observation):
     return analytic, jax.vmap(lambda action: flat(automatic(action)))(actions)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(seed=seeds, look=seeds, scale=st.floats(0.01, 10))
@@ -42,7 +42,7 @@ def test_analytic_score_is_the_derivative_of_the_log_probability(name, seed, loo
     np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12 * (1 + scale))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_analytic_score_is_the_derivative_of_the_log_probability_at_extremes(place):
     with jax.enable_x64(True):
@@ -53,7 +53,7 @@ def test_analytic_score_is_the_derivative_of_the_log_probability_at_extremes(pla
     np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
     policy, observation = EXTREMES[place]()
@@ -72,7 +72,7 @@ def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
     np.testing.assert_allclose(single_log, double_log, rtol=2e-4, atol=1e-6)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
     policy = policy_of(name)
@@ -82,7 +82,7 @@ def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
     assert [x.shape for x in jax.tree.leaves(score)] == [x.shape for x in jax.tree.leaves(part)]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=seeds, look=seeds)

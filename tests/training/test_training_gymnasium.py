@@ -258,7 +258,7 @@ def test_from_the_command_line(tmp_path, capsys):
     assert "Traceback" not in complaint
 
 
-@pytest.mark.thinned("action3-choice-softmax")
+@pytest.mark.representatives("action3-choice-softmax")
 @pytest.mark.parametrize(
     ("action", "code", "policy"),
     [

@@ -102,7 +102,7 @@ def kill_and_resume(name, path, begin, kills, random):
     assert child.wait(PATIENCE) == 0
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("three-state-2")
 @pytest.mark.parametrize(
     ("name", "kills"),
     [
@@ -118,7 +118,7 @@ def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills,
     assert_same_run(mg.load(tmp_path), undisturbed(name))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(".lock")
 @pytest.mark.parametrize("appears", [".lock", "checkpoint/initial.policies"])
 def test_a_run_killed_before_its_first_checkpoint_begins_again(appears, begin, tmp_path):
     short = {"steps": 200}
