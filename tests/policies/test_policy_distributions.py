@@ -137,7 +137,7 @@ def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
         assert not np.array_equal(low, high)
 
 
-@pytest.mark.representatives(*REPRESENTATIVES)
+@pytest.mark.representatives("local-gaussians-p-max", "factored-nested", "mirrored-local", "softmax-5")
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if getattr(policy_of(name), "independent", True)])
 def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
     policy, points = policy_of(name), 4096
