@@ -15,7 +15,7 @@ QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONDONTWRITEBY
 PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-all lint format bench torture docs figures notebooks clean
+.PHONY: help install demo editor test test-share test-all lint format bench torture docs figures notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -46,6 +46,13 @@ editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it
 
 test: $(STAMP) $(BUILT)  ## the quick tests, and of the slow ones those that every change must pass
 	$(PYTEST) -m "not slow or ci"
+
+# The share of the slow tests that a change must pass, too (.ci/run): every kind of policy and world, every place where
+# arithmetic is hard, and all that is done to a page in a browser.
+SHARE := tests/policies tests/worlds tests/lab/editor tests/sim/panels
+
+test-share: $(STAMP) $(BUILT)  ## of the slow tests the share that .ci/run adds to make test
+	$(PYTEST) -m "slow and not ci" $(SHARE)
 
 test-all: $(STAMP) $(BUILT)  ## all tests
 	$(PYTEST)

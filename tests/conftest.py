@@ -19,7 +19,8 @@ os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixtur
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves all cases of a test but its `representatives` to `make test-all`: the others are slow.
+    """Leaves to `make test-all`, as slow, all cases of a test but its `representatives` and all tests in a browser but
+    the `journey` of each page.
 
     A test in a browser that fails is tried again: pages are drawn by software, and an answer may come late.
     """
@@ -27,6 +28,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if _BROWSERS.intersection(item.fixturenames):
             item.add_marker(pytest.mark.flaky(reruns=1))
+            if not item.get_closest_marker("journey"):
+                item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("representatives") is not None:
             cases[item.nodeid.partition("[")[0]].append(item)
     some = any("[" in argument for argument in config.args)  # cases asked for by name are only some of a test's

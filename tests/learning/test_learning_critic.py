@@ -179,15 +179,18 @@ def test_a_learnt_critic_makes_the_estimate_without_a_trace_exact():
     assert np.linalg.norm(plain - exact) > 0.8 * np.linalg.norm(exact)  # as it would be without a critic
 
 
-def follow(critic, policy, steps, dtype=jnp.float64):
+def follow(critic, policy, steps, dtype=np.float64):
     """A critic after decisions (observation, action, reward, next observation, terminated), and its errors."""
     with jax.enable_x64(True):
+
+        @jax.jit
+        def decide(state, y, action, reward, after, terminated):
+            error, state = critic.follow(critic.see(state, y), policy, action, reward, after, terminated)
+            return critic.solve(state), error
+
         state, errors = critic.init(dtype, policy), []
         for y, action, reward, after, terminated in steps:
-            state = critic.see(state, jnp.asarray(y, dtype))
-            told = (jnp.asarray(action), jnp.asarray(reward, dtype), jnp.asarray(after, dtype), terminated)
-            error, state = critic.follow(state, policy, *told)
-            state = critic.solve(state)
+            state, error = decide(state, dtype(y), np.asarray(action), dtype(reward), dtype(after), terminated)
             errors.append(float(error))
         return jax.tree.map(np.asarray, state), errors
 
