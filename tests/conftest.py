@@ -9,7 +9,7 @@ import pytest
 import compilations
 
 # All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
-# for itself. The processes that tests start compile for themselves, too (`process_environment`).
+# for itself. A process that a test starts does so, too, unless it is given `compiled_environment`.
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
 _CACHE = compilations.environment(_RUN)
@@ -53,3 +53,9 @@ def process_environment() -> dict[str, str]:
     """The environment of a process that a test starts: a user's, on few threads and without this session's cache."""
     few = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "PYTHONUNBUFFERED": "1"}
     return {name: value for name, value in os.environ.items() if name not in _CACHE} | few
+
+
+@pytest.fixture(scope="session")
+def compiled_environment(process_environment: dict[str, str]) -> dict[str, str]:
+    """The same with this session's cache, for a process that is asked for what it computes, and not how it starts."""
+    return process_environment | _CACHE
