@@ -44,15 +44,11 @@ $(BUILT): $(STAMP) $(EDITOR_SOURCES)
 
 editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it by themselves)
 
-test: $(STAMP) $(BUILT)  ## the quick tests, and of the slow ones those that every change must pass
-	$(PYTEST) -m "not slow or ci"
+test: $(STAMP) $(BUILT)  ## the quick tests
+	$(PYTEST) -m "not slow"
 
-# The share of the slow tests that a change must pass, too (.ci/run): every kind of policy and world, every place where
-# arithmetic is hard, and all that is done to a page in a browser.
-SHARE := tests/policies tests/worlds tests/lab/editor tests/sim/panels
-
-test-share: $(STAMP) $(BUILT)  ## of the slow tests the share that .ci/run adds to make test
-	$(PYTEST) -m "slow and not ci" $(SHARE)
+test-share: $(STAMP) $(BUILT)  ## of the slow tests those that a change must pass, too
+	$(PYTEST) -m "slow and ci"
 
 test-all: $(STAMP) $(BUILT)  ## all tests
 	$(PYTEST)

@@ -14,6 +14,8 @@ _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
 _CACHE = compilations.environment(_RUN)
 _BROWSERS = {"browser", "chromium"}  # fixtures
+_TESTS = Path(__file__).parent
+_SHARE = ("policies/", "worlds/", "lab/editor/", "sim/panels/")  # every unit and world, and all that is done to a page
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
 
 
@@ -22,7 +24,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leaves to `make test-all`, as slow, all cases of a test but its `representatives` and all tests in a browser but
     the `journey` of each page.
 
-    A test in a browser that fails is tried again: pages are drawn by software, and an answer may come late.
+    The slow tests of some folders belong to the share that `.ci/run` runs, as those marked `ci` do. A test in a browser
+    that fails is tried again: pages are drawn by software, and an answer may come late.
     """
     cases: dict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
@@ -41,6 +44,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in several:
             if item.callspec.id not in names:
                 item.add_marker(pytest.mark.slow)
+    for item in items:
+        if item.get_closest_marker("slow") and item.path.is_relative_to(_TESTS):
+            if item.path.relative_to(_TESTS).as_posix().startswith(_SHARE):
+                item.add_marker(pytest.mark.ci)
 
 
 def pytest_unconfigure() -> None:
