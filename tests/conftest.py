@@ -14,8 +14,10 @@ _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
 _CACHE = compilations.environment(_RUN)
 _BROWSERS = {"browser", "chromium"}  # fixtures
-_TESTS = Path(__file__).parent
-_SHARE = ("policies/", "worlds/", "lab/editor/", "sim/panels/")  # every unit and world, and all that is done to a page
+# Folders of which `.ci/run` runs the slow tests, too: every unit and world, and all that is done to a page.
+_SHARE = tuple(
+    f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
+)
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
 
 
@@ -45,9 +47,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if item.callspec.id not in names:
                 item.add_marker(pytest.mark.slow)
     for item in items:
-        if item.get_closest_marker("slow") and item.path.is_relative_to(_TESTS):
-            if item.path.relative_to(_TESTS).as_posix().startswith(_SHARE):
-                item.add_marker(pytest.mark.ci)
+        if item.get_closest_marker("slow") and item.path.as_posix().startswith(_SHARE):
+            item.add_marker(pytest.mark.ci)
 
 
 def pytest_unconfigure() -> None:
