@@ -15,7 +15,7 @@ QUIET_THREADS := NPROC=1 OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONDONTWRITEBY
 PYTEST := $(QUIET_THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-all lint format bench torture docs figures notebooks clean
+.PHONY: help install demo editor test test-share test-all lint format bench torture docs figures notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -44,8 +44,11 @@ $(BUILT): $(STAMP) $(EDITOR_SOURCES)
 
 editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it by themselves)
 
-test: $(STAMP) $(BUILT)  ## the quick tests, and of the slow ones those that every change must pass
-	$(PYTEST) -m "not slow or ci"
+test: $(STAMP) $(BUILT)  ## the quick tests
+	$(PYTEST) -m "not slow"
+
+test-share: $(STAMP) $(BUILT)  ## of the slow tests those that a change must pass, too
+	$(PYTEST) -m "slow and ci"
 
 test-all: $(STAMP) $(BUILT)  ## all tests
 	$(PYTEST)

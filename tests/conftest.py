@@ -1,50 +1,59 @@
-"""Shared by all tests: a folder of what JAX has compiled, and the cases that are left to `make test-all`."""
+"""Shared by all tests: the compilation cache, and the cases that are left to `make test-all`."""
 
 import os
-import shutil
-import tempfile
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
-# Most of the time of small tests goes into compiling the same few functions anew for every learner. All workers share
-# one folder, gone when the session is done: what one finds half written by another it compiles for itself. So do the
-# processes that tests start (`process_environment`).
-_FOLDER = "JAX_COMPILATION_CACHE_DIR"
+import compilations
+
+# All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
+# for itself. A process that a test starts does so, too, unless it is given `compiled_environment`.
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
-_CACHE = {
-    _FOLDER: os.environ[_FOLDER] if _WORKER else tempfile.mkdtemp(prefix="motorgrad-tests-"),
-    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-}
+_RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
+_CACHE = compilations.environment(_RUN)
 _BROWSERS = {"browser", "chromium"}  # fixtures
+# Folders of which `.ci/run` runs the slow tests, too: every unit and world, and all that is done to a page.
+_SHARE = tuple(
+    f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
+)
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a test that is `thinned`, every third case is quick, or those that the mark names; the others are slow. Where
-    none that is named was collected, all are quick, so that a wrong name leaves out nothing.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves to `make test-all`, as slow, all cases of a test but its `representatives` and all tests in a browser but
+    the `journey` of each page.
 
-    A test in a browser is tried twice: an answer may come late where pages are drawn by software, beside all else.
+    The slow tests of some folders belong to the share that `.ci/run` runs, as those marked `ci` do. A test in a browser
+    that fails is tried again: pages are drawn by software, and an answer may come late.
     """
-    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    cases: dict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
         if _BROWSERS.intersection(item.fixturenames):
             item.add_marker(pytest.mark.flaky(reruns=1))
-        if item.get_closest_marker("thinned") is not None and not item.get_closest_marker("slow"):
-            cases[item.nodeid.partition("[")[0]].append(item)
-    for several in cases.values():
-        named = several[0].get_closest_marker("thinned").args
-        quick = [item for item in several if item.callspec.id in named] or several[:: 1 if named else 3]
-        for item in several:
-            if item not in quick:
+            if not item.get_closest_marker("journey"):
                 item.add_marker(pytest.mark.slow)
+        if item.get_closest_marker("representatives") is not None:
+            cases[item.nodeid.partition("[")[0]].append(item)
+    some = any("[" in argument for argument in config.args)  # cases asked for by name are only some of a test's
+    for test, several in cases.items():
+        names = several[0].get_closest_marker("representatives").args
+        unknown = set(names) - {item.callspec.id for item in several}
+        if unknown and not some:
+            raise pytest.UsageError(f"{test}: representatives {sorted(unknown)} are not among its cases")
+        for item in several:
+            if item.callspec.id not in names:
+                item.add_marker(pytest.mark.slow)
+    for item in items:
+        if item.get_closest_marker("slow") and item.path.as_posix().startswith(_SHARE):
+            item.add_marker(pytest.mark.ci)
 
 
 def pytest_unconfigure() -> None:
     if not _WORKER:
-        shutil.rmtree(_CACHE[_FOLDER], ignore_errors=True)
+        compilations.close_run(_RUN)
 
 
 @pytest.fixture(scope="session")
@@ -52,3 +61,9 @@ def process_environment() -> dict[str, str]:
     """The environment of a process that a test starts: a user's, on few threads and without this session's cache."""
     few = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "PYTHONUNBUFFERED": "1"}
     return {name: value for name, value in os.environ.items() if name not in _CACHE} | few
+
+
+@pytest.fixture(scope="session")
+def compiled_environment(process_environment: dict[str, str]) -> dict[str, str]:
+    """The same with this session's cache, for a process that is asked for what it computes, and not how it starts."""
+    return process_environment | _CACHE

@@ -40,17 +40,10 @@ def test_the_names_are_those_of_the_registry():
     assert (*DRAWN, *MEASURED) == NAMES
 
 
-def slow(name):
-    kept = [pytest.mark.ci] if name == "estimator-gpomdp" else []
-    return pytest.param(name, marks=[pytest.mark.slow, *kept])
-
-
-KEPT = 6  # one of so many is drawn in the quick tests
-
-
-@pytest.mark.thinned
+@pytest.mark.representatives("unit-motoneuron", "hexapod-muscles")
 @pytest.mark.parametrize(
-    "name", [*(slow(n) if i % KEPT or n == "growth" else n for i, n in enumerate(DRAWN)), *map(slow, MEASURED)]
+    "name",
+    [pytest.param(name, marks=pytest.mark.ci if name == "estimator-gpomdp" else ()) for name in (*DRAWN, *MEASURED)],
 )
 def test_a_figure_is_drawn(name, tmp_path):
     from tools.figures.__main__ import draw

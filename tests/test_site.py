@@ -12,6 +12,8 @@ import motorgrad
 from motorgrad.lab import BLOCKS, parameters_of
 from tools.block_pages import slug
 
+pytestmark = [pytest.mark.slow, pytest.mark.ci]
+
 ROOT = Path(__file__).parents[1]
 pytest.importorskip("mkdocs_jupyter", reason="the site needs motorgrad[docs]")
 pytest.importorskip("mkdocstrings", reason="the site needs motorgrad[docs]")

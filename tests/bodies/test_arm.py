@@ -174,7 +174,7 @@ ERRORS = [
 ]  # kg, of the full lift; what the documentation says
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("0.0-0.05-0.0015")
 @pytest.mark.parametrize(("low", "high", "error"), ERRORS)
 def test_the_stored_table_is_as_high_as_a_simulation_at_random_points(low, high, error):
     generator, table = np.random.default_rng(3), lift_table(Arm())

@@ -87,7 +87,7 @@ def test_every_command_explains_itself(name, capsys):
     assert f"usage: motorgrad {name}" in said
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("particle", "hopper")
 @pytest.mark.parametrize("name", TASKS)
 def test_train_explains_the_settings_of_every_task(name, capsys):
     assert status("train", name, "--help") == 0
@@ -119,7 +119,7 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
 # ---- train
 
 
-@pytest.mark.thinned(*SEVERAL)
+@pytest.mark.representatives(*SEVERAL)
 @pytest.mark.parametrize("name", TASKS)
 def test_train_learns_every_task(name, runs):
     out = runs[name]
@@ -217,7 +217,7 @@ def test_evaluate_films_into_the_run_by_default(runs):
 # ---- plot
 
 
-@pytest.mark.thinned(*SEVERAL)
+@pytest.mark.representatives(*SEVERAL)
 @pytest.mark.parametrize("name", TASKS)
 def test_plot_draws_a_curve_into_the_run(name, runs, capsys):
     assert status("plot", runs[name]) == 0

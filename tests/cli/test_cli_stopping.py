@@ -24,7 +24,7 @@ def start(environment, *arguments):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("0.7-2", "1.5-15")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [0.7, 1.5])
 def test_a_signal_during_the_start_up_stops_the_command(number, after, process_environment):
@@ -47,7 +47,7 @@ def test_an_interrupt_that_a_library_swallowed_is_remembered():
         assert not stopped()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("arguments0")
 @pytest.mark.parametrize("arguments", [["train", "hopper", "--help"], ["train", "chain", "--check"], ["list"]])
 def test_a_reader_that_has_enough_is_no_error(arguments, process_environment):
     child = start(process_environment, *arguments)

@@ -8,7 +8,7 @@ from motorgrad.tasks import CallAdmission, Chain, Hopper
 from motorgrad.training import settings_for, stepper_of
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("landing")
 @pytest.mark.parametrize("paid", ["landing", "apex"])
 def test_the_hopper_of_training_is_the_environments(paid):
     task = Hopper(paid=paid, time_limit=3.0)

@@ -72,7 +72,7 @@ def test_an_apex_is_told_when_it_occurs_and_paid():
     assert all(reward == 0 for _, reward, _, _, info in told if "apex" not in info)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("limits0-1000", "limits3-30", "limits6-1050")
 @pytest.mark.parametrize(
     ("limits", "length"),
     [

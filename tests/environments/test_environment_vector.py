@@ -28,7 +28,7 @@ def actions_of(vector, decisions):
         yield actions
 
 
-@pytest.mark.thinned("Hopper-settings1-3", "Chain-settings2-16")
+@pytest.mark.representatives("Hopper-settings1-3", "Chain-settings2-16")
 @pytest.mark.parametrize("rows", [1, 3, 16])
 @pytest.mark.parametrize(("name", "settings"), CASES)
 def test_rows_are_single_environments_bit_for_bit(name, settings, rows):

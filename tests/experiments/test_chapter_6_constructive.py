@@ -54,7 +54,7 @@ LONG = (
 )  # to compile
 
 
-@pytest.mark.thinned("fig-a.2")
+@pytest.mark.representatives("fig-a.2")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
 )

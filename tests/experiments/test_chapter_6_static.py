@@ -65,7 +65,7 @@ LONG = (
 )  # to compile
 
 
-@pytest.mark.thinned("fig-6.1", "fig-6.2")
+@pytest.mark.representatives("fig-6.1", "fig-6.2")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
 )

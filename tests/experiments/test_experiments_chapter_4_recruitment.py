@@ -34,7 +34,7 @@ CLAIMED = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("fig-4.1", "fig-4.5")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
@@ -43,7 +43,7 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     assert 0 <= len(found.claims) - CLAIMED[name] <= 2 * (name == "fig-4.8")
 
 
-@pytest.mark.thinned("fig-4.1")
+@pytest.mark.representatives("fig-4.1")
 @pytest.mark.parametrize("name", ["fig-4.1", "fig-4.6", "fig-4.7"])
 def test_what_is_not_random_holds_at_any_size(name, done):
     assert [claim.statement for claim in done(name).claims if not claim.holds] == []

@@ -188,7 +188,7 @@ def test_one_seed_that_does_not_learn_refutes_that_every_seed_does():
 QUICK = [HillClimbing, Learner, pytest.param(Baselines, marks=pytest.mark.slow)]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("HillClimbing")
 @pytest.mark.parametrize("kind", QUICK)
 def test_a_quick_run_goes_from_end_to_end_and_is_taken_up(kind, tmp_path):
     assert EXPERIMENTS[kind.name] is kind

@@ -38,8 +38,13 @@ OTHERS = ("airborne", "belly", "net", "falls")
 CLAIMED = {"sec-5.3.3-morphology": 13, "sec-5.3.3-forces": 5}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param("sec-5.3.3-morphology", marks=[needs_evosax, pytest.mark.slow]), "sec-5.3.3-forces"]
+    "name",
+    [
+        pytest.param("sec-5.3.3-morphology", marks=needs_evosax),
+        pytest.param("sec-5.3.3-forces", marks=pytest.mark.ci),
+    ],
 )
 def test_each_leaves_a_figure_and_its_claims(name, tmp_path):
     found = reproduce(EXPERIMENTS[name].quick(), tmp_path, quick=True, progress=False)

@@ -344,6 +344,8 @@ def test_no_name_and_impossible_settings_are_refused(capsys):
     assert "longest = 99: must be in 6 … 20" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+@pytest.mark.ci
 def test_a_killed_reproduction_goes_on(tmp_path):
     command = [sys.executable, "-m", "motorgrad", "reproduce", "fig-4.9", "--quick", "--settings.longest", "8"]
     first = subprocess.Popen([*command, "--out", "killed"], stderr=subprocess.PIPE, text=True)

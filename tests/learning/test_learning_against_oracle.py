@@ -43,7 +43,7 @@ def check_relative_errors(name, longest):
         assert error.mean() == pytest.approx(figure, abs=tolerance), decisions
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("no baseline")
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_the_relative_error_of_gpomdp_is_the_published_one(name):
     check_relative_errors(name, 10_000)
@@ -113,7 +113,7 @@ def check_unbiased(name, decisions, precision):
     np.testing.assert_array_less(np.abs(per_seed.mean(0) - exact), 4 * error + 2e-3 * np.linalg.norm(exact))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("exponential", "discounted")
 @pytest.mark.parametrize("name", UNBIASED)
 def test_the_mean_estimate_over_seeds_is_the_exact_gradient(name):
     check_unbiased(name, 4_800, 0.05)

@@ -113,7 +113,7 @@ def learn(estimator):
     return np.asarray(path), jax.tree.map(np.asarray, state)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("OLGARB", "no memory", "every seventh, mean", "episode, sum")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_the_learner_is_the_hand_written_loop(name):
     estimator, table = ESTIMATORS[name]

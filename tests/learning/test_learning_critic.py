@@ -65,7 +65,11 @@ def check_exact(weights, exact, centred, tolerance):
     np.testing.assert_array_less(np.abs(weights.mean(0) - exact), 4 * spread + tolerance * scale)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(
+    "three states-least squares-0.7-None",
+    "three states-temporal differences-0.7-0.8",
+    "chain-temporal differences-0.7-None",
+)
 @pytest.mark.parametrize("discount", [None, 0.8])
 @pytest.mark.parametrize("decay", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 @pytest.mark.parametrize("fit", FITS)
@@ -85,7 +89,7 @@ def test_inputs_and_a_constant_tell_three_states_apart():
     check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("least squares")
 @pytest.mark.parametrize("fit", FITS)
 def test_a_critic_that_cannot_tell_states_apart_ends_at_the_fixed_point(fit):
     """Of 80 states it sees 16: the weights are those of Tsitsiklis and Van Roy (1997), whose error is not 0."""
@@ -136,7 +140,7 @@ ADVANTAGES = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("right, \\u03bb = 0")
 @pytest.mark.parametrize("name", ADVANTAGES)
 def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
     mdp, (given, decay) = ThreeState().dynamics, ADVANTAGES[name]
@@ -175,15 +179,18 @@ def test_a_learnt_critic_makes_the_estimate_without_a_trace_exact():
     assert np.linalg.norm(plain - exact) > 0.8 * np.linalg.norm(exact)  # as it would be without a critic
 
 
-def follow(critic, policy, steps, dtype=jnp.float64):
+def follow(critic, policy, steps, dtype=np.float64):
     """A critic after decisions (observation, action, reward, next observation, terminated), and its errors."""
     with jax.enable_x64(True):
+
+        @jax.jit
+        def decide(state, y, action, reward, after, terminated):
+            error, state = critic.follow(critic.see(state, y), policy, action, reward, after, terminated)
+            return critic.solve(state), error
+
         state, errors = critic.init(dtype, policy), []
         for y, action, reward, after, terminated in steps:
-            state = critic.see(state, jnp.asarray(y, dtype))
-            told = (jnp.asarray(action), jnp.asarray(reward, dtype), jnp.asarray(after, dtype), terminated)
-            error, state = critic.follow(state, policy, *told)
-            state = critic.solve(state)
+            state, error = decide(state, dtype(y), np.asarray(action), dtype(reward), dtype(after), terminated)
             errors.append(float(error))
         return jax.tree.map(np.asarray, state), errors
 

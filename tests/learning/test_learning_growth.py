@@ -66,7 +66,7 @@ def noisy(mean):
     return lambda t, key: (mean(t) + 0.5 * jax.random.normal(key)).astype(jnp.float32)
 
 
-@pytest.mark.thinned("None-ascent0")
+@pytest.mark.representatives("None-ascent0")
 @pytest.mark.parametrize("ascent", [sgd(0.01), adam(0.01)])
 @pytest.mark.parametrize("metric", [None, FisherMetric(rate=0.1)])
 def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_the_adding_phase(ascent, metric):
@@ -264,7 +264,7 @@ def test_it_grows_with_a_batch_learner_too():
     assert np.isfinite(np.asarray(state.policy.pool.centre)).all()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("centre-clock", "visited-plateau")
 @pytest.mark.parametrize("criterion", [Clock(2_000), Plateau(window=1_000, patience=5)], ids=["clock", "plateau"])
 @pytest.mark.parametrize("placement", [None, Visited()], ids=["centre", "visited"])
 def test_units_find_the_two_places_where_firing_pays(criterion, placement):

@@ -91,7 +91,7 @@ ESTIMATORS = {
 }
 
 
-@pytest.mark.thinned("0.9-1", "discount-64")
+@pytest.mark.representatives("0.9-1", "discount-64")
 @pytest.mark.parametrize(
     ("name", "rebase"), [*((name, 64) for name in ESTIMATORS), ("0.9", 1), ("0.9", 7)], ids=lambda value: f"{value}"
 )
@@ -109,7 +109,7 @@ def test_with_every_unit_in_the_one_cell_it_learns_what_the_dense_learner_learns
     assert moved > 0.05  # a tenth of what rounding may do to it would be seen
 
 
-@pytest.mark.thinned("discount")
+@pytest.mark.representatives("discount")
 @pytest.mark.parametrize("name", ["0", "0.9", "0.9995", "discount"])
 def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     estimator = ESTIMATORS[name]

@@ -67,8 +67,34 @@ def rng_policies(seed):
 def places(policy):
     """For every unit, where its parameters are in the vector of all."""
     vector, build = ravel_pytree(trainable(policy))
-    with jax.enable_x64(True):
-        return [np.asarray(row, int) for block in policy.blocks(build(jnp.arange(vector.size))) for row in block]
+    numbers = build(np.arange(vector.size, dtype=vector.dtype))
+    blocks = eqx.filter_jit(type(policy).blocks)(policy, numbers)
+    return [row.astype(int) for block in blocks for row in np.asarray(block)]
+
+
+@eqx.filter_jit
+def _everything(policy, y):
+    parameters, rest = split(policy)
+    vector, build = ravel_pytree(parameters)
+
+    def one(action):
+        def log_prob(v):
+            return eqx.combine(build(v), rest).log_prob(y, action)
+
+        log_p, score = jax.value_and_grad(log_prob)(vector)
+        return jnp.exp(log_p), score, policy.fisher(y, action)
+
+    return jax.vmap(one)(policy.enumerate())
+
+
+def everything(policy, y):
+    """Of every action its probability, its score by automatic differentiation and the Fisher matrices, in NumPy."""
+    return jax.tree.map(np.asarray, _everything(policy, y))
+
+
+def each_of(tree, count):
+    """The trees along the leading axis of a tree's arrays."""
+    return [jax.tree.map(lambda leaf, n=n: leaf[n], tree) for n in range(count)]
 
 
 def whole(policy, blocks):
@@ -80,25 +106,16 @@ def whole(policy, blocks):
     return matrix
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "mirrored", "coupled")
 @pytest.mark.parametrize("name", rng_policies(0))
 @few
 @given(seed=st.integers(0, 2**31))
 def test_the_blocks_are_the_mean_square_of_the_autodifferentiated_score(name, seed):
     with jax.enable_x64(True):
         policy = double(rng_policies(seed)[name])
-        y = jnp.asarray(np.random.default_rng(seed).normal(size=policy.inputs))
-        parameters, rest = split(policy)
-        vector, build = ravel_pytree(parameters)
-        actions = policy.enumerate()
-
-        def scores(action):
-            return jax.grad(lambda v: eqx.combine(build(v), rest).log_prob(y, action))(vector)
-
-        p = jnp.exp(jax.vmap(lambda a: policy.log_prob(y, a))(actions))
-        score = jax.vmap(scores)(actions)
-        exact = jnp.einsum("a,ai,aj->ij", p, score, score)
-        found = [whole(policy, policy.fisher(y, action)) for action in actions]
+        p, score, matrices = everything(policy, np.random.default_rng(seed).normal(size=policy.inputs))
+        found = [whole(policy, each) for each in each_of(matrices, len(p))]
+    exact = np.einsum("a,ai,aj->ij", p, score, score)
     mean = np.einsum("a,aij->ij", p, found)
     # the samples of units that share parameters have the matrix as their mean; the others are exact, every time
     np.testing.assert_allclose(mean, exact, rtol=1e-9, atol=1e-12)
@@ -110,8 +127,8 @@ def test_the_blocks_are_the_mean_square_of_the_autodifferentiated_score(name, se
 def test_blocks_and_gradients_are_each_others_inverse(name):
     policy = rng_policies(1)[name]
     vector, build = ravel_pytree(trainable(policy))
-    gradient = build(jnp.arange(vector.size, dtype=vector.dtype) + 1)
-    assert eqx.tree_equal(policy.from_blocks(policy.blocks(gradient)), gradient)
+    gradient = build(np.arange(vector.size, dtype=vector.dtype) + 1)
+    assert eqx.tree_equal(eqx.filter_jit(lambda p, g: p.from_blocks(p.blocks(g)))(policy, gradient), gradient)
     assert sorted(np.concatenate(places(policy))) == list(range(vector.size))
 
 
@@ -122,7 +139,7 @@ def random_mdp(actions, inputs, seed=0, states=4):
     return FiniteMDP(transitions, rng.normal(size=(actions, states)), rng.normal(size=(states, inputs)))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "coupled")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "coupled", "softmax"])
 def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     policy = rng_policies(2)[name]
@@ -132,11 +149,9 @@ def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
         policy = double(policy)
         by_state = []
         for y in mdp.observations:
-            actions = policy.enumerate()
-            p = np.exp([policy.log_prob(jnp.asarray(y), a) for a in actions])
-            by_state.append(
-                sum(w * whole(policy, policy.fisher(jnp.asarray(y), a)) for w, a in zip(p, actions, strict=True))
-            )
+            p, _, matrices = everything(policy, y)
+            each = [whole(policy, blocks) for blocks in each_of(matrices, len(p))]
+            by_state.append(np.einsum("a,aij->ij", p, each))
     np.testing.assert_allclose(np.einsum("s,sij->ij", pi, by_state), exact, atol=1e-12)
     np.testing.assert_allclose(exact, exact.T, atol=1e-15)
 
@@ -147,13 +162,13 @@ def estimated(task, policy, rate, decisions, seeds=24, decay=0.95):
     agent = Agent(policy, Gpomdp(decay, MeanReward()), metric=metric)
     stepper = stepper_of(task, agent, range(seeds))
     stepper.advance(decisions)
-    state = stepper.state["cycle"].agent
+    state, precondition = stepper.state["cycle"].agent, eqx.filter_jit(metric.precondition)
     matrices, directions, plain = [], [], []
     for seed in range(seeds):
-        mine = jax.tree.map(lambda leaf, seed=seed: jnp.asarray(leaf[seed]), state)
+        mine = jax.tree.map(lambda leaf, seed=seed: np.asarray(leaf[seed]), state)
         matrices.append(whole(policy, mine.metric.fisher))
         gradient = mine.gradient.mean
-        directions.append(oracle.flat(metric.precondition(mine.metric, policy, gradient)))
+        directions.append(oracle.flat(precondition(mine.metric, policy, gradient)))
         plain.append(oracle.flat(gradient))
     return np.array(matrices), np.array(directions), np.array(plain)
 
@@ -168,7 +183,7 @@ CONVERGING = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("softmax")
 @pytest.mark.parametrize("name", CONVERGING)
 def test_the_running_matrix_and_direction_are_the_oracles(name):
     task, policy = CONVERGING[name]
@@ -242,7 +257,7 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
         seen = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
         fisher = tuple(sum(each) / len(each) for each in zip(*seen, strict=True))
         state = state._replace(metric=state.metric._replace(fisher=fisher))
-    return jax.lax.scan(decide, state, (jnp.asarray(inputs), jnp.asarray(uniforms)))[1]
+    return np.asarray(jax.jit(lambda state: jax.lax.scan(decide, state, (inputs, uniforms))[1])(state))
 
 
 @pytest.mark.parametrize("scale", [0.01, 30.0])
@@ -264,7 +279,7 @@ def test_hyperplanes_and_motoneurons_that_are_one_policy_move_as_one():
         w, b = jnp.array([[0.5], [-0.8]]), jnp.array([0.1, -0.3])
         moved, length = {}, 1e-6  # so small that curvature, of order length, is not seen
         for kind, policy in (("w", Hyperplanes(w, b)), ("k", Motoneurons(-b / w[:, 0], w[:, 0]))):
-            before = jax.vmap(policy.prob)(probes)
+            before = np.asarray(jax.jit(jax.vmap(policy.prob))(probes))
             for name, metric in (("natural", FisherMetric(0.05, 0.0, 0.0)), ("plain", None)):
                 after = learn(policy, 1.0, metric, rule=sgd(length))[-1]
                 moved[kind, name] = np.asarray(after - before) / length
@@ -272,7 +287,7 @@ def test_hyperplanes_and_motoneurons_that_are_one_policy_move_as_one():
     assert np.abs(moved["w", "plain"] / moved["k", "plain"] - 1).max() > 0.1
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("True-1", "True-21", "False-3")
 @pytest.mark.parametrize("size", [1, 2, 3, 21])
 @pytest.mark.parametrize("x64", [True, False])
 def test_the_direction_is_numpys_solution(size, x64):
@@ -286,8 +301,12 @@ def test_the_direction_is_numpys_solution(size, x64):
         policy = Hyperplanes(jnp.zeros((5, size - 1)), jnp.zeros(5))
         metric = FisherMetric(1.0)
         state = metric.init(policy)._replace(fisher=(jnp.asarray(matrices),), damping=(jnp.asarray(damping),))
-        found = metric.precondition(state, policy, policy.from_blocks((jnp.asarray(g),)))
-        found = np.asarray(policy.blocks(found)[0])
+
+        @jax.jit
+        def direction(state, g):
+            return policy.blocks(metric.precondition(state, policy, policy.from_blocks((g,))))[0]
+
+        found = np.asarray(direction(state, g))
     condition = max(np.linalg.cond(m / np.sqrt(np.outer(np.diag(m), np.diag(m)))) for m in matrices)
     eps = np.finfo(np.float64 if x64 else np.float32).eps
     tolerance = 100 * size * eps * condition
@@ -306,16 +325,21 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
         # as after a long time at gain 0: the start is forgotten, and nothing known of the thresholds
         known = jnp.zeros((2, 2, 2)).at[:, 1, 1].set(0.02)
         state = state._replace(metric=state.metric._replace(fisher=(known,)))
-        for step in range(40):
-            state, action = agent.act(state, y, jax.random.uniform(jax.random.key(step), (2,)))
-            state = agent.improve(agent.reinforce(state, jnp.sum(action), y))
-        moved[name] = np.abs(state.policy.threshold - policy.threshold).max()
+
+        @jax.jit
+        def decide(state, uniforms, agent=agent):
+            state, action = agent.act(state, y, uniforms)
+            return agent.improve(agent.reinforce(state, jnp.sum(action), y))
+
+        for uniforms in np.random.default_rng(0).random((40, 2), np.float32):
+            state = decide(state, uniforms)
+        moved[name] = np.abs(np.asarray(state.policy.threshold) - np.asarray(policy.threshold)).max()
         assert np.isfinite(jax.tree.leaves(state.policy)).all()
     assert 0 < moved["damped"] < 1e-3
     assert moved["not damped"] > 10 * moved["damped"]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "gaussians")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "gaussians", "softmax"])
 def test_a_matrix_of_nothing_moves_nothing_and_a_singular_one_stays_finite(name):
     policy, metric = rng_policies(3)[name], FisherMetric(0.5, 0.0, 0.0)

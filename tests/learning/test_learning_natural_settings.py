@@ -12,7 +12,7 @@ from motorgrad.training import load, settings_for
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("1-call-admission")
 @pytest.mark.parametrize("task", ["call-admission", pytest.param("hopper", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("improve", [1, 7])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(task, improve, tmp_path):

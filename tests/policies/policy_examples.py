@@ -12,6 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import (
     INITIAL,
@@ -89,6 +90,9 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
+REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "softmax-5")
+"""The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
+
 
 def policy_of(name: str, seed: int = 0) -> Policy:
     """The example called `name` with the parameters of one seed, in JAX's present precision."""
@@ -104,6 +108,53 @@ def observation_of(policy: Policy, seed: int = 0, scale: float = 1.0) -> jax.Arr
 def call(policy: Policy, method: str, *arguments: Any) -> Any:
     """`policy.method(*arguments)`, compiled once for all policies of one shape."""
     return getattr(policy, method)(*arguments)
+
+
+class Compiled:
+    """A policy whose methods are compiled, one program for all policies of one structure, and answer in NumPy."""
+
+    def __init__(self, policy: Policy):
+        self._policy = policy
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        return lambda *arguments: jax.tree.map(np.asarray, call(self._policy, method, *arguments))
+
+    def over(self, method: str, observation: Any, actions: Any) -> Any:
+        """A method of (observation, action) for many actions, along a leading axis."""
+        return jax.tree.map(np.asarray, _over(self._policy, method, observation, actions))
+
+    def samples(self, observation: Any, uniforms: Any) -> np.ndarray:
+        return np.asarray(samples(self._policy, observation, uniforms))
+
+    def derivatives(self, observation: Any, actions: Any) -> np.ndarray:
+        """The derivative of the log-probability of each action by automatic differentiation, (actions, parameters)."""
+        return np.asarray(_derivatives(self._policy, observation, actions))
+
+    def scores(self, observation: Any, actions: Any) -> np.ndarray:
+        """The analytic score of each action, (actions, parameters)."""
+        return np.asarray(_scores(self._policy, observation, actions))
+
+
+@eqx.filter_jit
+def samples(policy: Policy, observation: Any, uniforms: Any) -> jax.Array:
+    return jax.vmap(policy.sample, (None, 0))(observation, uniforms)
+
+
+@eqx.filter_jit
+def _over(policy: Policy, method: str, observation: Any, actions: Any) -> Any:
+    return jax.vmap(getattr(policy, method), (None, 0))(observation, actions)
+
+
+@eqx.filter_jit
+def _scores(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+    return jax.vmap(lambda action: ravel_pytree(policy.score(observation, action))[0])(actions)
+
+
+@eqx.filter_jit
+def _derivatives(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+    parameters, rest = split(policy)
+    derivative = jax.grad(lambda theta, action: eqx.combine(theta, rest).log_prob(observation, action))
+    return jax.vmap(lambda action: ravel_pytree(derivative(parameters, action))[0])(actions)
 
 
 @eqx.filter_jit
@@ -210,3 +261,21 @@ EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
 }
 """Places where a careless formula overflows, divides by zero or cancels: a policy and the observation that brings it
 there."""
+
+EXTREME_REPRESENTATIVES = (
+    "motoneurons at -700.0",
+    "motoneurons at 700.0",
+    "softmax-5 at -700.0",
+    "softmax-5 at 700.0",
+    "gaussian 0.0 widths away",
+    "gaussian 0.0015 widths away",
+    "gaussian 40.0 widths away",
+    "free gaussian of too great a mass",
+    "sphere, 1e-15 from its centre",
+    "hard sphere at its centre",
+    "box, 40.0 from its centre",
+    "hard box at its wall",
+    "gate surely open, capped below",
+    "gate surely closed, far below",
+)
+"""The places that `make test` runs: both ends of each kind of unit."""

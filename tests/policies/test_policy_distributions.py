@@ -1,24 +1,29 @@
 """Probabilities, samples, modes and entropies of every policy, against sums over all its actions."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from policy_examples import EXAMPLES, EXTREMES, call, observation_of, over_actions, policy_of
+from policy_examples import (
+    EXAMPLES,
+    EXTREME_REPRESENTATIVES,
+    EXTREMES,
+    REPRESENTATIVES,
+    Compiled,
+    call,
+    observation_of,
+    over_actions,
+    policy_of,
+    samples,
+)
 from scipy import stats
 
 from motorgrad.policies import Masked
 
 seeds = st.integers(0, 2**31)
 few = settings(max_examples=25, deadline=None, derandomize=True)
-
-
-@eqx.filter_jit
-def samples(policy, observation, uniforms):
-    return jax.vmap(lambda u: policy.sample(observation, u))(uniforms)
 
 
 def surprise(log_p):
@@ -34,7 +39,7 @@ def drawn(name, seed, look):
     return policy, observation, np.asarray(over_actions(policy, "log_prob", observation))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -44,28 +49,28 @@ def test_probabilities_of_all_actions_sum_to_one(name, seed, look):
     assert np.exp(log_p).sum() == pytest.approx(1, abs=1e-13)  # at most 32 terms of rounding 1e-16
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_probabilities_of_all_actions_sum_to_one_at_extremes(place):
     with jax.enable_x64(True):
         policy, observation = EXTREMES[place]()
-        total = np.exp(over_actions(policy, "log_prob", jnp.asarray(observation))).sum()
+        total = np.exp(np.asarray(over_actions(policy, "log_prob", jnp.asarray(observation)))).sum()
     assert total == pytest.approx(1, abs=1e-13)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
 def test_prob_is_the_marginal_of_the_log_probability(name, seed, look):
     with jax.enable_x64(True):
         policy, observation, log_p = drawn(name, seed, look)
-        actions, prob = np.asarray(policy.enumerate()), call(policy, "prob", observation)
+        actions, prob = Compiled(policy).enumerate(), Compiled(policy).prob(observation)
     marginal = np.exp(log_p) if actions.ndim == 1 else np.exp(log_p) @ actions
     np.testing.assert_allclose(prob, marginal, atol=1e-13)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -76,7 +81,7 @@ def test_entropy_is_the_expected_surprise(name, seed, look):
     assert entropy == pytest.approx(surprise(log_p), abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(place):
     policy, observation = EXTREMES[place]()
@@ -91,7 +96,7 @@ def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(p
     assert single == pytest.approx(exact, abs=2e-4)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @few
 @given(seed=seeds, look=seeds)
@@ -102,39 +107,41 @@ def test_mode_is_the_most_probable_action(name, seed, look):
     assert at_mode == pytest.approx(log_p.max(), abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
     policy = policy_of(name)
-    actions = policy.enumerate()
-    sample = call(policy, "sample", jnp.zeros(policy.inputs), jnp.full(policy.uniforms, 0.5))
+    ask = Compiled(policy)
+    actions = ask.enumerate()
+    sample = ask.sample(np.zeros(policy.inputs), np.full(policy.uniforms, 0.5))
     assert len(np.unique(actions, axis=0)) == len(actions)
     binary = {"gated": 15, "gated-nested": 7, "factored-gated": 10}.get(name, 2**policy.outputs)  # the possible ones
     assert len(actions) == (policy.outputs if actions.ndim == 1 else binary)
     assert (actions[0].shape, actions.dtype) == (sample.shape, sample.dtype)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
     policy = policy_of(name)
     observation = observation_of(policy)
-    uniforms = jax.random.uniform(jax.random.key(0), (64, policy.uniforms))
+    uniforms = np.random.default_rng(0).random((64, policy.uniforms))
     first, second = (samples(policy, observation, uniforms) for _ in range(2))
     np.testing.assert_array_equal(first, second)
-    there = policy.active if isinstance(policy, Masked) else jnp.ones(policy.uniforms, bool)
+    there = np.asarray(policy.active) if isinstance(policy, Masked) else np.ones(policy.uniforms, bool)
     for number in np.flatnonzero(there):  # and each of the numbers matters
-        low, high = (samples(policy, observation, uniforms.at[:, number].set(u)) for u in (0.0, 1.0))
+        column = np.arange(policy.uniforms) == number
+        low, high = (samples(policy, observation, np.where(column, u, uniforms)) for u in (0.0, 1.0))
         assert not np.array_equal(low, high)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("local-gaussians-p-max", "factored-nested", "mirrored-local", "softmax-5")
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if getattr(policy_of(name), "independent", True)])
 def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
     policy, points = policy_of(name), 4096
     observation = observation_of(policy)
-    grid = (jnp.arange(points) + 0.5) / points
-    actions = np.asarray(samples(policy, observation, jnp.repeat(grid[:, None], policy.uniforms, axis=1)))
+    grid = (np.arange(points) + 0.5) / points
+    actions = np.asarray(samples(policy, observation, np.repeat(grid[:, None], policy.uniforms, axis=1)))
     share = np.bincount(actions, minlength=policy.outputs) / points if actions.ndim == 1 else actions.mean(0)
     # An interval holds its length's share of an even grid to within one point.
     np.testing.assert_allclose(share, call(policy, "prob", observation), atol=1.01 / points)
@@ -143,13 +150,13 @@ def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
 def check_frequencies(name, draws):
     policy = policy_of(name)
     observation = observation_of(policy)
-    actions = np.asarray(policy.enumerate()).reshape(-1, 1 if policy.uniforms == 1 else policy.outputs)
-    uniforms = jax.random.uniform(jax.random.key(7), (draws, policy.uniforms))
+    actions = Compiled(policy).enumerate().reshape(-1, 1 if policy.uniforms == 1 else policy.outputs)
+    uniforms = np.random.default_rng(7).random((draws, policy.uniforms), np.float32)
     taken = np.asarray(samples(policy, observation, uniforms)).reshape(draws, -1)
     weights = 2 ** np.arange(actions.shape[1])[::-1]
     count = np.bincount((taken @ weights).astype(int), minlength=max(len(actions), 2 ** actions.shape[1]))
     with jax.enable_x64(True):
-        expected = draws * np.exp(over_actions(policy_of(name), "log_prob", jnp.asarray(observation, float)))
+        expected = draws * np.exp(np.asarray(over_actions(policy_of(name), "log_prob", np.asarray(observation, float))))
     codes, cells = (actions @ weights).astype(int), np.zeros(len(count))
     cells[codes] = expected
     expected = cells
@@ -163,7 +170,7 @@ def check_frequencies(name, draws):
     assert stats.chi2.sf(statistic, max(kept.sum() - 1, 1)) > 1e-5
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_actions_are_as_frequent_as_their_joint_probability(name):
     check_frequencies(name, 20_000)
@@ -187,15 +194,16 @@ def everything(policy, observation, action, uniforms):
     }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_mapping_over_seeds_gives_the_same_as_one_at_a_time(name):
     policies = [policy_of(name, seed) for seed in range(3)]
     looks = [observation_of(policy, seed) for seed, policy in enumerate(policies)]
-    actions = policies[0].enumerate()[jnp.asarray([0, 1, -1])]
-    uniforms = jax.random.uniform(jax.random.key(3), (3, policies[0].uniforms))
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies)
-    together = jax.jit(jax.vmap(everything))(stacked, jnp.stack(looks), actions, uniforms)
+    actions = Compiled(policies[0]).enumerate()[[0, 1, -1]]
+    uniforms = np.random.default_rng(3).random((3, policies[0].uniforms), np.float32)
+    stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *policies)
+    together = jax.jit(jax.vmap(everything))(stacked, np.stack(looks), actions, uniforms)
+    together = jax.tree.map(np.asarray, together)
     single = jax.jit(everything)
     for seed in range(3):
         alone = single(policies[seed], looks[seed], actions[seed], uniforms[seed])

@@ -1,11 +1,11 @@
 """Sub-policies behind gates: what is possible, the scores of what is open, and exact Fisher matrices."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.flatten_util import ravel_pytree
-from policy_examples import observation_of, policy_of
+from policy_examples import Compiled, observation_of, policy_of
 
 from motorgrad.policies import (
     Factored,
@@ -30,50 +30,63 @@ def simple(gate=0.3, below=0.8):
 
 
 def test_the_three_possible_actions_have_the_products_of_the_parts():
-    policy, y = simple(), jnp.zeros(1)
-    found = {tuple(map(int, a)): float(jnp.exp(policy.log_prob(y, a))) for a in policy.enumerate()}
+    policy, y = Compiled(simple()), np.zeros(1)
+    found = {tuple(map(int, a)): np.exp(policy.log_prob(y, a)) for a in policy.enumerate()}
     assert found == pytest.approx({(0, 0): 0.7, (1, 0): 0.3 * 0.2, (1, 1): 0.3 * 0.8}, rel=1e-6)
-    assert policy.log_prob(y, jnp.array([0.0, 1.0])) == -jnp.inf
+    assert policy.log_prob(y, np.float32([0.0, 1.0])) == -np.inf
     np.testing.assert_allclose(policy.prob(y), [0.3, 0.24], rtol=1e-6)
 
 
 def test_the_mode_is_the_likeliest_joint_action_and_not_that_of_each_unit():
-    y = jnp.zeros(1)
+    y = np.zeros(1)
     # the gate fires with .55, but then two actions share that: silence, .45, is likelier than .55 × .6
-    np.testing.assert_array_equal(simple(0.55, 0.6).mode(y), [0, 0])
-    np.testing.assert_array_equal(simple(0.55, 0.9).mode(y), [1, 1])
-    np.testing.assert_array_equal(simple(0.9, 0.1).mode(y), [1, 0])
+    np.testing.assert_array_equal(Compiled(simple(0.55, 0.6)).mode(y), [0, 0])
+    np.testing.assert_array_equal(Compiled(simple(0.55, 0.9)).mode(y), [1, 1])
+    np.testing.assert_array_equal(Compiled(simple(0.9, 0.1)).mode(y), [1, 0])
 
 
 def test_a_sub_policy_has_a_score_only_where_its_gate_fired():
-    policy, y = simple(), jnp.array([0.4])
-    closed, opened = (policy.score(y, jnp.array([gate, 0.0])) for gate in (0.0, 1.0))
+    policy, y = simple(), np.array([0.4])
+    closed, opened = (Compiled(policy).score(y, np.array([gate, 0.0])) for gate in (0.0, 1.0))
     np.testing.assert_array_equal(closed.branches[0].weights, 0)
-    np.testing.assert_array_equal(opened.branches[0].weights, policy.branches[0].score(y, jnp.zeros(1)).weights)
+    below = Compiled(policy.branches[0]).score(y, np.zeros(1))
+    np.testing.assert_array_equal(opened.branches[0].weights, below.weights)
     assert (np.asarray(opened.branches[0].weights) != 0).all()
     for gate, score in ((0.0, closed), (1.0, opened)):
-        np.testing.assert_array_equal(score.gate.weights, policy.gate.score(y, jnp.array([gate])).weights)
+        np.testing.assert_array_equal(score.gate.weights, Compiled(policy.gate).score(y, np.array([gate])).weights)
 
 
 def test_nothing_below_a_closed_gate_fires_however_deep():
     inner = Gated(Hyperplanes([[0.0]], [50.0]), [Hyperplanes([[0.0]], [50.0])])
     sure, never = (Gated(Hyperplanes([[0.0]], [bias]), [inner]) for bias in (50.0, -50.0))
-    half = jnp.full(3, 0.5)
-    np.testing.assert_array_equal(sure.sample(jnp.zeros(1), half), [1, 1, 1])
-    np.testing.assert_array_equal(never.sample(jnp.zeros(1), half), [0, 0, 0])
+    half = np.full(3, 0.5)
+    np.testing.assert_array_equal(Compiled(sure).sample(np.zeros(1), half), [1, 1, 1])
+    np.testing.assert_array_equal(Compiled(never).sample(np.zeros(1), half), [0, 0, 0])
 
 
-@pytest.mark.thinned
+@eqx.filter_jit
+def _exactly(policy, y):
+    def one(action):
+        blocks = policy.blocks(policy.score(y, action))
+        return jnp.exp(policy.log_prob(y, action)), blocks, policy.fisher(y, action)
+
+    return jax.vmap(one)(policy.enumerate())
+
+
+def exactly(policy, y):
+    """Of every action its probability, the blocks of its score and the Fisher matrices, in NumPy."""
+    return jax.tree.map(np.asarray, _exactly(policy, y))
+
+
+@pytest.mark.representatives("gated")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_fisher_matrices_are_the_blocks_of_the_exact_one_which_has_no_others(name):
     with jax.enable_x64(True):
         policy = policy_of(name)
         y = observation_of(policy)
-        actions = policy.enumerate()
-        weight = np.exp([float(policy.log_prob(y, a)) for a in actions])
-        rows = [[np.asarray(block) for block in policy.blocks(policy.score(y, a))] for a in actions]
-        matrices = policy.fisher(y, actions[0])
-        flat = np.array([np.concatenate([block.ravel() for block in each]) for each in rows])
+        weight, rows, matrices = exactly(policy, y)
+        flat = np.concatenate([np.reshape(block, (len(weight), -1)) for block in rows], axis=1)
+        matrices = [matrix[0] for matrix in matrices]
     exact, start = np.einsum("a,ai,aj->ij", weight, flat, flat), 0
     rest = exact.copy()
     for matrix in matrices:
@@ -91,22 +104,22 @@ def test_where_units_share_parameters_the_fisher_matrix_is_the_sample_and_right_
         shared = policy_of("admission-thresholds")
         policy = Gated(Hyperplanes([[0.2, 0.0, 0.0, 0.1]], [0.3]), [Factored([shared, shared])])
         y = jnp.array([0.0, 1.0, 0.0, 2.0])
-        actions = policy.enumerate()
-        weight = np.exp([float(policy.log_prob(y, a)) for a in actions])
-        mean = sum(w * np.asarray(policy.fisher(y, a)[1]) for w, a in zip(weight, actions, strict=True))
-        block = [np.asarray(policy.blocks(policy.score(y, a))[1]) for a in actions]
-    exact = sum(w * np.einsum("ui,uj->uij", b, b) for w, b in zip(weight, block, strict=True))
+        weight, blocks, matrices = exactly(policy, y)
+    mean = np.einsum("a,auij->uij", weight, matrices[1])
+    exact = np.einsum("a,aui,auj->uij", weight, blocks[1], blocks[1])
     np.testing.assert_allclose(mean, exact, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("gated")
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_are_taken_apart_and_joined_again(name):
     policy = policy_of(name)
-    score = policy.score(observation_of(policy), policy.enumerate()[-1])
-    joined = policy.from_blocks(policy.blocks(score))
+    ask = Compiled(policy)
+    score = ask.score(observation_of(policy), ask.enumerate()[-1])
+    joined = ask.from_blocks(ask.blocks(score))
     assert jax.tree.structure(joined) == jax.tree.structure(trainable(policy))
-    np.testing.assert_array_equal(ravel_pytree(joined)[0], ravel_pytree(score)[0])
+    for found, wanted in zip(jax.tree.leaves(joined), jax.tree.leaves(score), strict=True):
+        np.testing.assert_array_equal(found, wanted)
 
 
 @pytest.mark.parametrize(
@@ -140,12 +153,13 @@ def test_gates_and_their_units_are_learnt_together():
         reward = jnp.where(y[0] > 0, action[2] - 0.5 * action[0] * (1 - action[2]), -action[0])
         return agent.improve(agent.reinforce(state, reward, y)), reward
 
-    run = jax.jit(lambda key: jax.lax.scan(decide, agent.init(key), jax.random.uniform(key, (20_000, 4))))
-    state, rewards = run(jax.random.key(1))
+    numbers = np.random.default_rng(1).random((20_000, 4), np.float32)
+    state, rewards = jax.jit(lambda key: jax.lax.scan(decide, agent.init(key), numbers))(jax.random.key(1))
+    rewards = np.asarray(rewards)
     # At most .5 can be had, where the whole right half fires; a Gaussian cannot end at 0 without losing on one side.
     assert rewards[:500].mean() < 0
     assert rewards[-5_000:].mean() > 0.2
-    left, right = (float(state.policy.prob(jnp.array([y]))[2]) for y in (-0.7, 0.7))
+    left, right = (Compiled(state.policy).prob(np.array([y]))[2] for y in (-0.7, 0.7))
     assert left < 0.1 < 0.5 < right  # before: 0.22 on either side
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from jax.flatten_util import ravel_pytree
+from policy_examples import Compiled
 from scipy import stats
 
 from motorgrad.learning import FisherMetric
@@ -70,23 +70,26 @@ KINDS = {"motoneurons": pool_of, "bumps": bumps_of, "hyperplanes": hyperplanes_o
 def drawn(kind, seed):
     """A policy, an observation and an action up to five deviations away."""
     policy, rng = KINDS[kind](seed), np.random.default_rng([seed, 1])
-    observation = jnp.asarray(rng.normal(size=policy.inputs))
-    return policy, observation, policy.mean(observation) + policy.deviation * rng.uniform(-5, 5, policy.outputs)
+    observation, noise = rng.normal(size=policy.inputs), rng.uniform(-5, 5, policy.outputs)
+    return policy, observation, Compiled(policy).mean(observation) + deviation(policy) * noise
 
 
-@pytest.mark.thinned
+def deviation(policy):
+    return np.asarray(policy.floor) + np.exp(np.asarray(policy.log_deviation))
+
+
+@pytest.mark.representatives("motoneurons")
 @pytest.mark.parametrize("kind", KINDS)
 @few
 @given(seed=seeds)
 def test_the_analytic_score_is_the_derivative_of_the_log_density(kind, seed):
     with jax.enable_x64(True):
         policy, observation, action = drawn(kind, seed)
-        parameters, rest = split(policy)
-        automatic = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(observation, action))(parameters)
-        analytic = policy.score(observation, action)
-        assert jax.tree.structure(analytic) == jax.tree.structure(parameters)
-        # z² reaches 25 and 1/s 20: some ulp of their product
-        np.testing.assert_allclose(ravel_pytree(analytic)[0], ravel_pytree(automatic)[0], rtol=1e-9, atol=1e-10)
+        ask = Compiled(policy)
+        analytic, automatic = ask.scores(observation, action[None]), ask.derivatives(observation, action[None])
+        assert jax.tree.structure(ask.score(observation, action)) == jax.tree.structure(trainable(policy))
+    # z² reaches 25 and 1/s 20: some ulp of their product
+    np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-10)
 
 
 @few
@@ -94,37 +97,45 @@ def test_the_analytic_score_is_the_derivative_of_the_log_density(kind, seed):
 def test_the_log_density_is_that_of_independent_normals(seed):
     with jax.enable_x64(True):
         policy, observation, action = drawn("motoneurons", seed)
-        mean, deviation = np.asarray(policy.mean(observation)), 0.05 + np.exp(np.asarray(policy.log_deviation))
-        expected = stats.norm(mean, deviation).logpdf(np.asarray(action)).sum()
-        assert float(policy.log_prob(observation, action)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-        entropy = stats.norm(mean, deviation).entropy().sum()
-        assert float(policy.entropy(observation)) == pytest.approx(entropy, abs=1e-9)
-    np.testing.assert_allclose(mean, 1 / (1 + np.exp(-policy.gain * (observation[0] - policy.threshold))), rtol=1e-9)
+        ask = Compiled(policy)
+        mean = ask.mean(observation)
+        density = stats.norm(mean, 0.05 + np.exp(np.asarray(policy.log_deviation)))
+        expected = density.logpdf(action).sum()
+        assert ask.log_prob(observation, action) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert ask.entropy(observation) == pytest.approx(density.entropy().sum(), abs=1e-9)
+        gain, threshold = np.asarray(policy.gain), np.asarray(policy.threshold)
+    np.testing.assert_allclose(mean, 1 / (1 + np.exp(-gain * (observation[0] - threshold))), rtol=1e-9)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons")
 @pytest.mark.parametrize("kind", KINDS)
 @few
 @given(seed=seeds)
 def test_the_expected_score_is_zero_and_its_square_the_fisher_matrix(kind, seed):
     with jax.enable_x64(True):
         policy, observation, _ = drawn(kind, seed)
+        ask = Compiled(policy)
         nodes, weights = np.polynomial.hermite_e.hermegauss(12)  # exact for the polynomials of degree 4 in question
         weights = weights / weights.sum()
-        mean, square = 0.0, 0.0
-        for node, weight in zip(nodes, weights, strict=True):
-            # units are independent, and the rows of a block do not mix: one noise for all will do
-            score = policy.score(observation, policy.mean(observation) + policy.deviation * node)
-            (rows,) = policy.blocks(score)
-            mean, square = mean + weight * rows, square + weight * rows[:, :, None] * rows[:, None, :]
-        (fisher,) = policy.fisher(observation, policy.mode(observation))
-        scale = float(jnp.abs(fisher).max())
+        # units are independent, and the rows of a block do not mix: one noise for all will do
+        actions = ask.mean(observation) + deviation(policy) * nodes[:, None]
+        (rows,) = blocks_of_scores(policy, observation, actions)
+        mean = np.einsum("n,nui->ui", weights, rows)
+        square = np.einsum("n,nui,nuj->uij", weights, rows, rows)
+        mode = ask.mode(observation)
+        (fisher,) = ask.fisher(observation, mode)
+        scale = np.abs(fisher).max()
         np.testing.assert_allclose(mean, 0, atol=1e-12 * (1 + scale))
         np.testing.assert_allclose(square, fisher, atol=1e-12 * (1 + scale))
-        again = policy.from_blocks(policy.blocks(policy.score(observation, policy.mode(observation) + 0.1)))
-        np.testing.assert_array_equal(
-            ravel_pytree(again)[0], ravel_pytree(policy.score(observation, policy.mode(observation) + 0.1))[0]
-        )
+        score = ask.score(observation, mode + 0.1)
+        again = ask.from_blocks(ask.blocks(score))
+        for found, wanted in zip(jax.tree.leaves(again), jax.tree.leaves(score), strict=True):
+            np.testing.assert_array_equal(found, wanted)
+
+
+@eqx.filter_jit
+def blocks_of_scores(policy, observation, actions):
+    return jax.vmap(lambda action: policy.blocks(policy.score(observation, action)))(actions)
 
 
 class Coupled(GradedUnits):
@@ -157,16 +168,16 @@ def test_units_that_share_a_parameter_have_the_sampled_matrix():
 def test_samples_have_the_mean_and_the_deviation_and_are_cut_nowhere():
     policy = GradedMotoneurons([0.2, 0.8], [10.0, -4.0], np.log([0.28, 0.5]), 0.02)
     seen = jnp.array([0.3])
-    uniforms = (jnp.arange(100_000) + 0.5) / 100_000
-    drawn = np.asarray(jax.vmap(lambda u: policy.sample(seen, jnp.stack([u, 1 - u])))(uniforms))
-    np.testing.assert_allclose(drawn.mean(0), policy.prob(seen), atol=1e-4)
+    uniforms = ((np.arange(100_000) + 0.5) / 100_000).astype(np.float32)
+    ask = Compiled(policy)
+    drawn, mean = ask.samples(seen, np.stack([uniforms, 1 - uniforms], axis=1)), ask.prob(seen)
+    np.testing.assert_allclose(drawn.mean(0), mean, atol=1e-4)
     np.testing.assert_allclose(drawn.std(0), [0.30, 0.52], rtol=1e-3)
-    assert stats.kstest(drawn[:, 0], stats.norm(float(policy.prob(seen)[0]), 0.3).cdf).statistic < 1e-3
+    assert stats.kstest(drawn[:, 0], stats.norm(mean[0], 0.3).cdf).statistic < 1e-3
     assert drawn.min() < 0
     assert drawn.max() > 1
-    assert np.isfinite(np.asarray(policy.sample(seen, jnp.zeros(2)))).all()
-    last = jnp.full(2, 1 - 2.0**-24)
-    assert np.isfinite(np.asarray(policy.sample(seen, last))).all()
+    ends = np.float32([0, 1 - 2.0**-24])
+    assert np.isfinite(ask.samples(seen, np.stack([ends, ends], axis=1))).all()
 
 
 def test_the_mode_is_the_mean():
@@ -174,21 +185,23 @@ def test_the_mode_is_the_mean():
     np.testing.assert_array_equal(policy.mode(jnp.array([0.4])), policy.mean(jnp.array([0.4])))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("False")
 @pytest.mark.parametrize("double", [False, True])
 def test_however_sure_a_unit_is_its_score_is_bounded_by_the_floor(double):
     with jax.enable_x64(double):
         policy = GradedMotoneurons([0.5], [4.0], [-200.0], 0.02)
         seen = jnp.array([0.6])
-        action = policy.sample(seen, jnp.array([0.999]))
-        score = policy.score(seen, action)
+        ask = Compiled(policy)
+        action = ask.sample(seen, jnp.array([0.999]))
+        score = ask.score(seen, action)
         assert float(policy.deviation[0]) == pytest.approx(0.02)
         z = stats.norm.ppf(0.999)
-        slope = float(policy.mean_gradient(seen)["gain"][0])
+        slope = ask.mean_gradient(seen)["gain"][0]
         assert float(score.gain[0]) == pytest.approx(z / 0.02 * slope, rel=1e-4)
         assert abs(float(score.log_deviation[0])) < 1e-80  # nothing more to gain from it
-        (fisher,) = policy.fisher(seen, action)
-        direction = FisherMetric(1e-3, 0.01).precondition(FisherMetric(1e-3, 0.01).init(policy), policy, score)
+        (fisher,) = ask.fisher(seen, action)
+        metric = FisherMetric(1e-3, 0.01)
+        direction = eqx.filter_jit(lambda p, s: metric.precondition(metric.init(p), p, s))(policy, score)
     assert np.isfinite(fisher).all()
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(direction))
 
@@ -196,7 +209,7 @@ def test_however_sure_a_unit_is_its_score_is_bounded_by_the_floor(double):
 @pytest.mark.parametrize("potential", [-700.0, 700.0])
 def test_saturated_means_have_finite_scores(potential):
     policy = GradedMotoneurons([0.0], [potential], [-1.0])
-    score = policy.score(jnp.array([1.0]), jnp.array([0.5]))
+    score = Compiled(policy).score(jnp.array([1.0]), jnp.array([0.5]))
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(score))
     assert float(score.gain[0]) == 0
 
@@ -232,7 +245,7 @@ def test_single_precision_agrees_with_double(seed):
     for double in (False, True):
         with jax.enable_x64(double):
             policy, observation, action = drawn("motoneurons", seed)
-            found.append(np.asarray(ravel_pytree(policy.score(observation, action))[0]))
+            found.append(Compiled(policy).scores(observation, action[None])[0])
             dtype = found[-1].dtype
         assert dtype == (np.float64 if double else np.float32)
     # z is a difference of two numbers of order 1, by a deviation of at least 0.05, and appears twice
@@ -252,14 +265,15 @@ def test_the_initial_pool_has_gain_zero_and_the_deviation_that_is_asked_for():
     pool = graded_motoneurons(1, units=200, low=2.0, high=4.0, deviation=0.25, floor=0.05)(jax.random.key(0))
     np.testing.assert_array_equal(pool.gain, 0)
     np.testing.assert_allclose(pool.deviation, 0.25, rtol=1e-6)
-    assert 2 <= float(pool.threshold.min()) < 2.2 < 3.8 < float(pool.threshold.max()) <= 4
+    threshold = np.asarray(pool.threshold)
+    assert 2 <= threshold.min() < 2.2 < 3.8 < threshold.max() <= 4
 
 
 def test_the_mean_of_graded_hyperplanes_is_linear_in_what_they_see():
     policy = GradedHyperplanes([[1.0, -2.0], [0.0, 0.5]], [0.25, -1.0], [-1.0, -1.0])
-    np.testing.assert_allclose(policy.mean(jnp.array([0.5, 0.25])), [0.25, -0.875])
+    np.testing.assert_allclose(Compiled(policy).mean(jnp.array([0.5, 0.25])), [0.25, -0.875])
     start = graded_hyperplanes(3, 2, level=0.4, deviation=0.25, floor=0.05)
-    np.testing.assert_array_equal(start.mean(jnp.array([3.0, -1.0, 2.0])), np.float32([0.4, 0.4]))
+    np.testing.assert_array_equal(Compiled(start).mean(jnp.array([3.0, -1.0, 2.0])), np.float32([0.4, 0.4]))
     np.testing.assert_allclose(start.deviation, 0.25, rtol=1e-6)
 
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.flatten_util import ravel_pytree
+from policy_examples import Compiled
 
 from motorgrad.policies import (
     Factored,
@@ -15,7 +15,6 @@ from motorgrad.policies import (
     graded_tiles,
     mixture,
     rebuild,
-    split,
     trainable,
 )
 
@@ -27,52 +26,41 @@ def pool_of(seed, units=3):
 
 
 def drawn(policy, y, count, seed=0):
-    uniforms = jax.random.uniform(jax.random.key(seed), (count, policy.uniforms))
-    return jax.vmap(policy.sample, (None, 0))(y, uniforms)
+    return Compiled(policy).samples(y, np.random.default_rng(seed).random((count, policy.uniforms)))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_silence_and_strengths_make_up_a_distribution(seed):
-    policy, y = pool_of(seed, units=1), jnp.array([0.2, -0.3])
+    policy, y = Compiled(pool_of(seed, units=1)), np.array([0.2, -0.3])
     spots, step = np.linspace(-40, 40, 200_001, retstep=True)
     spots[np.abs(spots) < 1e-9] = 1e-12
-    density = jax.jit(jax.vmap(lambda a: policy.log_prob(y, a[None])))(jnp.asarray(spots))
-    silent = np.exp(policy.log_prob(y, jnp.zeros(1)))
+    density = policy.over("log_prob", y, spots[:, None])
+    silent = np.exp(policy.log_prob(y, np.zeros(1)))
     assert silent + np.exp(density).sum() * step == pytest.approx(1, abs=1e-4)
     assert silent == pytest.approx(1 - float(policy.prob(y)[0]), rel=1e-5)
 
 
 def test_it_fires_as_its_pool_does_and_acts_with_its_strength():
     policy, y = pool_of(4), jnp.array([0.1, 0.4])
-    actions = np.asarray(drawn(policy, y, 40_000))
-    p = np.asarray(policy.prob(y))
+    actions, p = drawn(policy, y, 40_000), Compiled(policy).prob(y)
+    strength, deviation = np.asarray(policy.strength), np.asarray(policy.deviation)
     np.testing.assert_allclose((actions != 0).mean(0), p, atol=0.012)
     for unit in range(3):
         fired = actions[actions[:, unit] != 0, unit]
-        error = float(policy.deviation[unit]) / np.sqrt(len(fired))
-        assert abs(fired.mean() - float(policy.strength[unit])) < 5 * error
-        assert fired.std() == pytest.approx(float(policy.deviation[unit]), rel=0.1)
-    np.testing.assert_allclose(policy.mode(y), np.where(p > 0.5, policy.strength, 0))
+        error = deviation[unit] / np.sqrt(len(fired))
+        assert abs(fired.mean() - strength[unit]) < 5 * error
+        assert fired.std() == pytest.approx(deviation[unit], rel=0.1)
+    np.testing.assert_allclose(Compiled(policy).mode(y), np.where(p > 0.5, strength, 0))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_score_is_the_gradient_of_the_log_probability(seed):
     with jax.enable_x64(True):
-        policy, y = pool_of(seed), jnp.asarray(np.random.default_rng(seed + 9).normal(size=2))
-        learnt, fixed = split(policy)
-
-        def log_prob(numbers, action):
-            return _joined(numbers, fixed).log_prob(y, action)
-
-        for action in np.asarray(drawn(policy, y, 6, seed)):
-            expected = ravel_pytree(jax.grad(log_prob)(learnt, jnp.asarray(action)))[0]
-            np.testing.assert_allclose(ravel_pytree(policy.score(y, jnp.asarray(action)))[0], expected, atol=1e-9)
-
-
-def _joined(learnt, fixed):
-    import equinox as eqx
-
-    return eqx.combine(learnt, fixed)
+        policy, y = pool_of(seed), np.random.default_rng(seed + 9).normal(size=2)
+        actions = drawn(policy, y, 6, seed)
+        analytic, automatic = Compiled(policy).scores(y, actions), Compiled(policy).derivatives(y, actions)
+    assert analytic.dtype == np.float64
+    np.testing.assert_allclose(analytic, automatic, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -87,8 +75,9 @@ def test_the_fisher_matrix_is_the_mean_of_the_scores_squared():
 
 def test_blocks_are_undone_and_a_stored_policy_is_rebuilt():
     policy = pool_of(2)
-    gradient = policy.score(jnp.array([0.3, 0.3]), jnp.array([0.5, 0.0, -1.0]))
-    again = policy.from_blocks(policy.blocks(gradient))
+    ask = Compiled(policy)
+    gradient = ask.score(jnp.array([0.3, 0.3]), jnp.array([0.5, 0.0, -1.0]))
+    again = ask.from_blocks(ask.blocks(gradient))
     assert jax.tree.structure(again) == jax.tree.structure(trainable(policy))
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(gradient), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -98,7 +87,7 @@ def test_blocks_are_undone_and_a_stored_policy_is_rebuilt():
 
 
 def test_a_silent_unit_learns_nothing_about_its_strength():
-    gradient = pool_of(5).score(jnp.array([0.1, 0.1]), jnp.zeros(3))
+    gradient = Compiled(pool_of(5)).score(jnp.array([0.1, 0.1]), jnp.zeros(3))
     np.testing.assert_array_equal(gradient.strength, 0)
     np.testing.assert_array_equal(gradient.log_deviation, 0)
     assert np.abs(gradient.pool.centre).max() > 0
@@ -119,7 +108,7 @@ def test_what_cannot_be_is_refused_by_name():
 def test_initial_mixtures_and_graded_tiles():
     policy = mixture(2, 10, hyperplanes=2, copies=2, bias=-1.0)
     assert [type(pool).__name__ for pool in policy.pools] == ["LocalGaussians", "Hyperplanes"]
-    np.testing.assert_allclose(policy.prob(jnp.array([0.25, 0.25]))[-2:], 1 / (1 + np.e), rtol=1e-5)
+    np.testing.assert_allclose(Compiled(policy).prob(jnp.array([0.25, 0.25]))[-2:], 1 / (1 + np.e), rtol=1e-5)
     graded = graded_tiles(2, 8, copies=2, deviation=0.4, floor=0.1)
     np.testing.assert_allclose(graded.deviation, 0.4, rtol=1e-5)
     for make, named in (

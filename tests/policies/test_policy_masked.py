@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from policy_examples import EXAMPLES, observation_of, policy_of
+from policy_examples import EXAMPLES, Compiled, observation_of, policy_of
 
 from motorgrad.learning import Agent, FisherMetric, Olpomdp, adam, decayed, sgd
 from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
@@ -29,37 +29,39 @@ def pair(name, seed=0):
     return Masked(pool, ACTIVE), prune(pool, ACTIVE), observation_of(pool, seed)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
 @pytest.mark.parametrize("name", POOLS)
 def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
     with jax.enable_x64(True):
         masked, smaller, y = pair(name)
+        masked, smaller = Compiled(masked), Compiled(smaller)
         np.testing.assert_allclose(masked.prob(y)[ACTIVE], smaller.prob(y), rtol=1e-12)
         assert masked.prob(y)[1] == 0
-        assert float(masked.entropy(y)) == pytest.approx(float(smaller.entropy(y)), rel=1e-9)
-        for few in smaller.enumerate():
-            action = jnp.zeros(3).at[np.flatnonzero(ACTIVE)].set(few)
-            assert float(masked.log_prob(y, action)) == pytest.approx(float(smaller.log_prob(y, few)), rel=1e-12)
-            assert masked.log_prob(y, action.at[1].set(1.0)) == -jnp.inf
-            score, wanted = masked.score(y, action), smaller.score(y, few)
-            for mine, theirs in zip(jax.tree.leaves(score), jax.tree.leaves(wanted), strict=True):
-                np.testing.assert_allclose(mine[ACTIVE], theirs, rtol=1e-12)
-                np.testing.assert_array_equal(mine[1], 0)
+        assert masked.entropy(y) == pytest.approx(smaller.entropy(y), rel=1e-9)
+        few = np.array([[a, b] for a in (0.0, 1.0) for b in (0.0, 1.0)])
+        actions, impossible = (np.insert(few, 1, off, axis=1) for off in (0.0, 1.0))
+        found, wanted = masked.over("log_prob", y, actions), smaller.over("log_prob", y, few)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12)
+        np.testing.assert_array_equal(masked.over("log_prob", y, impossible), -np.inf)
+        score, wanted = masked.over("score", y, actions), smaller.over("score", y, few)
+        for mine, theirs in zip(jax.tree.leaves(score), jax.tree.leaves(wanted), strict=True):
+            np.testing.assert_allclose(mine[:, ACTIVE], theirs, rtol=1e-12)
+            np.testing.assert_array_equal(mine[:, 1], 0)
         action = masked.mode(y)
         (fisher,), (own,) = masked.fisher(y, action), smaller.fisher(y, action[ACTIVE])
         np.testing.assert_allclose(fisher[ACTIVE], own, rtol=1e-9)
         np.testing.assert_array_equal(fisher[1], 0)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
 @pytest.mark.parametrize("name", POOLS)
 def test_units_that_are_off_never_fire(name):
     masked, smaller, y = pair(name)
-    uniforms = jax.random.uniform(jax.random.key(2), (512, 3))
-    taken = jax.vmap(lambda u: masked.sample(y, u))(uniforms)
+    uniforms = np.random.default_rng(2).random((512, 3), np.float32)
+    uniforms[0] = 0
+    taken = Compiled(masked).samples(y, uniforms)
     np.testing.assert_array_equal(taken[:, 1], 0)
-    np.testing.assert_array_equal(taken[:, ACTIVE], jax.vmap(lambda u: smaller.sample(y, u))(uniforms[:, ACTIVE]))
-    np.testing.assert_array_equal(masked.sample(y, jnp.zeros(3))[1], 0)
+    np.testing.assert_array_equal(taken[:, ACTIVE], Compiled(smaller).samples(y, uniforms[:, ACTIVE]))
 
 
 RULES = {
@@ -71,7 +73,7 @@ RULES = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("False-sgd", "False-optax", "True-adam", "True-natural")
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):
@@ -79,10 +81,14 @@ def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped)
     policy = Factored([Gated(policy_of("hyperplanes"), [masked] * 3), masked]) if wrapped else masked
     ascent, metric = RULES[rule]
     agent = Agent(policy, Olpomdp(0.5), ascent, metric)
-    state = start = agent.init(jax.random.key(0))
-    for number in range(5):
-        state, _ = agent.act(state, y, jax.random.uniform(jax.random.key(number), (policy.uniforms,)))
-        state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
+    start = agent.init(jax.random.key(0))
+
+    def decide(state, uniforms):
+        state, _ = agent.act(state, y, uniforms)
+        return agent.improve(agent.reinforce(state, jnp.float32(1.0), y)), None
+
+    uniforms = np.random.default_rng(0).random((5, policy.uniforms), np.float32)
+    state, _ = jax.jit(lambda state: jax.lax.scan(decide, state, uniforms))(start)
     inner = lambda policy: policy.pools[1] if wrapped else policy  # noqa: E731
     before, after = (inner(each.policy).pool for each in (start, state))
     for old, new in zip(jax.tree.leaves(trainable(before)), jax.tree.leaves(trainable(after)), strict=True):
@@ -99,9 +105,10 @@ def test_units_are_switched_on_within_one_compiled_program():
         count += 1
         return Masked(pool, active).prob(y)
 
+    every = Compiled(pool).prob(y)
     for number in range(3):
-        p = probability(jnp.arange(3) < number)
-        np.testing.assert_allclose(p, np.where(np.arange(3) < number, pool.prob(y), 0), rtol=1e-6)
+        p = probability(np.arange(3) < number)
+        np.testing.assert_allclose(p, np.where(np.arange(3) < number, every, 0), rtol=1e-6)
     assert count == 1
 
 

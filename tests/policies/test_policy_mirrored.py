@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from policy_examples import observation_of, over_actions, policy_of
+from policy_examples import Compiled, observation_of, over_actions, policy_of
 
 from motorgrad.learning import (
     Agent,
@@ -37,56 +37,59 @@ def test_in_the_mirror_a_policy_does_the_same_on_the_other_side(name):
     with jax.enable_x64(True):
         policy = policy_of(name)
         y = observation_of(policy)
-        there = policy.mirrored(y)
-        np.testing.assert_array_equal(policy.mirrored(there), y)
+        ask = Compiled(policy)
+        there = ask.mirrored(y)
+        np.testing.assert_array_equal(ask.mirrored(there), y)
         assert not np.allclose(there, y)
-        for method in ("prob", "mode"):
-            here = getattr(policy, method)(y)
-            np.testing.assert_array_equal(getattr(policy, method)(there), swapped(policy, here))
-        assert np.ptp(policy.prob(y)) > 0.01
-        assert not np.allclose(policy.prob(y), swapped(policy, policy.prob(y)))
-        for action in policy.enumerate():
-            image = swapped(policy, action)
-            assert float(policy.log_prob(there, image)) == pytest.approx(float(policy.log_prob(y, action)), rel=1e-12)
-            scores = (policy.score(y, action), policy.score(there, image))
-            for one, other in zip(*map(jax.tree.leaves, scores), strict=True):
-                np.testing.assert_allclose(one, other, rtol=1e-12)
+        prob = ask.prob(y)
+        np.testing.assert_array_equal(ask.prob(there), swapped(policy, prob))
+        np.testing.assert_array_equal(ask.mode(there), swapped(policy, ask.mode(y)))
+        assert np.ptp(prob) > 0.01
+        assert not np.allclose(prob, swapped(policy, prob))
+        actions = ask.enumerate()
+        images = swapped(policy, actions)
+        np.testing.assert_allclose(ask.over("log_prob", there, images), ask.over("log_prob", y, actions), rtol=1e-12)
+        np.testing.assert_allclose(ask.scores(there, images), ask.scores(y, actions), rtol=1e-12)
 
 
 def test_each_unit_sees_its_own_sides_view_and_drives_its_outputs():
     units = Hyperplanes([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]], [0.1, 0.2])
     policy = Mirrored(units, order=(1, 0, 2), signs=(1, 1, -1), left=(0, 3), right=(2, 1))
     y = np.array([0.3, -0.4, 0.7])
-    np.testing.assert_allclose(policy.mirrored(y), [-0.4, 0.3, -0.7], rtol=1e-6)
-    one, two = units.prob(y)
-    other_one, other_two = units.prob(jnp.array([-0.4, 0.3, -0.7]))
-    np.testing.assert_allclose(policy.prob(y), [one, other_two, other_one, two], rtol=1e-6)
+    np.testing.assert_allclose(Compiled(policy).mirrored(y), [-0.4, 0.3, -0.7], rtol=1e-6)
+    one, two = Compiled(units).prob(y)
+    other_one, other_two = Compiled(units).prob(np.array([-0.4, 0.3, -0.7]))
+    np.testing.assert_allclose(Compiled(policy).prob(y), [one, other_two, other_one, two], rtol=1e-6)
     assert (policy.inputs, policy.outputs, policy.uniforms) == (3, 4, 4)
     assert policy.independent
     assert not policy.separate
     assert ravel_pytree(trainable(policy))[0].size == ravel_pytree(trainable(units))[0].size == 8
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("mirrored")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exact(name):
     with jax.enable_x64(True):
         policy = policy_of(name, 3)
         y = observation_of(policy, 4)
         parameters, rest = split(policy)
-        actions = policy.enumerate()
 
-        def blocks(action):
-            theta = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))(parameters)
-            return policy.blocks(theta)
+        @jax.jit
+        def of_every_action(y):
+            def blocks(action):
+                theta = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))(parameters)
+                return policy.blocks(theta), policy.fisher(y, action)
 
-        weight = jnp.exp(over_actions(policy, "log_prob", y))
-        wanted = [jnp.einsum("a,aui,auj->uij", weight, s, s) for s in jax.vmap(blocks)(actions)]
-        across = jnp.einsum("a,ai,aj->ij", weight, *(jax.vmap(blocks)(actions)[0][:, i] for i in (0, -1)))
-        for action in actions:
-            for found, exact in zip(policy.fisher(y, action), wanted, strict=True):
-                assert np.abs(exact).max() > 1e-3
-                np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12)
+            return jax.vmap(blocks)(policy.enumerate())
+
+        rows, fisher = jax.tree.map(np.asarray, of_every_action(y))
+        weight = np.exp(over_actions(policy, "log_prob", y))
+    wanted = [np.einsum("a,aui,auj->uij", weight, s, s) for s in rows]
+    across = np.einsum("a,ai,aj->ij", weight, *(rows[0][:, i] for i in (0, -1)))
+    for found, exact in zip(fisher, wanted, strict=True):
+        assert np.abs(exact).max() > 1e-3
+        for each in found:  # whatever the action
+            np.testing.assert_allclose(each, exact, rtol=1e-9, atol=1e-12)
     if name == "mirrored":
         np.testing.assert_allclose(across, 0, atol=1e-12)  # between units there is nothing
 
@@ -96,8 +99,10 @@ def test_blocks_and_gradients_are_each_others_inverse(name):
     policy = policy_of(name)
     vector, build = ravel_pytree(trainable(policy))
     gradient = build(jnp.arange(vector.size, dtype=vector.dtype) + 1)
-    assert eqx.tree_equal(policy.from_blocks(policy.blocks(gradient)), gradient)
-    assert sum(block.size for block in policy.blocks(gradient)) == vector.size
+    blocks = Compiled(policy).blocks(gradient)
+    for found, wanted in zip(*map(jax.tree.leaves, (Compiled(policy).from_blocks(blocks), gradient)), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    assert sum(block.size for block in blocks) == vector.size
 
 
 def test_limits_and_masks_of_the_pool_hold():
@@ -152,10 +157,11 @@ def test_the_bonus_is_the_slope_of_the_entropy_of_both_sides():
     with jax.enable_x64(True):
         policy = policy_of("mirrored", 7)
         y = observation_of(policy, 8)
-        own, other = (entropy_gradient(policy.pool, view) for view in (y, policy.mirrored(y)))
-        found = entropy_gradient(policy, y).pool
+        slope_of = eqx.filter_jit(entropy_gradient)
+        own, other = (slope_of(policy.pool, view) for view in (y, Compiled(policy).mirrored(y)))
+        found = slope_of(policy, y).pool
         for slope, one, two in zip(*map(jax.tree.leaves, (found, own, other)), strict=True):
-            np.testing.assert_allclose(slope, one + two, rtol=1e-12)
+            np.testing.assert_allclose(slope, np.asarray(one) + np.asarray(two), rtol=1e-12)
 
 
 def task_of(outputs=(2, 3, 0, 1), **changes):

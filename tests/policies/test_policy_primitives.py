@@ -1,11 +1,10 @@
 """Motor primitives: a distribution over what begins and how it moves; only choices that count have scores."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.flatten_util import ravel_pytree
+from policy_examples import Compiled
 
 from motorgrad.policies import (
     Factored,
@@ -16,12 +15,11 @@ from motorgrad.policies import (
     graded_hyperplanes,
     primitives,
     rebuild,
-    split,
     trainable,
 )
 
-READY = jnp.array([1.0, 1.0, 0.3, -0.7, 0.2])
-BUSY = READY.at[0].set(0.0)
+READY = np.array([1.0, 1.0, 0.3, -0.7, 0.2])
+BUSY = np.array([0.0, 1.0, 0.3, -0.7, 0.2])
 
 
 def policy_of(seed, each=2):
@@ -33,17 +31,15 @@ def policy_of(seed, each=2):
 
 
 def drawn(policy, y, count, seed=0):
-    uniforms = jax.random.uniform(jax.random.key(seed), (count, policy.uniforms))
-    return jax.vmap(policy.sample, (None, 0))(y, uniforms)
+    return Compiled(policy).samples(y, np.random.default_rng(seed).random((count, policy.uniforms)))
 
 
 def test_it_begins_as_its_preconditions_say_and_moves_as_its_movement_does():
     policy = policy_of(1)
-    actions = np.asarray(drawn(policy, READY, 40_000))
-    p = np.asarray(policy.prob(READY))
+    actions, p = drawn(policy, READY, 40_000), Compiled(policy).prob(READY)
     assert actions.shape[1] == policy.outputs == len(p) == 6
     np.testing.assert_allclose(actions[:, :2].mean(0), p[:2], atol=0.012)
-    np.testing.assert_allclose(p[:2], policy.precondition.prob(READY[2:]))
+    np.testing.assert_allclose(p[:2], Compiled(policy.precondition).prob(READY[2:]), rtol=1e-6)
     for primitive in range(2):
         begun = actions[:, primitive] == 1
         moves = actions[begun][:, 2 + 2 * primitive : 4 + 2 * primitive]
@@ -54,19 +50,19 @@ def test_it_begins_as_its_preconditions_say_and_moves_as_its_movement_does():
 
 def test_what_cannot_begin_never_does_and_has_no_score():
     policy = policy_of(2)
-    actions = np.asarray(drawn(policy, BUSY, 2_000))
+    ask, actions = Compiled(policy), drawn(policy, BUSY, 2_000)
     assert not actions[:, 0].any()
     assert actions[:, 1].any()
-    assert float(policy.prob(BUSY)[0]) == float(policy.mode(BUSY)[0]) == 0
+    assert ask.prob(BUSY)[0] == ask.mode(BUSY)[0] == 0
     begun = actions[actions[:, 1] == 1][0]
-    score = policy.score(BUSY, jnp.asarray(begun))
+    score = ask.score(BUSY, begun)
     for part in (score.precondition.weights, score.precondition.bias):
         np.testing.assert_array_equal(part[0], 0)
         assert np.abs(part[1]).max() > 0
     for part in (score.movement.slope, score.movement.level, score.movement.log_deviation):
         np.testing.assert_array_equal(part[:2], 0)
         assert np.abs(part[2:]).max() > 0
-    silent = policy.score(READY, jnp.zeros(6))
+    silent = ask.score(READY, np.zeros(6, np.float32))
     assert not any(np.abs(leaf).max() for leaf in jax.tree.leaves(silent.movement))
     assert np.abs(silent.precondition.bias).min() > 0
 
@@ -83,8 +79,8 @@ def test_what_begins_and_how_it_moves_make_up_a_distribution(observation):
         sides = [spots if begun else np.zeros(1) for begun in begins]
         moves = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
         actions = np.concatenate([np.broadcast_to(begins, moves.shape), moves], axis=1)
-        log = jax.vmap(lambda action: policy.log_prob(observation, action))(jnp.asarray(actions, jnp.float32))
-        total += np.exp(np.asarray(log, float)).sum() * step ** sum(begins)
+        log = Compiled(policy).over("log_prob", observation, actions)
+        total += np.exp(log.astype(float)).sum() * step ** sum(begins)
     assert total == pytest.approx(1, abs=1e-3)
 
 
@@ -92,13 +88,12 @@ def test_what_begins_and_how_it_moves_make_up_a_distribution(observation):
 @pytest.mark.parametrize("observation", [READY, BUSY])
 def test_the_score_is_the_gradient_of_the_log_probability(seed, observation):
     with jax.enable_x64(True):
-        policy, y = policy_of(seed), jnp.asarray(np.asarray(observation, float))
-        learnt, rest = split(policy)
-        for action in np.asarray(drawn(policy, y, 6, seed)):
-            automatic = jax.grad(lambda t, a: eqx.combine(t, rest).log_prob(y, a))(learnt, jnp.asarray(action))
-            analytic = policy.score(y, jnp.asarray(action))
-            assert jax.tree.structure(analytic) == jax.tree.structure(learnt)
-            np.testing.assert_allclose(ravel_pytree(analytic)[0], ravel_pytree(automatic)[0], atol=1e-9)
+        policy = policy_of(seed)
+        ask, actions = Compiled(policy), drawn(policy, observation, 6, seed)
+        assert jax.tree.structure(ask.score(observation, actions[0])) == jax.tree.structure(trainable(policy))
+        analytic, automatic = ask.scores(observation, actions), ask.derivatives(observation, actions)
+    assert analytic.dtype == np.float64
+    np.testing.assert_allclose(analytic, automatic, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -106,7 +101,7 @@ def test_the_score_is_the_gradient_of_the_log_probability(seed, observation):
 def test_fisher_and_entropy_are_means_over_actions(observation):
     policy = policy_of(5)
     actions = drawn(policy, observation, 200_000, 3)
-    exact = policy.fisher(observation, jnp.zeros(6))
+    exact = policy.fisher(observation, np.zeros(6))
     scores = jax.vmap(lambda action: policy.blocks(policy.score(observation, action)))(actions)
     for rows, matrix in zip(scores, exact, strict=True):
         sampled = jnp.einsum("nui,nuj->uij", rows, rows) / len(rows)
@@ -119,8 +114,8 @@ def test_fisher_and_entropy_are_means_over_actions(observation):
 
 def test_blocks_are_undone_and_a_stored_policy_is_rebuilt():
     policy = policy_of(2)
-    gradient = policy.score(READY, drawn(policy, READY, 1)[0])
-    again = policy.from_blocks(policy.blocks(gradient))
+    gradient = Compiled(policy).score(READY, drawn(policy, READY, 1)[0])
+    again = Compiled(policy).from_blocks(Compiled(policy).blocks(gradient))
     assert jax.tree.structure(again) == jax.tree.structure(trainable(policy))
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(gradient), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -131,7 +126,7 @@ def test_blocks_are_undone_and_a_stored_policy_is_rebuilt():
 
 def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():
     start = primitives(8, 6, count=2, deviation=0.25)
-    np.testing.assert_allclose(start.prob(jnp.ones(8)), [0.5, 0.5, 0, 0, 0, 0])
+    np.testing.assert_allclose(Compiled(start).prob(np.ones(8)), [0.5, 0.5, 0, 0, 0, 0])
     np.testing.assert_allclose(start.movement.deviation, 0.25, rtol=1e-6)
     assert (start.inputs, start.outputs, start.actions) == (8, 6, "graded")
 

@@ -2,10 +2,9 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import observation_of, policy_of
+from policy_examples import Compiled, observation_of, policy_of
 
 from motorgrad.policies import (
     FreeGaussians,
@@ -37,7 +36,7 @@ def made(name, units=6, seed=0):
 def test_activity_is_the_mean_probability_of_firing_over_what_was_visited():
     policy = made("local")
     looks = np.random.default_rng(1).random((50, 2))
-    wanted = np.mean([policy.prob(jnp.asarray(y, jnp.float32)) for y in looks], axis=0)
+    wanted = np.mean([Compiled(policy).prob(y) for y in looks], axis=0)
     np.testing.assert_allclose(activity(policy, looks), wanted, rtol=1e-5)
 
 
@@ -47,23 +46,24 @@ def test_without_a_unit_actions_differ_by_exactly_its_activity():
         policy = made("local", 4)
         looks = np.random.default_rng(1).random((8, 2))
         share = np.asarray(activity(policy, looks))
-        chance = lambda policy, y: np.exp([float(policy.log_prob(y, a)) for a in policy.enumerate()])  # noqa: E731
+        chance = lambda policy, y: np.exp(Compiled(policy).over("log_prob", y, actions))  # noqa: E731
+        actions = Compiled(policy).enumerate()
         for unit in range(4):
             without = prune(Masked(policy), np.arange(4) != unit)
-            pairs = [(chance(policy, jnp.asarray(y)), chance(without, jnp.asarray(y))) for y in looks]
+            pairs = [(chance(policy, y), chance(without, y)) for y in looks]
             distance = np.mean([0.5 * np.abs(a - b).sum() for a, b in pairs])
             assert distance == pytest.approx(share[unit], abs=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("local", "boxes")
 @pytest.mark.parametrize("name", LOCAL)
 def test_reach_is_the_greatest_probability_on_a_fine_grid_of_the_box(name):
     policy = made(name)
     low, high = np.array([0.0, 0.2]), np.array([1.0, 0.8])
     side = [np.linspace(a, b, 201) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*side), axis=-1).reshape(-1, 2)
-    greatest = np.asarray(jax.vmap(policy.prob)(jnp.asarray(grid))).max(0)
-    found = np.asarray(reach(policy, low, high))
+    greatest = np.asarray(jax.jit(jax.vmap(policy.prob))(grid)).max(0)
+    found = np.asarray(eqx.filter_jit(reach)(policy, low, high))
     assert (found >= greatest - 1e-6).all()
     np.testing.assert_allclose(found, greatest, rtol=0.02, atol=1e-6)  # the grid misses a centre by .005 at most
     assert found.min() < 0.5 * found.max()
@@ -72,8 +72,10 @@ def test_reach_is_the_greatest_probability_on_a_fine_grid_of_the_box(name):
 def test_a_masked_unit_that_is_off_has_neither_activity_nor_reach():
     masked = Masked(made("local", 3), KEPT)
     looks = np.random.default_rng(1).random((9, 2))
-    assert activity(masked, looks)[1] == reach(masked, 0.0, 1.0)[1] == 0
-    np.testing.assert_array_equal(activity(masked, looks)[KEPT], activity(masked.pool, looks)[KEPT])
+    compiled = eqx.filter_jit(activity)
+    assert compiled(masked, looks)[1] == eqx.filter_jit(reach)(masked, 0.0, 1.0)[1] == 0
+    every, active = (np.asarray(compiled(policy, looks)) for policy in (masked.pool, masked))
+    np.testing.assert_array_equal(active[KEPT], every[KEPT])
 
 
 @pytest.mark.parametrize("name", ["motoneurons", "hyperplanes", "local-gaussians-p-max", "soft-spheres", "soft-boxes"])
@@ -81,7 +83,7 @@ def test_pruning_a_pool_removes_rows_and_undoes_growing(name):
     pool, more = policy_of(name, 0), policy_of(name, 1)
     assert eqx.tree_equal(prune(grow(pool, more), np.arange(6) < 3), pool)
     y = observation_of(pool)
-    np.testing.assert_array_equal(prune(pool, KEPT).prob(y), pool.prob(y)[KEPT])
+    np.testing.assert_array_equal(Compiled(prune(pool, KEPT)).prob(y), Compiled(pool).prob(y)[KEPT])
 
 
 def test_a_common_setting_stays_what_it_is():
@@ -96,10 +98,10 @@ def test_pruning_a_masked_pool_keeps_its_arrays_and_never_switches_on():
 
 
 def test_masked_pools_of_many_seeds_are_pruned_together_each_by_its_own_units():
-    pools = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(Masked(made("local", 5, seed)) for seed in range(3)))
-    looks = jnp.asarray(np.random.default_rng(1).random((40, 2)), jnp.float32)
+    pools = jax.tree.map(lambda *leaves: np.stack(leaves), *(Masked(made("local", 5, seed)) for seed in range(3)))
+    looks = np.random.default_rng(1).random((40, 2), np.float32)
     pruned = jax.jit(jax.vmap(lambda policy: prune(policy, activity(policy, looks) >= 0.05)))(pools)
-    wanted = [activity(made("local", 5, seed), looks) >= 0.05 for seed in range(3)]
+    wanted = [np.asarray(eqx.filter_jit(activity)(made("local", 5, seed), looks)) >= 0.05 for seed in range(3)]
     np.testing.assert_array_equal(pruned.active, wanted)
     assert not np.all(wanted)
     assert np.any(wanted)

@@ -4,10 +4,9 @@ import json
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.flatten_util import ravel_pytree
+from policy_examples import Compiled
 
 from motorgrad.policies import (
     Hyperplanes,
@@ -17,7 +16,6 @@ from motorgrad.policies import (
     describe,
     querying_motoneurons,
     rebuild,
-    split,
     trainable,
 )
 
@@ -25,23 +23,29 @@ POOL = Motoneurons([0.2, 0.7], [30.0, 8.0])
 
 
 def queries(policy, count=200_000):
-    return np.asarray(jax.vmap(policy.query)((jnp.arange(count) + 0.5) / count))
+    return np.asarray(_queries(policy, (np.arange(count) + 0.5) / count))
 
 
-@pytest.mark.thinned
+@eqx.filter_jit
+def _queries(policy, uniforms):
+    return jax.vmap(policy.query)(uniforms)
+
+
+@pytest.mark.representatives("0.0-0.0-1.0", "0.25--2.0-14.0")
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-2.0, 14.0)])
 @pytest.mark.parametrize("explore", [0.0, 0.25, 1.0])
 def test_cells_are_asked_for_in_proportion_to_the_entropy_and_evenly_within(low, high, explore):
-    pool = Motoneurons(low + (high - low) * POOL.threshold, POOL.gain / (high - low))
+    pool = Motoneurons(low + (high - low) * np.array([0.2, 0.7]), np.array([30.0, 8.0]) / (high - low))
     policy = Querying(pool, low, high, explore, 20)
     edges = np.linspace(low, high, 21)
     middle = (edges[1:] + edges[:-1]) / 2
-    entropy = np.array([float(pool.entropy(jnp.array([y]))) for y in middle])
+    ask = Compiled(pool)
+    entropy = np.array([ask.entropy(np.array([y])) for y in middle])
     expected = explore / 20 + (1 - explore) * entropy / entropy.sum()
     found = queries(policy)
     count, _ = np.histogram(found, edges)
     np.testing.assert_allclose(count / len(found), expected, atol=1e-4)
-    np.testing.assert_allclose(policy.query_probabilities(), expected, rtol=1e-5)
+    np.testing.assert_allclose(Compiled(policy).query_probabilities(), expected, rtol=1e-5)
     assert low <= found.min()
     assert found.max() <= high
     likely = int(np.argmax(expected))
@@ -67,38 +71,38 @@ def test_cells_without_entropy_are_asked_for_only_by_the_share_that_explores():
 
 def test_all_but_the_query_is_the_policys_within():
     policy = Querying(POOL)
-    seen, uniforms = jnp.array([0.35]), jnp.array([0.4, 0.9, 0.3])
+    seen, uniforms = np.float32([0.35]), np.float32([0.4, 0.9, 0.3])
     assert (policy.inputs, policy.outputs, policy.uniforms, policy.actions) == (1, 3, 3, "querying")
-    action = policy.sample(seen, uniforms)
-    np.testing.assert_array_equal(action[:2], POOL.sample(seen, uniforms[:2]))
-    assert float(action[2]) == pytest.approx(float(policy.query(uniforms[2])))
-    np.testing.assert_array_equal(policy.mode(seen)[:2], POOL.mode(seen))
-    assert policy.log_prob(seen, action) == POOL.log_prob(seen, action[:2])
-    assert policy.entropy(seen) == POOL.entropy(seen)
-    np.testing.assert_array_equal(policy.prob(seen), POOL.prob(seen))
-    for a, b in zip(policy.fisher(seen, action), POOL.fisher(seen, action[:2]), strict=True):
+    whole, pool = Compiled(policy), Compiled(POOL)
+    action = whole.sample(seen, uniforms)
+    np.testing.assert_array_equal(action[:2], pool.sample(seen, uniforms[:2]))
+    assert action[2] == pytest.approx(whole.query(uniforms[2]))
+    np.testing.assert_array_equal(whole.mode(seen)[:2], pool.mode(seen))
+    assert whole.log_prob(seen, action) == pool.log_prob(seen, action[:2])
+    assert whole.entropy(seen) == pool.entropy(seen)
+    np.testing.assert_array_equal(whole.prob(seen), pool.prob(seen))
+    for a, b in zip(whole.fisher(seen, action), pool.fisher(seen, action[:2]), strict=True):
         np.testing.assert_array_equal(a, b)
     with pytest.raises(ValueError, match="Querying: has infinitely many actions"):
         policy.enumerate()
 
 
 def test_the_mode_asks_for_the_least_certain_cell():
-    assert float(Querying(Motoneurons([0.31], [40.0]), cells=10).mode(jnp.zeros(1))[1]) == pytest.approx(0.35)
+    assert Compiled(Querying(Motoneurons([0.31], [40.0]), cells=10)).mode(np.zeros(1))[1] == pytest.approx(0.35)
 
 
 def test_the_score_is_the_derivative_of_the_log_probability_and_knows_no_query():
     with jax.enable_x64(True):
         policy = Querying(Motoneurons([0.2, 0.7], [3.0, -2.0]))
-        seen, action = jnp.array([0.4]), jnp.array([1.0, 0.0, 0.77])
-        parameters, rest = split(policy)
-        automatic = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(seen, action))(parameters)
-        analytic = policy.score(seen, action)
-        assert jax.tree.structure(analytic) == jax.tree.structure(parameters)
-        np.testing.assert_allclose(ravel_pytree(analytic)[0], ravel_pytree(automatic)[0], rtol=1e-12)
-        elsewhere = policy.score(seen, action.at[2].set(0.1))
-        np.testing.assert_array_equal(ravel_pytree(analytic)[0], ravel_pytree(elsewhere)[0])
-        again = policy.from_blocks(policy.blocks(analytic))
-        np.testing.assert_array_equal(ravel_pytree(again)[0], ravel_pytree(analytic)[0])
+        ask, seen, actions = Compiled(policy), np.array([0.4]), np.array([[1.0, 0.0, 0.77], [1.0, 0.0, 0.1]])
+        score = ask.score(seen, actions[0])
+        assert jax.tree.structure(score) == jax.tree.structure(trainable(policy))
+        analytic, elsewhere = ask.scores(seen, actions)
+        np.testing.assert_allclose(analytic, ask.derivatives(seen, actions)[0], rtol=1e-12)
+        np.testing.assert_array_equal(analytic, elsewhere)
+        again = ask.from_blocks(ask.blocks(score))
+        for found, wanted in zip(jax.tree.leaves(again), jax.tree.leaves(score), strict=True):
+            np.testing.assert_array_equal(found, wanted)
 
 
 def test_bounds_and_share_are_not_learnt_and_survive_storing():

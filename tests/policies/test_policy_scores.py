@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
-from policy_examples import EXAMPLES, EXTREMES, call, over_actions, policy_of
+from policy_examples import (
+    EXAMPLES,
+    EXTREME_REPRESENTATIVES,
+    EXTREMES,
+    REPRESENTATIVES,
+    Compiled,
+    over_actions,
+    policy_of,
+)
 
 from motorgrad.policies import Factored, LocalGaussians, split, trainable
 
@@ -29,7 +37,7 @@ def scores(policy, observation):
     return analytic, jax.vmap(lambda action: flat(automatic(action)))(actions)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(seed=seeds, look=seeds, scale=st.floats(0.01, 10))
@@ -42,7 +50,7 @@ def test_analytic_score_is_the_derivative_of_the_log_probability(name, seed, loo
     np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12 * (1 + scale))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_analytic_score_is_the_derivative_of_the_log_probability_at_extremes(place):
     with jax.enable_x64(True):
@@ -53,7 +61,7 @@ def test_analytic_score_is_the_derivative_of_the_log_probability_at_extremes(pla
     np.testing.assert_allclose(analytic, automatic, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*EXTREME_REPRESENTATIVES)
 @pytest.mark.parametrize("place", EXTREMES)
 def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
     policy, observation = EXTREMES[place]()
@@ -72,17 +80,18 @@ def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
     np.testing.assert_allclose(single_log, double_log, rtol=2e-4, atol=1e-6)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
     policy = policy_of(name)
-    score = call(policy, "score", jnp.ones(policy.inputs), policy.enumerate()[-1])
+    ask = Compiled(policy)
+    score = ask.score(np.ones(policy.inputs), ask.enumerate()[-1])
     part = trainable(policy)
     assert jax.tree.structure(score) == jax.tree.structure(part)
     assert [x.shape for x in jax.tree.leaves(score)] == [x.shape for x in jax.tree.leaves(part)]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(*REPRESENTATIVES)
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=seeds, look=seeds)
@@ -91,8 +100,8 @@ def test_expected_score_is_zero(name, seed, look):
         policy = policy_of(name, seed)
         observation = jnp.asarray(np.random.default_rng(look).normal(size=policy.inputs))
         analytic, _ = scores(policy, observation)
-        weight = jnp.exp(over_actions(policy, "log_prob", observation))
-    terms = np.asarray(weight)[:, None] * np.asarray(analytic)
+        weight = np.exp(np.asarray(over_actions(policy, "log_prob", observation)))
+    terms = weight[:, None] * np.asarray(analytic)
     # The sum of at most 32 terms, each rounded to 1e-16 of itself.
     np.testing.assert_allclose(terms.sum(0), 0, atol=1e-13 * (1 + np.abs(terms).max()))
 
@@ -137,14 +146,15 @@ def test_the_score_leaves_zero_where_the_cap_ends():
 def test_factored_log_probability_is_the_sum_and_score_the_concatenation_of_the_pools(name):
     policy = policy_of(name)
     assert isinstance(policy, Factored)
-    observation = jnp.full(policy.inputs, 0.4)
+    ask, observation = Compiled(policy), np.full(policy.inputs, 0.4)
     ends = np.cumsum([pool.outputs for pool in policy.pools])
-    for action in policy.enumerate():
-        parts = np.split(np.asarray(action), ends[:-1])
-        total = sum(pool.log_prob(observation, part) for pool, part in zip(policy.pools, parts, strict=True))
-        # a sum of at most four float32 numbers, in another order
-        assert float(policy.log_prob(observation, action)) == pytest.approx(float(total), rel=1e-6)
-        score = policy.score(observation, action)
-        for own, pool, part in zip(score.pools, policy.pools, parts, strict=True):
-            for a, b in zip(jax.tree.leaves(own), jax.tree.leaves(pool.score(observation, part)), strict=True):
-                np.testing.assert_array_equal(a, b)
+    actions = ask.enumerate()
+    parts = np.split(actions, ends[:-1], axis=1)
+    pools = [Compiled(pool) for pool in policy.pools]
+    total = sum(pool.over("log_prob", observation, part) for pool, part in zip(pools, parts, strict=True))
+    # a sum of at most four float32 numbers, in another order
+    np.testing.assert_allclose(ask.over("log_prob", observation, actions), total, rtol=1e-6)
+    scores = ask.over("score", observation, actions).pools
+    for own, pool, part in zip(scores, pools, parts, strict=True):
+        for a, b in zip(*map(jax.tree.leaves, (own, pool.over("score", observation, part))), strict=True):
+            np.testing.assert_array_equal(a, b)

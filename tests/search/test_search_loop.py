@@ -11,7 +11,7 @@ def run(method, score=noisy_sphere, evaluations=72, **more):
     return search(score, SPACE, method, evaluations=evaluations, progress=False, **more)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("uniform")
 @pytest.mark.parametrize("kind", METHODS)
 def test_the_same_seed_finds_the_same_and_another_seed_another(kind):
     one, same, other = (run(kind(), seed=seed) for seed in (3, 3, 4))

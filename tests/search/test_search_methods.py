@@ -23,7 +23,7 @@ def test_cma_es_finds_the_optimum_to_many_digits(score):
     assert best.curve[-1] > -1e-3
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("sphere")
 @needs_evosax
 @pytest.mark.parametrize("score", [sphere, noisy_sphere, ellipsoid])
 def test_cma_es_beats_random_search_with_as_many_evaluations(score):

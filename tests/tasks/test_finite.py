@@ -46,7 +46,7 @@ def test_an_admission_is_paid_for_the_state_in_which_it_was_decided():
         assert terminated is False
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("call-admission")
 @pytest.mark.parametrize("name", FINITE)
 def test_the_mean_reward_in_the_engine_is_the_oracles(name):
     task, runs, decisions, settle = FINITE[name], 200, 4_000, 400

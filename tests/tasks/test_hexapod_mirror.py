@@ -58,7 +58,7 @@ def two_walks(task, decisions, mirror):
     return np.array(observed), np.array(paid), np.array(places)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("muscles-plain", "tripods-plain", "legs-plain")
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("name", TASKS_HERE)
 def test_mirrored_actions_move_the_body_as_in_the_mirror(name, body):

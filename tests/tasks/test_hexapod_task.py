@@ -69,7 +69,7 @@ def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
     np.testing.assert_allclose(half, observed / 2, atol=1e-6)
 
 
-@pytest.mark.thinned("2")
+@pytest.mark.representatives("2")
 @pytest.mark.parametrize("lag", [0, 1, 2, 5])
 def test_lag_shows_the_angles_of_so_many_decisions_ago_and_stood_still_before(lag):
     fresh, *_ = followed(Hexapod(observes=("lateral",), lag=0))

@@ -203,7 +203,7 @@ VARIANTS = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("native muscles")
 @pytest.mark.parametrize("settings", VARIANTS.values(), ids=VARIANTS)
 def test_every_variant_of_the_body_learns(settings):
     plain, run = (

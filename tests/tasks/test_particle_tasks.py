@@ -152,7 +152,7 @@ def test_noise_is_compiled_only_where_there_is_some(changes):
     assert ("cosine" in program) == bool(changes)
 
 
-@pytest.mark.thinned("particle-changes0")
+@pytest.mark.representatives("particle-changes0")
 @pytest.mark.parametrize("changes", [{"observation_noise": 0.05}, {"physics": {"noise": 0.2}}])
 @pytest.mark.parametrize("name", NAMES)
 def test_noise_changes_what_happens_and_nothing_breaks(name, changes):
@@ -161,7 +161,7 @@ def test_noise_changes_what_happens_and_nothing_breaks(name, changes):
     assert (noisy["parameters"] != clear["parameters"]).any()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("particle")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_run_goes_on_where_it_was_put_back(name):
     stepper = stepped(make(name), 70)
@@ -185,7 +185,7 @@ def test_the_first_policy_tiles_the_box_with_both_directions_at_each_place():
     np.testing.assert_allclose(np.exp(policy.log_width[0]), [0.64, 0.16], rtol=1e-6)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("change0")
 @pytest.mark.parametrize("change", [{"rates": {"centre": 2e-4, "log_width": 10.0}}, {"improve": 7}])
 def test_learning_keeps_widths_within_their_limits(change):
     limits = {"copies": 2, "least_log_width": -1.9, "most_log_width": -1.8}
@@ -237,7 +237,7 @@ def test_untrained_rewards_and_the_length_of_episodes_are_those_of_the_reading()
         assert 5_000 / record["episodes"].mean() == pytest.approx(24.5, abs=0.2)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("R1-0.18")
 @pytest.mark.parametrize(("layout", "least"), [("R1", 0.18), ("R2", 0.27)])
 def test_the_default_learner_gets_better(layout, least):
     rewards = train(make("particle", layout=layout), steps=16_000, seeds=8, window=2_000, progress=False).curve()[1]

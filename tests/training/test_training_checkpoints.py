@@ -67,7 +67,9 @@ DAMAGE = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(
+    "three-state-truncated", "three-state-flipped in the middle", "hopper-empty", "hopper-flipped at the end"
+)
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_a_damaged_checkpoint_is_said_and_the_one_before_it_used(kind, made, damaged):
     newest = checkpoints(damaged)[-1]

@@ -26,7 +26,7 @@ def small(task=FINITE, agent=None, steps=60, out=None, **options):
     return mg.train(task, agent, steps, out=out, **options)
 
 
-@pytest.mark.thinned("hopper", "linear-recruitment")
+@pytest.mark.representatives("hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     task = TASKS[name]()
@@ -38,7 +38,7 @@ def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     assert build(AgentSettings, kept["agent"]) == settings
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("three-state")
 @pytest.mark.parametrize("name", [FINITE, "hopper"])
 def test_a_run_goes_on_from_its_directory_alone(name, tmp_path):
     task = mg.make(name)
@@ -135,7 +135,7 @@ RULES = {
 }
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("rate", "weight decay")
 @pytest.mark.parametrize("kind", RULES)
 def test_the_constants_of_an_optax_rule_are_compared(kind, tmp_path):
     start = mg.policies.softmax(mg.make(FINITE))
@@ -158,7 +158,7 @@ def altered(path, **changes):
     file.write_text(json.dumps(told))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("changes0")
 @pytest.mark.parametrize("changes", [{"jax": "0.0.1"}, {"processor": "an abacus"}, {"mujoco": "3.0", "numpy": "1.0"}])
 def test_going_on_under_other_conditions_is_said(changes, tmp_path):
     small(out=tmp_path)
@@ -179,7 +179,7 @@ def test_a_finished_run_is_given_back_without_a_word(tmp_path):
 # ---- being asked to stop
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("15")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_polite_end_saves_everything(number, process_environment, tmp_path):
     command = ["train", "hopper", "--steps", "4000000000", "--out", str(tmp_path / "x"), "--checkpoint-every", "1e9"]

@@ -43,7 +43,7 @@ def seeds_of(state, which):
     return rows({name: part for name, part in state.items() if name != "decision"}, which)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("position")
 def test_the_other_seeds_are_the_same_to_the_last_bit(broken):
     healthy, hurt, _, well, after = broken
     assert_same(seeds_of(after, OTHERS), seeds_of(well, OTHERS))

@@ -69,7 +69,7 @@ def test_the_last_reward_of_an_episode_is_learnt_from():
     assert (np.abs(stepper.policies().weights - first.weights).max(axis=(1, 2)) > 0).all()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("None")
 @pytest.mark.parametrize("limit", [None, 5])
 def test_a_task_that_ends_its_episode_begins_anew(limit):
     task = EndedChain(length=3, time_limit=limit)

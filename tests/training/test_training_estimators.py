@@ -39,7 +39,7 @@ def equal(a, b):
     jax.tree.map(np.testing.assert_array_equal, a, b)
 
 
-@pytest.mark.thinned("body-least-squares")
+@pytest.mark.representatives("body-least-squares")
 @pytest.mark.parametrize("critic", ["least-squares", "td"])
 @pytest.mark.parametrize("name", TASKS)
 def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
@@ -83,7 +83,7 @@ def made(critic=None, metric=None, entropy=0.0, average=None):
     return Agent(Softmax(np.zeros((2, 2))), estimator, sgd(0.1), metric or FisherMetric(), average=average)
 
 
-@pytest.mark.thinned("limit", "average")
+@pytest.mark.representatives("limit", "average")
 @pytest.mark.parametrize("part", PARTS)
 def test_a_run_is_not_resumed_by_another_learner(part, tmp_path):
     train(ThreeState(), made(), steps=50, seeds=1, out=tmp_path)

@@ -182,12 +182,12 @@ def assert_runs_alike(found, wanted):
 
 
 @pytest.mark.slow
-def test_a_killed_run_ends_as_if_it_had_not_been(process_environment, tmp_path):
+def test_a_killed_run_ends_as_if_it_had_not_been(compiled_environment, tmp_path):
     whole = mg.train(**RUN, out=tmp_path / "whole", progress=False)
     options = json.dumps({**RUN, "out": str(tmp_path / "killed"), "checkpoint_every": 0.02})
     landed = 0
     for share in (0.1, 0.5):
-        child = subprocess.Popen([sys.executable, "-c", CHILD, options], env=process_environment)
+        child = subprocess.Popen([sys.executable, "-c", CHILD, options], env=compiled_environment)
         deadline = time.monotonic() + PATIENCE
         while child.poll() is None and max((int(f.stem) for f in checkpoints(tmp_path / "killed")), default=0) < (
             share * RUN["steps"]
@@ -258,7 +258,7 @@ def test_from_the_command_line(tmp_path, capsys):
     assert "Traceback" not in complaint
 
 
-@pytest.mark.thinned("action3-choice-softmax")
+@pytest.mark.representatives("action3-choice-softmax")
 @pytest.mark.parametrize(
     ("action", "code", "policy"),
     [

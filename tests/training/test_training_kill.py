@@ -59,14 +59,14 @@ def undisturbed(tmp_path_factory):
 
 
 @pytest.fixture
-def begin(process_environment):
+def begin(compiled_environment):
     """Begin a run in a process of its own; whatever is left of it goes with the test."""
     children = []
 
     def start(name, out, every=EVERY, **changes):
         options = json.dumps({**RUNS[name], "out": str(out), "checkpoint_every": every, **changes})
         learner = json.dumps(LEARNERS.get(name, {}))
-        children.append(subprocess.Popen([sys.executable, "-c", CHILD, options, learner], env=process_environment))
+        children.append(subprocess.Popen([sys.executable, "-c", CHILD, options, learner], env=compiled_environment))
         return children[-1]
 
     yield start
@@ -102,7 +102,7 @@ def kill_and_resume(name, path, begin, kills, random):
     assert child.wait(PATIENCE) == 0
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("three-state-2")
 @pytest.mark.parametrize(
     ("name", "kills"),
     [
@@ -118,7 +118,7 @@ def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills,
     assert_same_run(mg.load(tmp_path), undisturbed(name))
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives(".lock")
 @pytest.mark.parametrize("appears", [".lock", "checkpoint/initial.policies"])
 def test_a_run_killed_before_its_first_checkpoint_begins_again(appears, begin, tmp_path):
     short = {"steps": 200}
@@ -147,13 +147,13 @@ def test_a_run_killed_at_any_instant_of_its_beginning_begins_again(undisturbed, 
 
 
 @pytest.mark.parametrize("name", ["three-state", pytest.param("hopper", marks=pytest.mark.slow)])
-def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed, process_environment, tmp_path):
+def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed, compiled_environment, tmp_path):
     run = RUNS[name]
     options = {"steps": run["steps"], "window": run["window"], "seeds": 3, "out": tmp_path, "checkpoint-every": 1e9}
     command = [part for option, value in options.items() for part in (f"--{option}", str(value))]
     child = subprocess.Popen(
         [sys.executable, "-m", "motorgrad", "train", name, "--threads", "1", *command],
-        env=process_environment,
+        env=compiled_environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -272,7 +272,7 @@ def test_labels_may_be_given(tmp_path, trained):
 # ---- files
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("svg")
 @pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
 def test_the_same_numbers_give_the_same_bytes(suffix, trained, tmp_path, monkeypatch):
     files = []
@@ -285,7 +285,7 @@ def test_the_same_numbers_give_the_same_bytes(suffix, trained, tmp_path, monkeyp
     assert files[0].read_bytes() != files[1].read_bytes()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("c.svg-None-c.svg-<?xml", "c-svg-c.svg-<?xml", ".-None-reward-baseline.png-\\x89PNG")
 @pytest.mark.parametrize(
     ("path", "format", "file", "start"),
     [

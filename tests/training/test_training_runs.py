@@ -37,7 +37,7 @@ def made(tmp_path_factory):
     return of
 
 
-@pytest.mark.thinned("hopper", "linear-recruitment")
+@pytest.mark.representatives("hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_directory_holds_all_there_is_to_know(name, made):
     run = made(name)
@@ -61,7 +61,7 @@ def test_a_run_directory_holds_all_there_is_to_know(name, made):
     assert session["command"]
 
 
-@pytest.mark.thinned("gymnasium", "hopper", "linear-recruitment")
+@pytest.mark.representatives("gymnasium", "hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     task = TASKS[name]()
@@ -79,7 +79,7 @@ def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     assert (np.diff(table["wall_time"].to_numpy()) >= 0).all()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("gymnasium", "hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_load_gives_the_run_back(name, made):
     run = made(name)
@@ -140,7 +140,7 @@ def test_a_finished_run_is_given_back(made, tmp_path):
     assert len(json.loads((tmp_path / "provenance.json").read_text())["sessions"]) == 3
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("three-state")
 @pytest.mark.parametrize("name", [FINITE, "hopper"])
 def test_more_steps_continue_a_run_as_if_it_had_been_made_in_one_go(name, tmp_path):
     small(name, steps=50, out=tmp_path / "parts")
@@ -173,7 +173,7 @@ LEARNERS = {
 QUICK = ("a batch", "adam")
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("a batch")
 @pytest.mark.parametrize(
     "kind", [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in LEARNERS]
 )

@@ -29,7 +29,7 @@ def flat(tree):
     return {jax.tree_util.keystr(path): leaf for path, leaf in jax.tree_util.tree_leaves_with_path(tree)}
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_neither_chunks_nor_another_engine_change_a_bit(name):
     at_once = learner(name, SEEDS)
@@ -44,7 +44,7 @@ def test_neither_chunks_nor_another_engine_change_a_bit(name):
     assert_differ(at_once.state, begun)
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_a_restored_stepper_goes_on_exactly_as_the_one_that_was_saved(name):
     saved, fresh = learner(name, SEEDS), learner(name, SEEDS)
@@ -60,7 +60,7 @@ def test_a_restored_stepper_goes_on_exactly_as_the_one_that_was_saved(name):
     assert_same(fresh.state, saved.state)
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_a_state_is_a_copy_that_later_decisions_leave_alone(name):
     stepper = reborn(name, SEEDS)
@@ -71,14 +71,14 @@ def test_a_state_is_a_copy_that_later_decisions_leave_alone(name):
     assert_same(flat(state), kept)
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_seeds_lead_every_array_of_the_state(name):
     stepper = reborn(name, SEEDS)
     assert {leaf.shape[0] for leaf in flat(numbers(stepper)).values()} == {len(SEEDS)}
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_a_harvest_disturbs_nothing_but_its_own_tallies(name):
     def untallied(stepper):
@@ -107,7 +107,7 @@ def test_random_numbers_differ_between_seeds_purposes_and_blocks():
     assert len({np.asarray(numbers).tobytes() for numbers in drawn}) == 8
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_another_seed_changes_no_bit_of_an_untrained_agents_life(name):
     # Nothing is learnt, so the actions are the random numbers': world, physics and what is seen are equal in every bit.
@@ -119,7 +119,7 @@ def test_another_seed_changes_no_bit_of_an_untrained_agents_life(name):
     assert_differ(row_of(numbers(many), [0]), row_of(numbers(many), [1]))
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_another_seed_changes_a_learner_by_no_more_than_rounding(name):
     few, many = (reborn(name, seeds) for seeds in (SEEDS, MORE))
@@ -142,7 +142,7 @@ def test_the_number_of_threads_changes_no_bit():
     assert_same(one.state, three.state)
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_frozen_policies_act_and_do_not_learn(name):
     stepper = reborn(name, SEEDS, mode="sample")
@@ -151,7 +151,7 @@ def test_frozen_policies_act_and_do_not_learn(name):
     assert_same(stepper.policies(), before)
 
 
-@pytest.mark.thinned("chain", "hopper")
+@pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_used_policies_are_those_that_act(name):
     taught, frozen = reborn(name, SEEDS), reborn(name, SEEDS, mode="sample")

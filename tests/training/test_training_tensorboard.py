@@ -137,13 +137,15 @@ def test_training_keeps_the_files_up_to_date_at_every_commit(tmp_path):
 
 @pytest.mark.slow
 @needs_tensorboard
-def test_killed_and_resumed_training_leaves_no_point_double_or_lost(process_environment, tmp_path):
+def test_killed_and_resumed_training_leaves_no_point_double_or_lost(compiled_environment, tmp_path):
     task = ["three-state", "--steps", 2_000_000, "--window", 9_999, "--seeds", 2]
     options = ["--checkpoint-every", 0.01, "--tensorboard", "--out", tmp_path / "run"]
     command = [sys.executable, "-m", "motorgrad", "train", *map(str, task + options)]
     file = tmp_path / "run" / "tensorboard" / "seed-0" / FILE
     for wanted in (2_000, 9_000):
-        child = subprocess.Popen(command, env=process_environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        child = subprocess.Popen(
+            command, env=compiled_environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
         deadline = time.monotonic() + 120
         while child.poll() is None and not (file.exists() and file.stat().st_size > wanted):
             assert time.monotonic() < deadline
@@ -151,7 +153,7 @@ def test_killed_and_resumed_training_leaves_no_point_double_or_lost(process_envi
         child.kill()
         assert child.wait() == -signal.SIGKILL
         assert scalars(file.parent)["reward"]  # while it was going
-    assert subprocess.run(command, env=process_environment, capture_output=True).returncode == 0
+    assert subprocess.run(command, env=compiled_environment, capture_output=True).returncode == 0
     assert_holds(tmp_path / "run" / "tensorboard", mg.load(tmp_path / "run"))
 
 

@@ -47,9 +47,9 @@ def alter_metrics(path, name, change):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 5])
-def test_random_kills_leave_no_trace(number, process_environment):
+def test_random_kills_leave_no_trace(number, compiled_environment):
     command = [sys.executable, str(SCRIPT), "--kills", str(number), "--seed", "7"]
-    done = subprocess.run(command, env=process_environment, capture_output=True, text=True, timeout=900)
+    done = subprocess.run(command, env=compiled_environment, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.search(
         rf"^{number} kills? \((\d+) before learning, (\d+) while learning, (\d+) during a commit\); "

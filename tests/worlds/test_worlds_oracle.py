@@ -57,7 +57,7 @@ def check_slope(function, policy, gradient, seed, atol):
     assert vector @ direction == pytest.approx(slope(function, policy, direction), rel=1e-6, abs=atol)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("softmax on three actions")
 @pytest.mark.parametrize("kind", POLICIES)
 @few
 @given(seed=seeds)
@@ -67,7 +67,7 @@ def test_the_gradient_is_the_slope_of_the_average_reward(kind, seed):
     check_slope(lambda p: oracle.average_reward(mdp, p), policy, oracle.gradient(mdp, policy), seed, 1e-8)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("softmax on three actions")
 @pytest.mark.parametrize("kind", POLICIES)
 @few
 @given(seed=seeds, discount=st.floats(0, 0.95))

@@ -180,7 +180,7 @@ def test_a_side_that_was_reached_within_the_decision_is_told_once():
     assert float(moved.position[0, 1]) > 0  # it was there, and is away again
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("0.0-0.05", "0.5-0.05")
 @pytest.mark.parametrize("push", [0.05, 0.4, 3.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_what_is_pressed_against_a_wall_comes_to_rest_and_does_not_sink(push, restitution):
@@ -257,7 +257,7 @@ def test_noise_is_a_random_force_of_its_deviation():
     assert np.isfinite(np.asarray(edge.velocity)).all()
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("1")
 @pytest.mark.parametrize("substeps", [1, 4, 7])  # unrolled, and in a loop
 def test_an_action_is_held_for_its_time_steps(substeps):
     world = Particle((RIGHT,), ParticlePhysics(substeps=substeps))

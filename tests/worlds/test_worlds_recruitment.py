@@ -54,7 +54,7 @@ def moments(task, threshold, gain):
     return reward, by_threshold, (WEIGHTS * slope * (x - threshold[:, None])).sum(1)
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("settings0")
 @pytest.mark.parametrize("settings", [{"units": 1}, {"units": 3, "output": "ratio"}, {"units": 5, "size_ratio": 7.0}])
 def test_the_expectation_and_its_gradient_are_those_of_the_moments(settings):
     task = LinearRecruitment(**settings)

@@ -48,7 +48,7 @@ def example(name):
 VIEWERS = [name for name, kind in BLOCKS.items() if issubclass(kind, Viewer)]
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("histogram", "raster")
 @pytest.mark.parametrize("name", VIEWERS)
 def test_shows_what_it_saw_as_a_picture(name):
     sink, record = example(name)

@@ -13,6 +13,7 @@ from motorgrad.lab import gallery
 expect = sync_api.expect
 
 
+@pytest.mark.journey
 def test_build_run_retune_undo_save_and_reload_by_mouse(opened, tmp_path):
     editor = opened()
     editor.drop("sine", 120, 120)

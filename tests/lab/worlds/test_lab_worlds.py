@@ -71,7 +71,7 @@ def by_hand(task, seed, actions):
 QUICK = ("chain", "linear-recruitment")
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("chain")
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES])
 def test_a_world_shows_what_the_task_says(name):
     settings = SETTINGS.get(name, {})

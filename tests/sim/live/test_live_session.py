@@ -89,7 +89,7 @@ def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
         session.order(live.Play())
 
 
-def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, process_environment):
+def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_environment):
     script = tmp_path / "mine.py"
     script.write_text(
         "import motorgrad as mg, time\n"
@@ -102,7 +102,7 @@ def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, process_environ
         "page.close()\n"
         "print('done')\n"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=process_environment)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=compiled_environment)
     assert done.stdout.split() == ["done"], done.stderr
     assert done.stderr == ""
 

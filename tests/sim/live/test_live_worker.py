@@ -21,7 +21,7 @@ def headless(task, seed, decisions):
     return stepper
 
 
-@pytest.mark.thinned
+@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("task", ["hopper", "particle"])
 def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
     watched = driven(live.learner(task, seed=5))

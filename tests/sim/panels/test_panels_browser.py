@@ -75,6 +75,7 @@ def told(page, words):
     page.locator(".mantine-Notification-root", has_text=words).first.wait_for()
 
 
+@pytest.mark.journey
 def test_the_page_shows_the_run_and_follows_it(seen, hopping):
     for title in ("Run", "Learning", "Muscles", "Policy", "Capture"):
         assert seen.get_by_text(title, exact=True).count() > 0
@@ -106,6 +107,7 @@ def test_keys_play_and_pause(seen, hopping):
     assert until(lambda: hopping.snapshot().playing)
 
 
+@pytest.mark.journey
 def test_scrub_back_and_continue(seen, hopping):
     assert until(lambda: hopping.snapshot().newest - hopping.snapshot().oldest > 200)  # more than there is to go back
     press_button(seen, "Pause")
@@ -148,6 +150,7 @@ def test_push(seen, hopping):
     assert until(lambda: hopping.snapshot().playing)
 
 
+@pytest.mark.journey
 def test_settings_are_edited_by_enter_and_nonsense_is_told(seen, hopping):
     press(seen, "Learning")
     rate = beside(seen, "step size α")
