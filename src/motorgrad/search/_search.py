@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._arrays import read_arrays, write_arrays
 from motorgrad._errors import check
-from motorgrad._files import check_writable
+from motorgrad._files import check_writable, read_arrays, write_arrays
 from motorgrad._progress import Progress
 from motorgrad.search._checks import whole
 from motorgrad.search._cma_es import CmaEs

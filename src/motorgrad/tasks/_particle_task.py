@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
-from motorgrad._normals import normals
+from motorgrad._random import normals
 from motorgrad.tasks._task import Task
 from motorgrad.worlds import Particle, ParticlePhysics, ParticleStart, ParticleState
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
-from motorgrad._normals import normals
+from motorgrad._random import normals
 from motorgrad.worlds._particle_physics import ParticlePhysics
 from motorgrad.worlds._world import World
 

@@ -1,4 +1,4 @@
-"""What is measured of a hexapod, and how to read it."""
+"""The hexapod's sensors."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -11,21 +11,21 @@ import mujoco
 from motorgrad.bodies._batch import BodyState
 
 LEGS = tuple(f"{side}_{section}" for side in ("left", "right") for section in ("front", "middle", "rear"))
-"""The names of a hexapod's legs in the order in which all arrays have them: left ones first, front to rear."""
+"""The names of a hexapod's legs in the order of all arrays: left legs first, front to rear."""
 
 SECTIONS = ("front", "middle", "rear")
 
 
 class HexapodReading(NamedTuple):
-    """What a hexapod feels, as NumPy or JAX arrays with any leading axes. Legs stand in the order of `LEGS`.
+    """A hexapod's sensor readings, as NumPy or JAX arrays with any leading axes. Legs are in the order of `LEGS`.
 
     - `lateral`, `vertical` (..., 6): angles in rad, positive forward and up; `lateral_velocity`, `vertical_velocity`
       (..., 6) in rad/s.
-    - `contact` (..., 6), `belly` (...): normal forces on the feet and on all three sections together, N.
+    - `contact` (..., 6), `belly` (...): normal forces on the feet, and on all three sections together, N.
     - `position` (..., 3): of the middle section's centre, m.
     - `heading` (...): of the middle section, rad in [−π, π] from x towards y; `yaw_rate` (...) in rad/s.
     - `speed` (...): horizontal velocity of the middle section along its heading, m/s.
-    - `upright` (...): how far the middle section's own upward direction points up, from 1, level, to −1, overturned.
+    - `upright` (...): z component of the middle section's upward axis, from 1, level, to −1, overturned.
     """
 
     lateral: Any
@@ -42,7 +42,7 @@ class HexapodReading(NamedTuple):
 
 
 def read_hexapod(state: BodyState) -> HexapodReading:
-    """The parts of a hexapod's state by meaning, by slicing and a little trigonometry (NumPy, JAX, tracers)."""
+    """Read a hexapod's state by meaning, with slicing and a little trigonometry only (NumPy, JAX, tracers)."""
     sensors = state.sensors
     xp = state.position.__array_namespace__()
 
@@ -61,14 +61,14 @@ def read_hexapod(state: BodyState) -> HexapodReading:
         position=sensors["position"],
         heading=xp.arctan2(y, x),
         yaw_rate=sensors["rotation"][..., 2],
-        # a trunk that points straight up has no heading, and then no speed along it
+        # a trunk that points straight up has no heading, so no speed along it
         speed=(velocity[..., 0] * x + velocity[..., 1] * y) / xp.maximum(xp.sqrt(x * x + y * y), 1e-6),
         upright=sensors["upward"][..., 2],
     )
 
 
 def add_sensors(spec: mujoco.MjSpec) -> None:
-    """Add every sensor to the skeleton of a hexapod."""
+    """Add all sensors to the skeleton of a hexapod."""
     kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
     for freedom in ("lateral", "vertical"):
         for leg in LEGS:

@@ -11,15 +11,13 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.bodies._body import START, add_muscles
-from motorgrad.bodies._muscle import Attachment, Muscle, groups_of, not_negative, positive
-from motorgrad.bodies._scenery import add_scenery
+from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery
+from motorgrad.bodies.muscles import Attachment, Muscle, groups_of
 
-HANGING = 90.0  # degrees between the bones when the lower arm hangs: the upper arm is level
+HANGING = 90.0  # degrees between the bones when the lower arm hangs, as the upper arm is level
 GRAVITY = 9.81
-COARSEST = 0.01  # s: of time steps; flexions are right to 5e-4 rad with it, and to 2e-2 with ten times as much
-
+COARSEST = 0.01  # s, the largest time step; flexions are accurate to 5e-4 rad with it, and to 2e-2 with ten times that
 _BONE = (0.90, 0.87, 0.80, 1.0)
 _LOAD = (0.27, 0.30, 0.36, 1.0)
 _HARNESS = (0.55, 0.58, 0.62, 1.0)
@@ -27,25 +25,25 @@ _HARNESS = (0.55, 0.58, 0.62, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class Arm:
-    """An arm of one freedom that lifts a load (thesis, section 4.3.2 and figure 4.5).
+    """An arm with one degree of freedom that lifts a load (thesis, section 4.3.2 and figure 4.5).
 
-    The upper arm is held level by a harness. The lower arm hangs from the elbow, the load in its hand, and is bent
-    upwards by one flexor, a straight line from half way along the one bone to half way along the other. Both ends stand
-    off their bones towards the inside of the elbow, so that the muscle never pulls along a bone. Its force is the same
-    at every length. x points from the shoulder to the elbow, z up, the plane is y = 0.
+    A harness holds the upper arm level. The lower arm hangs from the elbow, with the load in its hand. One flexor bends
+    it upwards: a straight line from the middle of one bone to the middle of the other. Both ends are offset from the
+    bones towards the inside of the elbow, so that the muscle never pulls along a bone. Its force does not depend on its
+    length. x points from the shoulder to the elbow, z up, and the plane is y = 0.
 
     **Arguments:**
 
-    - `load` (kg): in the hand, at least 0.
-    - `bone_length` (m): of each of the two bones.
-    - `lower_mass` (kg): of the lower arm, evenly along it.
-    - `strength` (N): the muscle's force at full activation. The default just takes 14 kg to the top.
-    - `offset` (m): of the muscle's ends from the bones.
-    - `least_angle` (degrees): the interior angle of the elbow at which a stop holds it; the ends of the muscle would
-      meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before.
-    - `joint_damping` (N m s/rad): of the elbow.
-    - `elbow_height` (m): above the floor, which nothing touches.
-    - `timestep` (s): of the physics, at most 0.01.
+    - `load` (kg): mass in the hand, at least 0.
+    - `bone_length` (m): length of each of the two bones.
+    - `lower_mass` (kg): mass of the lower arm, evenly distributed.
+    - `strength` (N): the muscle's force at full activation. The default is just enough to lift 14 kg to the top.
+    - `offset` (m): distance of the muscle's ends from the bones.
+    - `least_angle` (degrees): the interior angle of the elbow at the stop. The muscle's ends would meet at 2 atan(2
+      `offset` / `bone_length`), and the stop must come before.
+    - `joint_damping` (N m s/rad): damping of the elbow.
+    - `elbow_height` (m): height above the floor, which nothing touches.
+    - `timestep` (s): time step of the physics, at most 0.01.
 
     **Names in the model:** bodies `upper_arm`, `lower_arm` (frame at the elbow, −z along the bone when it hangs); joint
     `elbow`, 0 when the lower arm hangs, positive when bent; tendon and actuator `flexor`; site `hand`.
@@ -67,9 +65,9 @@ class Arm:
 
     def __post_init__(self) -> None:
         for name in ("bone_length", "lower_mass", "strength", "elbow_height", "timestep"):
-            positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         for name in ("load", "offset", "joint_damping"):
-            not_negative(name, getattr(self, name))
+            check_not_negative(name, getattr(self, name))
         check(self.timestep <= COARSEST, "timestep", self.timestep, f"a finite number > 0 and at most {COARSEST:g} s")
         meet = math.degrees(2.0 * math.atan(2.0 * self.offset / self.bone_length))
         allowed = f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {HANGING:g} degrees"
@@ -99,7 +97,7 @@ class Arm:
 
     @property
     def sensor_components(self) -> Mapping[str, int]:
-        """The hand's height is the z of a position sensor."""
+        """The hand's height is the z component of a position sensor."""
         return MappingProxyType({"hand_height": 2})
 
     @property
@@ -116,12 +114,12 @@ class Arm:
         return self._reach * np.cos(self._between(flexion) / 2.0)
 
     def rise(self, flexion: float | np.ndarray) -> float | np.ndarray:
-        """How far the hand is above where it hangs, in m."""
+        """Height of the hand above its hanging position, in m."""
         return self.bone_length * (1.0 - np.cos(flexion))
 
     @property
     def weight_moment(self) -> float:
-        """Greatest moment of the weight of load and lower arm about the elbow, N m: that at a right flexion."""
+        """Greatest moment about the elbow of the weight of load and lower arm, N m: that at a flexion of 90°."""
         return GRAVITY * self.bone_length * (self.load + self.lower_mass / 2.0)
 
     def balance(self, flexion: float | np.ndarray) -> float | np.ndarray:
@@ -129,12 +127,12 @@ class Arm:
         return self.weight_moment * np.sin(flexion) / self.moment_arm(flexion)
 
     def throw(self, flexion: float | np.ndarray) -> float | np.ndarray:
-        """The constant force in N that takes the arm from rest just to a flexion, if the elbow has no friction: its
-        work on the way is what the weight gains."""
+        """The constant force in N that takes the arm from rest just to a flexion without friction: the muscle's work
+        equals the gain in potential energy."""
         return self.weight_moment * (1.0 - np.cos(flexion)) / (self.muscle_length(0.0) - self.muscle_length(flexion))
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh, editable `mujoco.MjSpec` of the arm, hanging at rest."""
+        """A new, editable `mujoco.MjSpec` of the arm, hanging at rest."""
         spec = mujoco.MjSpec()
         spec.modelname = "arm"
         spec.compiler.degree = False
@@ -155,11 +153,11 @@ class Arm:
 
     @property
     def _reach(self) -> float:
-        """From the elbow to either end of the muscle, in m."""
+        """Distance from the elbow to either end of the muscle, in m."""
         return math.hypot(self.bone_length / 2.0, self.offset)
 
     def _between(self, flexion: float | np.ndarray) -> float | np.ndarray:
-        """The angle between the muscle's ends, seen from the elbow, in rad."""
+        """The angle at the elbow between the muscle's ends, in rad."""
         return math.radians(HANGING) - flexion - 2.0 * math.atan(2.0 * self.offset / self.bone_length)
 
     def _add_bones(self, spec: mujoco.MjSpec) -> None:
@@ -167,8 +165,8 @@ class Arm:
         capsule, sphere, box = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
         upper = spec.worldbody.add_body(name="upper_arm", pos=(0.0, 0.0, self.elbow_height))
         level = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
-        _add_geom(upper, "harness", box, (0.02, 0.04, 0.05), (-length, 0.0, 0.0), 0.0, _HARNESS)
-        bone = _add_geom(upper, "upper_arm", capsule, (thick, length / 2.0, 0.0), (-length / 2.0, 0.0, 0.0), 0.0, _BONE)
+        add_geom(upper, "harness", box, (0.02, 0.04, 0.05), (-length, 0.0, 0.0), 0.0, _HARNESS)
+        bone = add_geom(upper, "upper_arm", capsule, (thick, length / 2.0, 0.0), (-length / 2.0, 0.0, 0.0), 0.0, _BONE)
         bone.quat = level
         lower = upper.add_body(name="lower_arm")
         elbow = lower.add_joint(name="elbow", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 1, 0))
@@ -178,15 +176,8 @@ class Arm:
         elbow.solref_limit = (0.004, 1.0)
         elbow.solimp_limit[:3] = (0.95, 0.99, 0.001)
         size = (thick, length / 2.0, 0.0)
-        _add_geom(lower, "lower_arm", capsule, size, (0.0, 0.0, -length / 2.0), self.lower_mass, _BONE)
-        # drawn as a ball of iron of that mass, so that a heavier load looks heavier
+        add_geom(lower, "lower_arm", capsule, size, (0.0, 0.0, -length / 2.0), self.lower_mass, _BONE)
+        # drawn as an iron ball of that mass, so that a heavier load looks heavier
         radius = max((3.0 * self.load / (4.0 * math.pi * 7870.0)) ** (1.0 / 3.0), 1e-3)
-        _add_geom(lower, "load", sphere, (radius, 0.0, 0.0), (0.0, 0.0, -length), self.load, _LOAD)
+        add_geom(lower, "load", sphere, (radius, 0.0, 0.0), (0.0, 0.0, -length), self.load, _LOAD)
         lower.add_site(name="hand", pos=(0.0, 0.0, -length), size=(0.01, 0.01, 0.01), group=4)
-
-
-def _add_geom(body, name, kind, size, position, mass, colour) -> mujoco.MjsGeom:
-    """A geom that touches nothing."""
-    return body.add_geom(
-        name=name, type=kind, size=size, pos=position, mass=mass, rgba=colour, contype=0, conaffinity=0
-    )

@@ -1,20 +1,19 @@
-"""The fixed controller of a tripod gait: one small state machine for each leg."""
+"""Two controllers for a tripod gait: a state machine per leg, and an open-loop clock."""
 
 import dataclasses
 import enum
 import math
 from typing import Any, NamedTuple
 
-from motorgrad._errors import check
-from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading
-from motorgrad.bodies._muscle import not_negative, positive
+from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading
 
 TRIPODS = (("left_front", "right_middle", "left_rear"), ("right_front", "left_middle", "right_rear"))
 """The legs of the two tripods: front and rear of one side with the middle of the other."""
 
 
 class LegState(enum.IntEnum):
-    """What a leg is doing: pushing back on the ground, holding there, going forward in the air, coming down."""
+    """The state of a leg: pushing back on the ground, waiting there, swinging forward in the air, or lowering."""
 
     STANCE = 0
     WAIT = 1
@@ -31,21 +30,21 @@ class Turning(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class TripodController:
-    r"""A finite-state machine for each leg of a hexapod (thesis, section 5.3.3 and figure 5.7).
+    """A finite-state machine for each leg of a hexapod (thesis, section 5.3.3 and figure 5.7).
 
-    It is deterministic, and learns nothing. At each decision every leg changes its state where a condition holds:
+    It is deterministic and does not learn. At each decision, a leg changes its state if a condition holds:
 
-    - stance → wait when the leg is back beyond `back`;
+    - stance → wait when the leg is behind `back`;
     - wait → swing when more than one leg of the opposing tripod is in stance;
-    - swing → drop when the leg is forward beyond `forward`;
+    - swing → drop when the leg is ahead of `forward`;
     - drop → stance when the foot touches the ground with more than `contact`.
 
-    So far the source, and so worded it can stand still for ever, in two ways, which `mended` ends. A leg over a hollow
-    drops for ever while the others wait: the vertical joint within `margin` of its lower limit counts as contact too.
-    And legs that come down one by one, each back before the next stands, never make two in stance, until all six wait:
-    then the first tripod swings.
+    The rules of the source, as above, can deadlock in two ways, which `mended` prevents. First, a leg over a hollow
+    drops for ever while the others wait; so the vertical joint within `margin` of its lower limit also counts as
+    contact. Second, if legs land one by one, each reaching `back` before the next lands, there are never two in stance,
+    until all six wait; then the first tripod swings.
 
-    Then its state sets the velocities of its two joints:
+    The state of a leg sets the velocities of its two joints:
 
     | state | lateral | vertical |
     |---|---|---|
@@ -54,8 +53,18 @@ class TripodController:
     | swing | `swing` | `lift` |
     | drop | 0 | −`drop` |
 
-    **Arguments:** `back` and `forward` in degrees, positive forward; `stance`, `swing`, `lift`, `drop`, `press` in
-    rad/s; `contact` in N; `margin` in degrees; `mended`.
+    **Arguments:**
+
+    - `back` (degrees): lateral angle at which stance ends, positive forward.
+    - `forward` (degrees): lateral angle at which swing ends.
+    - `stance` (rad/s): backward velocity in stance.
+    - `swing` (rad/s): forward velocity in swing.
+    - `lift` (rad/s): upward velocity in swing.
+    - `drop` (rad/s): downward velocity while dropping.
+    - `press` (rad/s): downward velocity in stance and wait.
+    - `contact` (N): force above which a foot counts as touching the ground.
+    - `margin` (degrees): distance from the lower limit that counts as contact, if `mended`.
+    - `mended`: whether to prevent the two deadlocks.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
@@ -73,9 +82,9 @@ class TripodController:
 
     def __post_init__(self) -> None:
         for name in ("stance", "swing", "lift", "drop"):
-            positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         for name in ("press", "contact", "margin"):
-            not_negative(name, getattr(self, name))
+            check_not_negative(name, getattr(self, name))
         right = math.isfinite(self.back) and math.isfinite(self.forward) and self.back < self.forward
         check(right, "back", self.back, f"a finite angle in degrees below forward = {self.forward!r}")
 
@@ -90,15 +99,15 @@ class TripodController:
         }
 
     def begin(self, reading: HexapodReading) -> Any:
-        """The states (..., 6) of the legs at the start: one tripod in stance, the other in swing."""
+        """The initial states (..., 6): one tripod in stance, the other in swing."""
         first = _members(reading.lateral)
         return _xp(first).where(first, int(LegState.STANCE), int(LegState.SWING))
 
     def decide(self, states: Any, reading: HexapodReading, lowest: Any) -> Any:
         """The next states of the legs.
 
-        **Arguments:** `states` (..., 6), whole numbers as in `LegState`; what the body feels; `lowest` (6,), the lower
-        limits of its vertical joints in rad. NumPy or JAX; legs in the order of `LEGS`.
+        **Arguments:** `states` (..., 6), integers as in `LegState`; the sensor readings; `lowest` (6,), the lower
+        limits of the vertical joints in rad. NumPy or JAX; legs in the order of `LEGS`.
         """
         xp = _xp(states)
         first = _members(reading.lateral)
@@ -128,8 +137,40 @@ class TripodController:
         return xp.concat([table[states, 0], table[states, 1]], axis=-1)
 
 
+@dataclasses.dataclass(frozen=True)
+class TripodClock:
+    """An open-loop clock by which two tripods alternate between swing and stance, whatever the legs sense (thesis,
+    section 5.4.1).
+
+    A phase from 0 to 1 spans one stride. The first tripod is in stance while the phase is in [0, `duty`), the second
+    half a stride later; each swings for the rest of the stride.
+
+    **Arguments:**
+
+    - `duty`: the fraction of a stride that each tripod spends in stance, in (0, 1).
+
+    **Raises:** `ValueError` for a duty out of range.
+    """
+
+    duty: float = 0.5
+
+    def __post_init__(self) -> None:
+        check(0 < self.duty < 1, "duty", self.duty, "in (0, 1)")
+
+    def advance(self, phase: Any, period: Any, seconds: float) -> Any:
+        """The phase `seconds` later, for a stride of `period` seconds. NumPy or JAX, any shape."""
+        return (phase + seconds / period) % 1.0
+
+    def activation(self, phase: Any) -> Any:
+        """Which synergies are active at phases (...), as zeros and ones (..., 4): swing and stance of the first tripod,
+        then of the second, as in `motorgrad.tasks.TRIPOD_SYNERGIES`."""
+        xp = phase.__array_namespace__()
+        first, second = ((phase + shift) % 1.0 < self.duty for shift in (0.0, 0.5))
+        return xp.stack([~first, first, ~second, second], axis=-1) * 1.0
+
+
 def _members(like: Any) -> Any:
-    """Which legs are of the first tripod, of the shape of `like` (..., 6)."""
+    """Which legs belong to the first tripod, in the shape of `like` (..., 6)."""
     xp = _xp(like)
     return xp.broadcast_to(xp.asarray([leg in TRIPODS[0] for leg in LEGS]), like.shape)
 

@@ -1,9 +1,9 @@
-"""The muscle law inside MuJoCo: a compiled `mjcb_act_gain`, and the checks that it is really there.
+"""The muscle law inside MuJoCo: a compiled `mjcb_act_gain`, and checks that it is installed.
 
 MuJoCo asks one process-wide C function for the gain of every actuator whose gain type is "user". Without one it uses
-the gain 1, so that a muscle would silently *push* with one newton; hence every way to a simulation goes through
-`check_muscle_callback`. A function written in C (here: by numba) also runs without the interpreter, which a thread pool
-needs.
+the gain 1, so a muscle would silently *push* with 1 N. Therefore every path to a simulation calls
+`check_muscle_callback`. A function in machine code (here compiled by numba) runs without the interpreter, as a thread
+pool requires.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -17,28 +17,28 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from motorgrad.bodies._muscle import tension
+from motorgrad.bodies.muscles._muscle import tension
 
 _POINTER = ctypes.sizeof(ctypes.c_void_p)
-# mjData holds large fixed tables (timers, solver statistics) before its array pointers; this many bytes span them.
+# mjData has large fixed tables (timers, solver statistics) before its array pointers; this many bytes cover them.
 _SCAN_LIMIT = 1 << 20
-# Empty arrays share their address with the next one, so neighbours of a match are candidates too.
+# An empty array has the address of the next one, so the neighbours of a match are candidates too.
 _NEIGHBOURS = 64
 
-# Slides whose position is the length, and a fixed tendon on each: no array near the two that matter is empty.
+# Slides whose position is the length, each with a fixed tendon, so that no array near the two in question is empty.
 _PROBE = "<mujoco><worldbody>{}</worldbody><tendon>{}</tendon><actuator>{}</actuator></mujoco>"
 _PROBE_BODY = '<body><joint name="j{i}" type="slide" ref="{length}"/><geom size=".1" contype="0"/></body>'
 _PROBE_TENDON = '<fixed name="t{i}"><joint joint="j{i}" coef="1"/></fixed>'
 
 
 def install_muscle_callback() -> None:
-    """Install the muscle law as MuJoCo's gain callback for this process; a second call does nothing.
+    """Install the muscle law as MuJoCo's gain callback for this process. Further calls do nothing.
 
-    `compile_model` and `BodyBatch` call this. Call it yourself before simulating an exported MJCF file that has
-    muscles of the "thesis" model.
+    `compile_model` and `BodyBatch` call this. Call it yourself before simulating an exported MJCF file that has muscles
+    of the "thesis" model.
 
     **Raises:** `RuntimeError` if another library's callback is installed, or if the installed law does not return the
-    forces that `tension` does.
+    forces of `tension`.
     """
     current = mujoco.get_mjcb_act_gain()
     ours = _compiled_gain()
@@ -50,11 +50,11 @@ def install_muscle_callback() -> None:
 
 
 def check_muscle_callback(model: mujoco.MjModel) -> None:
-    """Make sure that a model's muscles pull.
+    """Check that a model's muscles pull.
 
     **Arguments:** `model`: any model; one without user gains passes.
 
-    **Raises:** `RuntimeError` if the model has user gains while MuJoCo's gain callback is missing or foreign.
+    **Raises:** `RuntimeError` if the model has user gains, and MuJoCo's gain callback is missing or foreign.
     """
     if not uses_callback(model):
         return
@@ -69,7 +69,7 @@ def check_muscle_callback(model: mujoco.MjModel) -> None:
 
 
 def uses_callback(model: mujoco.MjModel) -> bool:
-    """Whether the model has an actuator whose gain only the callback knows."""
+    """Whether the model has an actuator whose gain comes from the callback."""
     return bool(np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER))
 
 
@@ -91,9 +91,9 @@ def _address(callback: Any) -> int | None:
 @functools.cache  # also keeps the compiled function alive as long as the process
 def _compiled_gain() -> Any:
     with warnings.catch_warnings():
-        # numba probes optional packages on import, whose own deprecations are no business of the user's
+        # numba probes optional packages on import, which may raise deprecation warnings of their own
         warnings.simplefilter("ignore")
-        import numba  # imported late: loading it takes longer than the rest of this package
+        import numba  # imported late, as it takes longer than the rest of this package
 
     word = numba.types.CPointer(numba.types.CPointer(numba.types.float64))
     law = numba.njit(tension, error_model="numpy")
@@ -102,23 +102,24 @@ def _compiled_gain() -> Any:
 
     @numba.cfunc(numba.types.float64(word, word, numba.types.int32), error_model="numpy")
     def gain(model, data, actuator):  # pragma: no cover - runs as machine code
-        # a struct is read as a table of pointers; the two that matter were located by `_offsets`
+        # the struct is read as a table of pointers, at the two places found by `_offsets`
         prm = model[parameters]
         first = actuator * per_actuator
-        # strength is stored negative, as MuJoCo counts force positive when it lengthens a tendon
+        # strength is stored negative, because MuJoCo's force is positive when it lengthens a tendon
         return law(1.0, data[lengths][actuator], 0.0, prm[first], prm[first + 1], prm[first + 2], 0.0)
 
     gain_type = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
     address: Any = gain.address
     pointer: Any = gain_type(address)
-    pointer.owner = gain  # the machine code lives as long as the pointer to it
+    pointer.owner = gain  # keeps the machine code alive as long as the pointer
     return pointer
 
 
 def _offsets() -> tuple[int, int]:
-    """Where mjModel keeps `actuator_gainprm` and mjData `actuator_length`, in pointers from the struct's start.
+    """Where mjModel keeps `actuator_gainprm` and mjData `actuator_length`, counted in pointers from the struct's start.
 
-    Found by looking for the array's known address in the structs of several small models; one place must fit them all.
+    The addresses of both arrays are known, so their place is found by searching the structs of several small models.
+    Exactly one place must fit all of them.
     """
     probes = [_probe(1, "joint"), _probe(2, "joint"), _probe(3, "tendon")]
     places = []
@@ -141,7 +142,7 @@ def _places(struct: Any, attribute: str) -> set[int]:
         return ctypes.c_void_p.from_address(struct._address + index * _POINTER).value == address
 
     first = next(filter(holds, range(_SCAN_LIMIT // _POINTER)), None)
-    # both structs go on for hundreds of pointers after these arrays
+    # both structs have hundreds of further pointers after these arrays
     return set() if first is None else set(filter(holds, range(first, first + _NEIGHBOURS)))
 
 
@@ -162,7 +163,7 @@ def _probe(actuators: int, of: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def _verify_forces() -> None:
-    """Compare the forces MuJoCo computes through the callback with `tension`; withdraw the callback on a mismatch."""
+    """Compare the forces MuJoCo computes through the callback with `tension`; remove the callback on a mismatch."""
     model, data = _probe(3, "tendon")
     data.ctrl[:] = (0.5, 1.0, 0.0)
     mujoco.mj_forward(model, data)

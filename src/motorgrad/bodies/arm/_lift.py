@@ -1,4 +1,4 @@
-"""How high an arm lifts its load: by simulation, and from a table of simulations."""
+"""How high an arm lifts its load: by simulation, and interpolated from a table of simulations."""
 
 import dataclasses
 import functools
@@ -17,25 +17,25 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._settings import build, table
-from motorgrad.bodies._arm import Arm
 from motorgrad.bodies._batch import BodyBatch
+from motorgrad.bodies.arm._arm import Arm
 
 STORED = Path(__file__).with_name("arm_lift.npz")
 LOADS, SHARES = 41, 81
 SECONDS = 2.0
-STRONGEST = 1e7  # N; beyond some 1e9 simulations diverge
+STRONGEST = 1e7  # N; beyond about 1e9 simulations diverge
 _ROWS, _ROUNDS = 17, 3
 
 
 def greatest_flexion(
     arm: Arm, activation: Sequence[float] | np.ndarray, seconds: float = SECONDS, threads: int = 0
 ) -> Float[np.ndarray, " rows"]:
-    """The greatest flexion of the elbow within `seconds`, from rest under a constant activation, by simulation.
+    """Simulate the greatest flexion of the elbow within `seconds`, from rest under a constant activation.
 
-    **Arguments:** the arm with its load; `activation` (rows,), from 0 to 1, each a simulation of its own; `seconds`, a
+    **Arguments:** the arm with its load; `activation` (rows,), from 0 to 1, one simulation each; `seconds`, in
     simulated time; `threads` as in `BodyBatch`.
 
-    **Returns:** in rad, from 0 to the stop (which gives way a little under a blow: that is cut off).
+    **Returns:** flexions in rad, from 0 to the stop. (The stop gives way a little on impact; that is clipped.)
 
     **Raises:** `RuntimeError` as soon as a simulation diverges.
     """
@@ -54,14 +54,14 @@ def greatest_flexion(
 
 
 def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
-    """The greatest height that a load is lifted to within 2 s from rest by a constant force, by simulation.
+    """Simulate the greatest height to which a constant force lifts a load within 2 s from rest.
 
-    **Arguments:** the arm, whose own `load` and `strength` do not matter; `load` in kg, at least 0, and `force` in N,
+    **Arguments:** the arm, whose own `load` and `strength` are ignored; `load` in kg, at least 0, and `force` in N,
     from 0 to 1e7, which broadcast.
 
-    **Returns:** the height as a part of the full lift, from 0 to 1.
+    **Returns:** the height as a fraction of the full lift, from 0 to 1.
 
-    **Raises:** `ValueError` that names the first load or force that is out of range.
+    **Raises:** `ValueError` naming the first load or force out of range.
     """
     loads, forces = np.broadcast_arrays(np.asarray(load, float), np.asarray(force, float))
     _check_each("load", loads, (loads >= 0) & (loads < math.inf), "a finite number >= 0, in kg")
@@ -75,20 +75,20 @@ def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LiftTable:
-    r"""`lift` of one arm, simulated on a grid once and interpolated from then on.
+    """`lift` of one arm, simulated once on a grid and interpolated afterwards.
 
-    Without friction the height depends on the force only through its ratio to `Arm.throw`, the force that just reaches
-    the top. So the grid is one of load and of force as a share of the force that just reaches the top with that load:
-    what is tabulated is then smooth, and has its kink at the border. The loads are the squares of equally spaced
-    numbers, as friction matters most to the lightest. Between them it is off by less than 3e-4 of the full lift from
-    0.5 kg on, by less than 5e-4 from 50 g, and by less than 1.5e-3 below that.
+    Without friction, the height depends on the force only through its ratio to `Arm.throw`, the force that just reaches
+    the top. So one axis of the grid is the load, and the other the force as a fraction of the one that just reaches the
+    top with that load. The tabulated function is then smooth, with its kink at the border. The loads are squares of
+    equally spaced numbers, because friction matters most for light loads. Between grid points the error is below 3e-4
+    of the full lift from 0.5 kg on, below 5e-4 from 50 g, and below 1.5e-3 for smaller loads.
 
     **Arguments:**
 
-    - `arm`: whose lift it is, for any load and strength.
+    - `arm`: the arm; its load and strength do not matter.
     - `effort` (loads,): the force that just reaches the top, divided by `Arm.throw` to there.
-    - `height` (loads, shares): the height as a part of the full lift, for shares from 0 to 1 of that force.
-    - `mujoco_version`: of the MuJoCo that simulated it; by default the present one.
+    - `height` (loads, shares): the height as a fraction of the full lift, for shares from 0 to 1 of that force.
+    - `mujoco_version`: the MuJoCo version that simulated it; by default the present one.
 
     **Attributes:** `heaviest`, the greatest load in kg, 20.
     """
@@ -101,9 +101,9 @@ class LiftTable:
     mujoco_version: str = mujoco.__version__
 
     def lift(self, load: Any, force: Any) -> Float[Array, "..."]:
-        """As the function `lift`, interpolated linearly; a JAX function of arrays, which broadcast.
+        """The function `lift`, interpolated linearly; a JAX function of arrays that broadcast.
 
-        Loads are taken to be from 0 to 20 kg: what is outside counts as the nearest.
+        Loads are clipped to 0 … 20 kg.
         """
         load = jnp.clip(jnp.asarray(load, jnp.result_type(float)), 0.0, self.heaviest)
         row, down = _place(jnp.sqrt(load / self.heaviest), len(self.effort))
@@ -117,7 +117,7 @@ class LiftTable:
         return (1 - down) * above + down * below
 
     def top_force(self, load: float) -> float:
-        """The force in N that just takes a load, from 0 to 20 kg, to the top."""
+        """The force in N that just lifts a load, from 0 to 20 kg, to the top."""
         check(0 <= load <= self.heaviest, "load", load, f"from 0 to {self.heaviest:g} kg")
         effort = np.interp(math.sqrt(load), np.sqrt(_loads(len(self.effort))), self.effort)
         return float(effort * self.arm_with(load).throw(self.arm.most_flexion))
@@ -127,7 +127,7 @@ class LiftTable:
         return dataclasses.replace(self.arm, load=float(load))
 
     def save(self, path: Path) -> None:
-        """Store the table, and from what it was made."""
+        """Write the table to a file, with the arm and the version it was made from."""
         made = {"arm": table(self.arm), "mujoco": self.mujoco_version, **_meaning()}
         content = io.BytesIO()
         np.savez_compressed(content, effort=self.effort, height=self.height, made=json.dumps(made))
@@ -135,9 +135,9 @@ class LiftTable:
 
     @classmethod
     def load(cls, path: Path) -> "LiftTable":
-        """A table that was stored.
+        """Read a table from a file.
 
-        **Raises:** `ValueError` if it is of lifts of another duration, or of other loads, than this class takes it for.
+        **Raises:** `ValueError` if it was made for another duration, or for another range of loads.
         """
         with np.load(path) as file:
             made = json.loads(str(file["made"]))
@@ -149,7 +149,7 @@ class LiftTable:
 def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:
     """Simulate the table of an arm: some thousand lifts of 2 s, about a minute on one core.
 
-    **Arguments:** the arm, whose own `load` and `strength` do not matter; the numbers of loads and of forces, ≥ 2.
+    **Arguments:** the arm, whose own `load` and `strength` are ignored; the numbers of loads and of forces, ≥ 2.
     """
     check(loads >= 2, "loads", loads, "at least 2")
     check(shares >= 2, "shares", shares, "at least 2")
@@ -164,10 +164,10 @@ def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTab
 
 
 def lift_table(arm: Arm) -> LiftTable:
-    """The table of an arm: the stored one if it is that arm's, else one that is simulated when it is first asked for.
+    """The table of an arm: the one shipped with the library if it fits, else one that is simulated on first use.
 
-    Two arms that differ in load, strength or height above the floor alone lift alike, and share a table. A line on the
-    standard error says so when one is simulated, as that takes a minute or two.
+    Arms that differ only in load, strength or height above the floor share a table. As a simulation takes a minute or
+    two, it is announced on standard error.
     """
     default = Arm()
     return _table(
@@ -185,25 +185,25 @@ def _table(arm: Arm) -> LiftTable:
 
 
 def _meaning() -> dict[str, float]:
-    """What the numbers of a stored table rest on, beside the arm."""
+    """What the numbers of a stored table depend on, apart from the arm."""
     return {"seconds": SECONDS, "heaviest": LiftTable.heaviest}
 
 
 def _check_each(name: str, values: np.ndarray, allowed: np.ndarray, words: str) -> None:
-    """Refuse the first of the values that is not allowed."""
+    """Refuse the first value that is not allowed."""
     if not allowed.all():
         check(False, name, float(values[~allowed][0]), words)
 
 
 def _lift(arm: Arm, force: np.ndarray) -> np.ndarray:
-    """The heights, as parts of the full lift, to which an arm lifts its load under several forces in N."""
+    """The heights, as fractions of the full lift, to which an arm lifts its load under several forces in N."""
     strength = max(float(np.max(force)), 1e-9)
     most = greatest_flexion(dataclasses.replace(arm, strength=strength), force / strength)
     return np.asarray(arm.rise(most)) / float(arm.rise(arm.most_flexion))
 
 
 def _top_force(arm: Arm, throw: float) -> float:
-    """The force in N that just reaches the top, which is no less than `throw`: by halving, many at once."""
+    """The force in N, at least `throw`, that just reaches the top: repeated bisection, many forces at once."""
     low, high = throw, 1.1 * throw
     while _lift(arm, np.array([high]))[0] < 1.0:
         low, high = high, 2.0 * high
@@ -219,7 +219,8 @@ def _loads(count: int) -> np.ndarray:
 
 
 def _place(share: Array, count: int) -> tuple[Array, Array]:
-    """Between which of `count` places from 0 to 1 a number lies: the first of the two, and how far on from it."""
+    """Where a number from 0 to 1 lies among `count` grid points: the index of the lower one, and the fraction of the
+    way to the next."""
     place = share * (count - 1)
     first = jnp.clip(jnp.floor(place), 0, count - 2)
     return first.astype(jnp.int32), place - first
