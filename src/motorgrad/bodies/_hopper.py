@@ -13,11 +13,10 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_fields, check_not_negative, check_positive
-from motorgrad.bodies._body import START, about, add_geom, add_muscles, add_scenery
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery
 from motorgrad.bodies.muscles import Attachment, Muscle, Wrap, groups_of
 
 SIDES = ("left", "right")
-_Y = (0, 1, 0)
 # Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
 REFERENCE_ANGLE = math.pi / 2.0
 _BONE = (0.90, 0.87, 0.80, 1.0)
@@ -187,10 +186,10 @@ def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
     mirror = 1.0 if side == "left" else -1.0
     axis, length = (0.0, mirror, 0.0), hopper.link_length
     half = REFERENCE_ANGLE / 2.0
-    thigh = load.add_body(name=f"thigh_{side}", quat=about(_Y, mirror * half))
+    thigh = load.add_body(name=f"thigh_{side}", quat=_about_y(mirror * half))
     _add_hinge(thigh, f"hip_{side}", axis, hopper)
     _add_link(thigh, f"thigh_{side}", hopper)
-    shank = thigh.add_body(name=f"shank_{side}", pos=(0, 0, -length), quat=about(_Y, -mirror * 2.0 * half))
+    shank = thigh.add_body(name=f"shank_{side}", pos=(0, 0, -length), quat=_about_y(-mirror * 2.0 * half))
     knee = _add_hinge(shank, f"knee_{side}", axis, hopper)
     knee.limited = True
     knee.range = [math.radians(angle) - REFERENCE_ANGLE for angle in hopper.knee_range]
@@ -200,7 +199,7 @@ def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
     _add_link(shank, f"shank_{side}", hopper)
     _add_capsule(thigh, hopper, side, mirror)
     if side == "left":
-        foot = shank.add_body(name="foot", pos=(0, 0, -length), quat=about(_Y, mirror * half))
+        foot = shank.add_body(name="foot", pos=(0, 0, -length), quat=_about_y(mirror * half))
         _add_hinge(foot, "ankle", axis, hopper)
         _add_foot(foot, hopper)
 
@@ -293,3 +292,7 @@ def _add_link(body: mujoco.MjsBody, name: str, hopper: Hopper) -> None:
     half = hopper.link_length / 2.0
     size = (0.05 * hopper.link_length, half, 0.0)
     add_geom(body, name, mujoco.mjtGeom.mjGEOM_CAPSULE, size, (0, 0, -half), hopper.link_mass, _BONE)
+
+
+def _about_y(angle: float) -> tuple[float, float, float, float]:
+    return (math.cos(angle / 2.0), 0.0, math.sin(angle / 2.0), 0.0)

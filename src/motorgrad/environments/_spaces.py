@@ -27,9 +27,9 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     **Raises:** `ValueError` for a task that accepts neither binary nor discrete nor graded actions.
     """
     check(
-        task.actions in task.takes,
+        task.actions in task.accepted_actions,
         f"task {task.name!r}",
-        task.takes,
+        task.accepted_actions,
         "one that takes binary, discrete or graded actions",
     )
     most = np.full(task.observation_size, np.finfo(np.float32).max)

@@ -1,5 +1,5 @@
-"""The hexapod walks in steps, motor primitives: when each begins, and how long its parts last, is learnt (section 5.4.1
-of the thesis)."""
+"""The hexapod walks in steps, as motor primitives: the start of each step and the duration of its phases are learnt
+(section 5.4.1 of the thesis)."""
 
 import dataclasses
 import functools
@@ -11,23 +11,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
-from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Actions, Reading
-from motorgrad.tasks._walking_task import WalkingTask, overturned
+from motorgrad.tasks.hexapod._synergies import synergy_matrix
+from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
 STANDING = tuple(" ".join(f"depressor_{leg}" for leg in tripod) for tripod in TRIPODS)
 STEPS = len(TRIPODS)
 PARTS = 2  # of a step: swing and stance
-ROUNDING = 5e-4  # s, in sums of decisions
+ROUNDING = 5e-4  # s, tolerance for sums of decision periods
 
 
-class Steps(NamedTuple):
-    """What the task remembers of the two tripods' steps: since when each is under way, `elapsed` (2,), and how long its
-    parts last, `lasting` (2, parts), in s; `begun` (2,), whether one began at the last decision."""
+class PrimitiveMemory(NamedTuple):
+    """The memory of both tripods' steps: the time since each started, `elapsed` (2,), and the durations of its phases,
+    `lasting` (2, phases), in s; `begun` (2,), whether one started at the last decision."""
 
     elapsed: Float[Array, " 2"]
     lasting: Float[Array, "2 2"]
@@ -36,27 +34,27 @@ class Steps(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class HexapodPrimitive(WalkingTask):
-    """Walk as fast as possible by steps of the two tripods: a step is a swing and then a stance, each of a length that
-    is chosen when it begins. A tripod whose step is over stands, until the next one begins.
+    """Walk as fast as possible by steps of the two tripods. A step is a swing followed by a stance, with durations
+    chosen when it starts. After its step, a tripod stands until the next one starts.
 
-    Observed: for each tripod 1 where a step can begin and 0 while one is under way; then the six lateral angles over
-    `angle_scale`. Actions: for each tripod whether a step begins (above one half; it counts only where one can); then
-    for each the real numbers that make its swing and its stance last `swing` × exp(a) and `stance` × exp(a), within
-    limits. Reward: `reward_scale` × the velocity (m/s) of the middle section along its heading. An episode ends when
-    the trunk overturns. The policy for it is `motorgrad.policies.Primitives`; other policies of real numbers will do.
+    Observed: for each tripod, 1 if a step can start and 0 during one; then the six lateral angles divided by
+    `angle_scale`. Actions: for each tripod, whether a step starts (above one half; effective only if one can start);
+    then for each tripod the real numbers a that set the durations of its swing and its stance to `swing` × exp(a) and
+    `stance` × exp(a), within limits. Reward: `reward_scale` × the velocity (m/s) of the middle section along its
+    heading. An episode ends when the trunk overturns. The policy for it is `motorgrad.policies.Primitives`; other
+    policies of real numbers work too.
 
     **Arguments:**
 
     - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `swing` (s): how long a swing lasts for the action 0.
-    - `stance` (s): how long a stance lasts for the action 0.
-    - `shortest` (s): the least length of either.
-    - `longest` (s): the greatest length of either.
+    - `swing` (s): duration of a swing for the action 0.
+    - `stance` (s): duration of a stance for the action 0.
+    - `shortest` (s): the least duration of either.
+    - `longest` (s): the greatest duration of either.
     - `angle_scale` (degrees): the lateral angle that is observed as 1.
     - `reward_scale`: reward per m/s.
-    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
-    - `time_limit`: simulated seconds after which an episode is cut; `None` for a task that only an overturned trunk
-      interrupts.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod-primitive"
@@ -81,17 +79,12 @@ class HexapodPrimitive(WalkingTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        self.check_walking()
+        self.check_walking("angle_scale")
         self.check_limits(self.shortest, self.longest, swing=self.swing, stance=self.stance)
-        check(0.01 <= self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle from 0.01 to 90 degrees")
-
-    @property
-    def drives(self) -> np.ndarray:
-        return self._drives
 
     @functools.cached_property
-    def _drives(self) -> np.ndarray:
-        """Swing and stance of each tripod, then their standing."""
+    def drives(self) -> np.ndarray:
+        """Swing and stance of each tripod, then standing of each."""
         return synergy_matrix((*TRIPOD_SYNERGIES, *STANDING), self.body.groups)
 
     @property
@@ -113,7 +106,7 @@ class HexapodPrimitive(WalkingTask):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """Of what begins 0 and 1; of how long swing and stance last from the least to the greatest."""
+        """0 and 1 for the start of a step; the logarithms of the least and greatest relative durations."""
         lasts = [tuple(math.log(end / usual) for end in (self.shortest, self.longest)) for usual in self._usual]
         return (*((0.0, 1.0),) * STEPS, *((low, high) for _ in range(STEPS) for low, high in lasts))
 
@@ -122,46 +115,48 @@ class HexapodPrimitive(WalkingTask):
         return self.swing, self.stance
 
     def lasting(self, action: Any) -> Any:
-        """How long swing and stance of each tripod's step last by an action (..., 6), in s, (..., 2, 2)."""
+        """The durations of swing and stance of each tripod's step for an action (..., 6), in s, (..., 2, 2)."""
         usual = jnp.asarray(self._usual)
         low, high = (jnp.log(end / usual) for end in (self.shortest, self.longest))
         chosen = action[..., STEPS:].reshape(*action.shape[:-1], STEPS, PARTS)
         return usual * jnp.exp(jnp.clip(chosen, low, high))
 
-    def _begin(self, memory: Any, action: Any) -> Steps:
-        """The steps under way once an action has begun some."""
-        begun = (action[..., :STEPS] > 0.5) & _over(memory)
+    def _begin(self, memory: Any, action: Any) -> PrimitiveMemory:
+        """The steps under way after an action has started some."""
+        begun = (action[..., :STEPS] > 0.5) & _steps_over(memory)
         lasting = jnp.where(begun[..., None], self.lasting(action), memory.lasting)
-        return Steps(jnp.where(begun, 0.0, memory.elapsed), lasting, begun)
+        return PrimitiveMemory(jnp.where(begun, 0.0, memory.elapsed), lasting, begun)
 
     def control(self, action: Any, memory: Any = None) -> Any:
         steps = self._begin(memory, jnp.asarray(action))
         swings = steps.elapsed + ROUNDING < steps.lasting[..., 0]
-        stands = _over(steps)
+        stands = _steps_over(steps)
         parts = jnp.stack([swings, ~swings & ~stands], axis=-1).reshape(*stands.shape[:-1], STEPS * PARTS)
         return super().control(jnp.concatenate([parts, stands], axis=-1) * 1.0, memory)
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Steps:
-        """Both tripods stand, and can step."""
-        return Steps(jnp.zeros(STEPS), jnp.zeros((STEPS, PARTS)), jnp.zeros(STEPS, bool))
+    def init(self, uniforms: Float[Array, " 0"]) -> PrimitiveMemory:
+        """Both tripods stand and can start a step."""
+        return PrimitiveMemory(jnp.zeros(STEPS), jnp.zeros((STEPS, PARTS)), jnp.zeros(STEPS, bool))
 
-    def observe(self, memory: Steps, state: BodyState, uniforms: Float[Array, " 0"]) -> tuple[Steps, Array]:
+    def observe(
+        self, memory: PrimitiveMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[PrimitiveMemory, Array]:
         angles = read_hexapod(state).lateral / math.radians(self.angle_scale)
-        return memory, jnp.concatenate([_over(memory) * 1.0, angles])
+        return memory, jnp.concatenate([_steps_over(memory) * 1.0, angles])
 
     def reward(
-        self, memory: Steps, state: BodyState, action: Float[Array, " 6"]
-    ) -> tuple[Steps, Float[Array, ""], Bool[Array, ""]]:
+        self, memory: PrimitiveMemory, state: BodyState, action: Float[Array, " 6"]
+    ) -> tuple[PrimitiveMemory, Float[Array, ""], Bool[Array, ""]]:
         reading, steps = read_hexapod(state), self._begin(memory, action)
         after = steps._replace(elapsed=steps.elapsed + self.period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 
-    def readings(self, memory: Steps, state: BodyState) -> dict[str, Reading]:
-        """`speed`: along the heading, m/s. `begins`: how many steps a tripod begins in a second. `falls`: how often the
-        trunk overturns in a second."""
-        return {**self.walked(read_hexapod(state)), "begins": (jnp.mean(memory.begun) / self.period, True)}
+    def readings(self, memory: PrimitiveMemory, state: BodyState) -> dict[str, Reading]:
+        """`speed`: along the heading, m/s. `begins`: steps started per second and tripod. `falls`: how often the trunk
+        overturns per second."""
+        return {**self.walking_readings(read_hexapod(state)), "begins": (jnp.mean(memory.begun) / self.period, True)}
 
 
-def _over(steps: Any) -> Any:
-    """Where no step is under way."""
+def _steps_over(steps: Any) -> Any:
+    """Which tripods have no step under way."""
     return steps.elapsed + ROUNDING >= jnp.sum(steps.lasting, axis=-1)

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, check_fields, check_integer
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
-from motorgrad.tasks._gymnasium_make import make_environment, why_no_copy
-from motorgrad.tasks._gymnasium_spaces import (
+from motorgrad.tasks._host_task import HostTask
+from motorgrad.tasks._task import Reading
+from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, make_environment, why_no_copy
+from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
     Code,
     ObservationScaling,
@@ -22,15 +23,13 @@ from motorgrad.tasks._gymnasium_spaces import (
     action_code,
     observation_scaling,
 )
-from motorgrad.tasks._host_task import HostTask
-from motorgrad.tasks._task import Reading
 
 CLIP = 5.0  # standard deviations
 
 
 class EnvironmentMemory(NamedTuple):
-    """What a task on an environment remembers: the episode's return and length so far, the running mean and variance of
-    what was observed (`None` where nothing is scaled by them), and whether these are frozen."""
+    """The memory of a task on an environment: return and length of the current episode, running mean and variance of
+    the observations (`None` without running scaling), and whether these are frozen."""
 
     returned: Float[Array, ""]
     length: Float[Array, ""]
@@ -47,27 +46,27 @@ class _Facts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Gymnasium(HostTask):
-    """A Gymnasium environment: its observations, its rewards, its ends of episodes, its time limit.
+    """A Gymnasium environment with its own observations, rewards, ends of episodes and time limit.
 
     Observed: the environment's observation, flattened and scaled; with discrete actions also a constant 1, because a
-    softmax has no bias. Reported of each episode: its `return`, the sum of the environment's rewards, and its `length`
+    softmax has no bias. Reported for each episode: its `return`, the sum of the environment's rewards, and its `length`
     in steps.
 
     **Arguments:**
 
     - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers.
-    - `kwargs`: handed to `gymnasium.make`: numbers, strings, true or false. `max_episode_steps` is among them.
-    - `repeat`: steps of the environment for one decision, in which the action is held and rewards are added up.
-    - `scaling` of observations: `"bounds"` brings them from their bounds to −1 … 1, `"running"` subtracts the mean of
-      all that this seed has observed and divides by its standard deviation, up to ±5; `"auto"` takes bounds where they
-      lie within ±1e6 and running statistics elsewhere; `"none"` leaves them as they are.
-    - `code` of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for what goes with the
-      action space; `docs/foreign-environments.md` has what they mean.
-    - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not
-      where a time limit cuts). Where every step pays the same, only the ends tell an average reward anything.
+    - `kwargs`: passed to `gymnasium.make`: numbers, strings, true or false. They may include `max_episode_steps`.
+    - `repeat`: environment steps per decision, during which the action is held and rewards are summed.
+    - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
+      mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
+      within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
+    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for the default of the
+      action space; see `docs/foreign-environments.md`.
+    - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
+      a time limit). If every step has the same reward, only the ends inform an average reward.
 
-    **Raises** `ValueError` for an environment that does not exist or cannot be made, for a space that is not supported,
-    and for a setting that does not go with it.
+    **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
+    setting that does not fit it.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -82,21 +81,18 @@ class Gymnasium(HostTask):
     end_reward: float = 0.0
 
     def __post_init__(self) -> None:
-        check(isinstance(self.env_id, str), "env_id", self.env_id, "the id of a Gymnasium environment")
-        whole = isinstance(self.repeat, int) and not isinstance(self.repeat, bool)
-        check(whole and self.repeat >= 1, "repeat", self.repeat, "a whole number of at least 1 step")
-        choice("scaling", self.scaling, ("auto", "bounds", "running", "none"))
-        check(np.isfinite(self.end_reward), "end_reward", self.end_reward, "a finite number")
         for name, value in self._kwargs.items():
             plain = isinstance(value, bool | int | float | str)
             check(plain, f"kwargs.{name}", value, "a number, a string, true or false, so that the run can be described")
-        _ = self._facts  # refuses what is not supported
+        check_fields(self)
+        check_integer("repeat", self.repeat, 1)
+        _ = self._facts  # raises for unsupported spaces
 
     @property
     def _kwargs(self) -> Mapping[str, Any]:
         return {} if self.kwargs is None else self.kwargs
 
-    def __reduce__(self) -> tuple[Any, ...]:  # what was found out about the environment is found out again
+    def __reduce__(self) -> tuple[Any, ...]:  # the cached facts hold functions, so they are derived again
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     @functools.cached_property
@@ -113,7 +109,7 @@ class Gymnasium(HostTask):
 
     @property
     def dynamics(self) -> str:
-        """The environment's id: each batch makes its own environments."""
+        """The environment's id; each batch makes its own environments."""
         return self.env_id
 
     @property
@@ -135,7 +131,7 @@ class Gymnasium(HostTask):
 
     @property
     def period(self) -> float:
-        """Simulated seconds of a decision where the environment says what one of its steps is (`dt`), else 1."""
+        """Simulated seconds per decision if the environment declares the duration of a step (`dt`), else 1."""
         return self._facts.period
 
     @property
@@ -172,7 +168,7 @@ class Gymnasium(HostTask):
             mean, variance = jax.tree.map(
                 lambda old, new: jnp.where(memory.frozen, old, new),
                 (memory.mean, memory.variance),
-                _observed(memory.mean, memory.variance, seen),
+                _add_observation(memory.mean, memory.variance, seen),
             )
             memory = memory._replace(mean=mean, variance=variance)
             deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
@@ -191,7 +187,7 @@ class Gymnasium(HostTask):
         return state.truncated
 
     def readings(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Reading]:
-        """Of an episode that has just ended: `return`, the sum of its rewards, and `length`, its steps."""
+        """Of an episode that has just ended: `return`, the sum of its rewards, and `length`, its number of steps."""
         ended = state.terminated | state.truncated
         return {"return": (memory.returned, ended), "length": (memory.length, ended)}
 
@@ -205,18 +201,23 @@ def from_gymnasium(
     end_reward: float = 0.0,
     **kwargs: Any,
 ) -> Gymnasium:
-    """A Gymnasium environment as a task, so that our agents learn it.
+    """A Gymnasium environment as a task, for our agents to learn.
 
-    **Arguments:** `env_id` and `kwargs`, as `gymnasium.make` takes them; `repeat`, `scaling`, `code`, `end_reward`, as
-    `Gymnasium` does (which also takes an environment's own arguments of these names, in `kwargs`).
+    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; `repeat`, `scaling`, `code` and `end_reward`, as in
+    `Gymnasium` (whose `kwargs` also accept an environment's own arguments of these names).
 
-    **Raises** as `Gymnasium`.
+    **Raises:** as `Gymnasium`.
+
+    ```python
+    task = mg.tasks.from_gymnasium("CartPole-v1", end_reward=-1.0)
+    run = mg.train(task, steps=100_000, seeds=4)
+    ```
     """
     return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward)
 
 
-def _observed(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
-    """The mean and the variance of what was observed, with one more observation (Welford, 1962)."""
+def _add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
+    """Update the running mean and variance of observations with one more (Welford, 1962)."""
     after = add_sample(mean, seen)
     product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
     return after, add_sample(variance, product)

@@ -1,4 +1,4 @@
-"""Muscle synergies: which groups of muscles a unit drives, given by name or found in recorded activations."""
+"""Muscle synergies: groups of muscles driven together, given by name or found in recorded activations."""
 
 import fnmatch
 from collections.abc import Sequence
@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, check_integer, unknown
 
 _TINY = 1e-12
 
 
 def synergy_matrix(synergies: Sequence[str], groups: Sequence[str]) -> Float[np.ndarray, "units groups"]:
-    """The binary matrix that says which groups of muscles each unit drives.
+    """The binary matrix of which groups of muscles each unit drives.
 
-    **Arguments:** `synergies`: for each unit the names of its groups, apart by spaces; a name may be a pattern such as
-    `depressor_*`. `groups`: the names that there are, as `Body.groups` has them.
+    **Arguments:** `synergies`: for each unit the names of its groups, separated by spaces; a name may be a pattern such
+    as `depressor_*`. `groups`: the existing names, as in `Body.groups`.
 
-    **Raises:** `ValueError` for no unit, a unit without groups, or a name that no group has.
+    **Raises:** `ValueError` for no units, a unit without groups, or a name that matches no group.
     """
     check(len(synergies) > 0, "synergies", synergies, "at least one unit")
     matrix = np.zeros((len(synergies), len(groups)), np.float32)
@@ -35,17 +35,17 @@ def synergy_matrix(synergies: Sequence[str], groups: Sequence[str]) -> Float[np.
 class Synergies(NamedTuple):
     """Synergies found in recorded activations.
 
-    - `weights` (units, groups): of each group in each synergy, from 0 to 1, its greatest being 1.
-    - `strength` (decisions, units): how active each synergy was.
-    - `explained`: the part of the activations' sum of squares that strengths × weights account for, from 0 to 1.
+    - `weights` (units, groups): of each group in each synergy, from 0 to 1, the greatest being 1.
+    - `strength` (decisions, units): activation of each synergy.
+    - `explained`: the fraction of the activations' sum of squares explained by strength × weights, from 0 to 1.
     """
 
     weights: Float[np.ndarray, "units groups"]
     strength: Float[np.ndarray, "decisions units"]
     explained: float
 
-    def words(self, groups: Sequence[str], least: float = 0.5) -> tuple[str, ...]:
-        """The synergies as a task takes them: the names of the groups whose weight is at least `least`, in (0, 1]."""
+    def names(self, groups: Sequence[str], least: float = 0.5) -> tuple[str, ...]:
+        """The synergies as a task expects them: the names of the groups whose weight is at least `least`, in (0, 1]."""
         check(0 < least <= 1, "least", least, "in (0, 1]")
         check(len(groups) == self.weights.shape[1], "groups", len(groups), f"{self.weights.shape[1]} names")
         return tuple(
@@ -55,15 +55,20 @@ class Synergies(NamedTuple):
 
 
 def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8, iterations: int = 300) -> Synergies:
-    """Find synergies by factorising activations into two matrices without negative numbers, strengths × weights.
+    """Find synergies by non-negative matrix factorisation of activations, into strength × weights.
 
-    The factors start at random and follow the multiplicative updates, under which the squared error never rises; of
-    several starts the best is kept. The order of the synergies is that of their share in the activations.
+    The factors start at random and follow the multiplicative updates, which never increase the squared error; the best
+    of several starts is returned. Synergies are ordered by their share in the activations.
 
-    **Arguments:** `activation` (…, groups), numbers of at least 0, such as `Evaluation.activation`; `units`, how many
-    synergies, at most as many as groups; the `seed` of the random starts; how many starts, and updates of each.
+    **Arguments:**
 
-    **Raises:** `ValueError` for negative or infinite activations, silent ones, or impossible numbers.
+    - `activation` (…, groups): numbers of at least 0, such as `Evaluation.activation`.
+    - `units`: number of synergies, at most the number of groups.
+    - `seed`: of the random starts.
+    - `restarts`: number of starts.
+    - `iterations`: updates per start.
+
+    **Raises:** `ValueError` for negative, infinite or all-zero activations, or invalid numbers.
 
     Source: D. D. Lee and H. S. Seung, *Algorithms for non-negative matrix factorization*, NIPS 13, 2001.
     """
@@ -72,8 +77,7 @@ def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8
     right = data.size > 0 and bool(np.isfinite(data).all() and (data >= 0).all() and data.any())
     check(right, "activation", np.asarray(activation), "finite numbers of at least 0, and not all of them 0")
     for name, value in (("units", units), ("restarts", restarts), ("iterations", iterations)):
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 1
-        check(whole, name, value, "a whole number >= 1")
+        check_integer(name, value, 1)
     check(units <= data.shape[1], "units", units, f"at most the number of groups, {data.shape[1]}")
     random, total = np.random.default_rng(seed), float((data * data).sum())
     tries = [_factors(data, units, random, iterations) for _ in range(restarts)]

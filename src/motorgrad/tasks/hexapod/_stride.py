@@ -1,4 +1,5 @@
-"""The hexapod walks by a clock, up and down slopes: the stride's period is learnt (section 5.4.1 of the thesis)."""
+"""The hexapod walks by a clock, up and down slopes: the period of the stride is learnt (section 5.4.1 of the
+thesis)."""
 
 import dataclasses
 import functools
@@ -13,17 +14,16 @@ from jaxtyping import Array, Bool, Float, Int
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES
-from motorgrad.tasks._synergies import synergy_matrix
 from motorgrad.tasks._task import Actions, Reading
-from motorgrad.tasks._walking_task import WalkingTask, overturned
+from motorgrad.tasks.hexapod._synergies import synergy_matrix
+from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
 STEEPEST = 45.0  # degrees
 
 
-class Stride(NamedTuple):
-    """What the task remembers: the clock's `phase`, the last `period` (s) that was chosen; the ground's `slope` (rad),
-    and for how many decisions it is `left`; the `heading` (rad) and the smoothed `pitch` (rad) that were felt last."""
+class StrideMemory(NamedTuple):
+    """The memory: the clock's `phase` and the last chosen `period` (s); the ground's `slope` (rad) and for how many
+    decisions it is `left`; the last measured `heading` (rad) and smoothed `pitch` (rad)."""
 
     phase: Float[Array, ""]
     period: Float[Array, ""]
@@ -35,32 +35,31 @@ class Stride(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class HexapodStride(WalkingTask):
-    """Walk as fast as possible by an open-loop clock, whose period is the action, over ground that rises and sinks.
+    """Walk as fast as possible by an open-loop clock whose period is the action, over rising and falling ground.
 
-    Observed: the smoothed pitch of the trunk against gravity, over `pitch_scale`. Action: a real number a, which makes
-    the clock's frequency (1 + a) / `start`, within the limits of the period. The clock goes on at this rate until the
-    next decision, so that no choice is ignored, and a stride's frequency is the mean of those that were chosen in it.
-    Reward: `reward_scale` × the velocity (m/s) of the middle section along its heading. An episode ends when the trunk
+    Observed: the smoothed pitch of the trunk against gravity, divided by `pitch_scale`. Action: a real number a, which
+    sets the clock's frequency to (1 + a) / `start`, within the limits of the period. The clock runs at this rate until
+    the next decision, so no action is ignored, and a stride's frequency is the mean of those chosen during it. Reward:
+    `reward_scale` × the velocity (m/s) of the middle section along its heading. An episode ends when the trunk
     overturns.
 
-    The ground is a plane that rises, or sinks, in the direction in which the body is headed, with another slope for
-    every stretch.
+    The ground is a plane that rises or falls in the direction of the body's heading, with a new slope for every
+    stretch.
 
     **Arguments:**
 
     - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `clock`: what turns the phase of a stride into swing and stance (`motorgrad.bodies.TripodClock`).
-    - `slopes` (degrees): of which each stretch has one at random, positive uphill.
-    - `stretch` (s): how long a slope lasts.
+    - `clock`: converts the phase of a stride to swing and stance (`motorgrad.bodies.TripodClock`).
+    - `slopes` (degrees): from which each stretch draws one at random, positive uphill.
+    - `stretch` (s): duration of a slope.
     - `start` (s): the period for the action 0.
     - `shortest` (s): the least period.
     - `longest` (s): the greatest period.
     - `pitch_scale` (degrees): the pitch that is observed as 1.
-    - `smoothing`: the share of the newest pitch in the smoothed one, in (0, 1].
+    - `smoothing`: the weight of the newest pitch in the smoothed one, in (0, 1].
     - `reward_scale`: reward per m/s.
-    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
-    - `time_limit`: simulated seconds after which an episode is cut; `None` for a task that only an overturned trunk
-      interrupts.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod-stride"
@@ -92,7 +91,7 @@ class HexapodStride(WalkingTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        self.check_walking()
+        self.check_walking("pitch_scale")
         within = len(self.slopes) > 0 and all(abs(slope) <= STEEPEST for slope in self.slopes)
         check(within, "slopes", self.slopes, f"at least one, each from -{STEEPEST:g} to {STEEPEST:g} degrees")
         least = 2 * self.action_period
@@ -100,18 +99,14 @@ class HexapodStride(WalkingTask):
         self.check_limits(self.shortest, self.longest, start=self.start)
         decisions = self.stretch / self.action_period
         check(1 <= decisions < 2**31, "stretch", self.stretch, "at least one decision, and finite")
-        check(0.01 <= self.pitch_scale <= 90, "pitch_scale", self.pitch_scale, "an angle from 0.01 to 90 degrees")
+
         check(0 < self.smoothing <= 1, "smoothing", self.smoothing, "in (0, 1]")
 
     def batch(self, seeds: Sequence[int], threads: int = 0) -> SlopeBatch:
         return SlopeBatch(self.body, len(seeds), self.substeps, threads)
 
-    @property
-    def drives(self) -> np.ndarray:
-        return self._drives
-
     @functools.cached_property
-    def _drives(self) -> np.ndarray:
+    def drives(self) -> np.ndarray:
         return synergy_matrix(TRIPOD_SYNERGIES, self.body.groups)
 
     @property
@@ -136,7 +131,7 @@ class HexapodStride(WalkingTask):
         return ((self.start / self.longest - 1, self.start / self.shortest - 1),)
 
     def period_of(self, action: Any) -> Any:
-        """The period in s that an action (..., 1) stands for, (...)."""
+        """The period in s for an action (..., 1), (...)."""
         return self.start / jnp.clip(1.0 + action[..., 0], self.start / self.longest, self.start / self.shortest)
 
     def control(self, action: Any, memory: Any = None) -> Any:
@@ -144,12 +139,14 @@ class HexapodStride(WalkingTask):
         muscles = super().control(self.clock.activation(jnp.asarray(memory.phase)), memory)
         return jnp.concatenate([muscles, jnp.stack([memory.slope, memory.heading], axis=-1)], axis=-1)
 
-    def init(self, uniforms: Float[Array, " 1"]) -> Stride:
-        """The clock begins at a phase of its own, on level ground."""
+    def init(self, uniforms: Float[Array, " 1"]) -> StrideMemory:
+        """The clock starts at a random phase, on level ground."""
         zero = jnp.zeros(())
-        return Stride(uniforms[0], jnp.full((), self.start), zero, jnp.zeros((), jnp.int32), zero, zero)
+        return StrideMemory(uniforms[0], jnp.full((), self.start), zero, jnp.zeros((), jnp.int32), zero, zero)
 
-    def observe(self, memory: Stride, state: BodyState, uniforms: Float[Array, " 1"]) -> tuple[Stride, Array]:
+    def observe(
+        self, memory: StrideMemory, state: BodyState, uniforms: Float[Array, " 1"]
+    ) -> tuple[StrideMemory, Array]:
         slopes = jnp.radians(jnp.asarray(self.slopes))
         drawn = slopes[jnp.minimum((uniforms[0] * len(self.slopes)).astype(jnp.int32), len(self.slopes) - 1)]
         over = memory.left <= 0
@@ -161,13 +158,13 @@ class HexapodStride(WalkingTask):
         return after, pitch[None] / math.radians(self.pitch_scale)
 
     def reward(
-        self, memory: Stride, state: BodyState, action: Float[Array, " 1"]
-    ) -> tuple[Stride, Float[Array, ""], Bool[Array, ""]]:
+        self, memory: StrideMemory, state: BodyState, action: Float[Array, " 1"]
+    ) -> tuple[StrideMemory, Float[Array, ""], Bool[Array, ""]]:
         reading, period = read_hexapod(state), self.period_of(action)
         after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 
-    def readings(self, memory: Stride, state: BodyState) -> dict[str, Reading]:
+    def readings(self, memory: StrideMemory, state: BodyState) -> dict[str, Reading]:
         """`speed`: along the heading on the ground, m/s. `period`: as chosen at each decision, s. `falls`: how often
-        the trunk overturns in a second."""
-        return {**self.walked(read_hexapod(state)), "period": (memory.period, True)}
+        the trunk overturns per second."""
+        return {**self.walking_readings(read_hexapod(state)), "period": (memory.period, True)}

@@ -1,4 +1,4 @@
-"""What a policy may say to a Gymnasium environment, and how its observations are brought into range."""
+"""How a policy's output becomes a Gymnasium action, and how Gymnasium observations are scaled."""
 
 import dataclasses
 import math
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gymnasium import Space
     from gymnasium.spaces import Box
 
+
 Code = Literal["auto", "choice", "count", "bits", "each", "antagonists"]
 Scaling = Literal["auto", "bounds", "running", "none"]
 CODES = {  # the first is what "auto" stands for
@@ -23,42 +24,44 @@ CODES = {  # the first is what "auto" stands for
     "Box": ("each", "antagonists"),
 }
 MOST = 4096  # alternatives of one choice
-USABLE = 1e6  # a bound beyond this says nothing about where observations are
+USABLE = 1e6  # a bound beyond this carries no information about the observations
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ActionCode:
-    """How numbers of a policy become an environment's action: `size` units (binary) or alternatives (discrete)."""
+    """How a policy's numbers become an environment's action: `size` units (binary) or alternatives (discrete)."""
 
     actions: Literal["binary", "discrete"]
     size: int
     decode: Callable[[Float[np.ndarray, "seeds numbers"]], np.ndarray]
-    """From units (0 or 1), or the one alternative, of every seed to every seed's action, along a leading axis."""
+    """Maps the units (0 or 1), or the one alternative, of every seed to the actions of all seeds, along a leading
+    axis."""
 
 
 def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
-    """The code for an action space. **Raises** `ValueError` for a space or a code that does not go with it."""
+    """The code for an action space. **Raises** `ValueError` for an unsupported space, or a code that does not fit
+    it."""
     from gymnasium import spaces
 
     name = type(space).__name__
     if name not in CODES:
         kinds = ", ".join(CODES)
-        refuse(env_id, "actions", space, f"{kinds}; gymnasium.wrappers.TransformAction makes one from another")
+        refuse_space(env_id, "actions", space, f"{kinds}; gymnasium.wrappers.TransformAction makes one from another")
     choice(f"code for the {name} actions of {env_id}", code, ("auto", *CODES[name]))
     chosen = CODES[name][0] if code == "auto" else code
     if isinstance(space, spaces.Box):
-        return _ends(chosen, space, env_id)
+        return _bounds(chosen, space, env_id)
     if isinstance(space, spaces.MultiBinary):
         shape, kind = space.shape, space.dtype
         return ActionCode("binary", math.prod(shape), lambda units: units.astype(kind).reshape(-1, *shape))
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     counts = [int(space.n)] if isinstance(space, spaces.Discrete) else [int(n) for n in np.ravel(space.nvec)]
-    make = _choice if chosen == "choice" else _sums
+    make = _alternatives if chosen == "choice" else _sums
     return make(chosen, counts, space, env_id)
 
 
-def _choice(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
-    """One alternative for every combination of what the parts of the action may be."""
+def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
+    """One alternative per combination of the action's components."""
     size = math.prod(counts)
     if size > MOST:
         raise ValueError(f"code = {code!r}: {env_id} has {size} combined actions, at most {MOST}; use 'count'")
@@ -68,7 +71,7 @@ def _choice(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode
 
 
 def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
-    """Units for every part of the action, whose weights add up to it: 1 each, or powers of two."""
+    """Units for every component of the action, whose weights add up to it: 1 each, or powers of two."""
     if code == "bits" and any(n & (n - 1) for n in counts):
         raise ValueError(
             f"code = 'bits': {env_id} has {counts} actions: must be powers of two; use 'count' or 'choice'"
@@ -83,11 +86,13 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
     return ActionCode("binary", size, lambda units: (units @ weights + start).astype(kind).reshape(-1, *shape))
 
 
-def _ends(code: str, space: "Box", env_id: str) -> ActionCode:
-    """Units that drive every number of the action to the ends of its range."""
+def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
+    """Units that drive every number of the action to the bounds of its range."""
     low, high, shape = np.ravel(space.low), np.ravel(space.high), space.shape
     if not (np.isfinite(low) & np.isfinite(high)).all():
-        refuse(env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some")
+        refuse_space(
+            env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
+        )
     if code == "each":
         return ActionCode("binary", low.size, lambda units: np.where(units > 0, high, low).reshape(-1, *shape))
     rest, eye = np.clip(0, low, high).astype(low.dtype), np.eye(low.size)
@@ -102,8 +107,8 @@ def _ends(code: str, space: "Box", env_id: str) -> ActionCode:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ObservationScaling:
-    """Which numbers of an observation are brought to −1 … 1 from their bounds (`(y - centre) / half`), and which by
-    running statistics; those of neither kind stay as they are."""
+    """Which numbers of an observation are scaled from their bounds to −1 … 1 (`(y - centre) / half`), and which by
+    running statistics; the others are unchanged."""
 
     centre: Float[np.ndarray, " size"]
     half: Float[np.ndarray, " size"]
@@ -111,17 +116,17 @@ class ObservationScaling:
 
 
 def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> ObservationScaling:
-    """The scaling for an observation space. **Raises** `ValueError` for one that cannot be observed or scaled so."""
+    """The scaling for an observation space. **Raises** `ValueError` for an unsupported space or scaling."""
     from gymnasium import spaces
 
     if not isinstance(space, spaces.Box):
         wrapped = isinstance(space, spaces.Dict | spaces.Tuple | spaces.Discrete | spaces.MultiBinary)
         wrapped = wrapped or isinstance(space, spaces.MultiDiscrete)
         hint = "gymnasium.wrappers.FlattenObservation" if wrapped else "gymnasium.wrappers.TransformObservation"
-        refuse(env_id, "observations", space, f"Box; {hint} makes one of it")
+        refuse_space(env_id, "observations", space, f"Box; {hint} makes one of it")
     low, high = np.ravel(space.low).astype(float), np.ravel(space.high).astype(float)
     if not low.size:
-        refuse(env_id, "observations", space, "Box with at least one number")
+        refuse_space(env_id, "observations", space, "Box with at least one number")
     usable = (np.abs(low) < USABLE) & (np.abs(high) < USABLE) & (low < high)
     if scaling == "bounds" and not usable.all():
         which = np.flatnonzero(~usable).tolist()
@@ -136,7 +141,7 @@ def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> Observ
     return ObservationScaling(centre.astype(np.float32), half.astype(np.float32), running)
 
 
-def refuse(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:
+def refuse_space(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:
     """Refuse a space by name."""
     shape = getattr(space, "shape", None)
     kind = shown(space) if shape == () else type(space).__name__ + (f"{shape}" if isinstance(shape, tuple) else "")

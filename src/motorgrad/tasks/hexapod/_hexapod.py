@@ -1,4 +1,4 @@
-"""The hexapod's task: walk fast (section 5.3.4 of the thesis), with 24 muscles or with four synergies of them."""
+"""The hexapod's task: walk fast (section 5.3.4 of the thesis), with 24 muscles or with four synergies."""
 
 import dataclasses
 import functools
@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, check_integer
 from motorgrad.bodies import (
     LEGS,
-    TRIPODS,
     Body,
     BodyState,
     HexapodReading,
@@ -23,39 +22,59 @@ from motorgrad.bodies import (
     read_hexapod,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._hexapod_learner import BATCH, MUSCLE_LEARNER
-from motorgrad.tasks._hexapod_mirror import hexapod_mirror
-from motorgrad.tasks._mirror import Mirror
-from motorgrad.tasks._synergies import synergy_matrix
-from motorgrad.tasks._task import Reading
-from motorgrad.tasks._walking_task import WalkingTask, overturned
+from motorgrad.tasks._task import Mirror, Reading
+from motorgrad.tasks.hexapod._synergies import synergy_matrix
+from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
 
 Sense = Literal["lateral", "current", "contact", "yaw", "course"]
 SENSES = get_args(Sense)
-SPAN = 20.0  # s, of a net displacement
-SECOND = 1.0  # s, of a stall
-STALL = 0.3  # m/s, the mean speed of a second below which it is one
+SPAN = 20.0  # s, over which a net displacement is measured
+SECOND = 1.0  # s, over which a stall is measured
+STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
 TOUCH = 0.5  # N
-SETTLING = 2.0  # s, of an evaluation's start that are no part of its gait
+SETTLING = 2.0  # s, excluded from the gait at the start of an evaluation
 MOST_LAG = 1_000
 LEVEL = Terrain(difficulty=0.0)
+BATCH = 160  # decisions per update of the parameters
+UPDATES = 1200  # updates after which annealing ends
+MUSCLE_LEARNER: Mapping[str, Any] = {
+    "policy": "hyperplanes",
+    "improve": BATCH,
+    # generalised advantages: the trace's decay is the critic's discount times 0.95
+    "critic": "least-squares",
+    "critic_discount": 0.97,
+    "decay": 0.9215,
+    "critic_squares": True,
+    "critic_actions": True,
+    "critic_rate": 1 / (20 * BATCH),
+    "critic_interval": BATCH,
+    "advantages": "normalised",
+    "advantage_rate": 1 / (10 * BATCH),
+    # the step's length is that of the limit: the natural gradient of a batch this small is longer
+    "metric": "fisher",
+    "metric_rate": 1 / (20 * BATCH),
+    "metric_initial": 0.05,
+    "damping": 0.01,
+    "rate": 1.0,
+    "metric_kl": 0.03,
+    "metric_kl_end": 0.003,
+    "metric_kl_steps": UPDATES,
+    "entropy": 0.05,
+    "entropy_end": 0.0,
+    "entropy_steps": UPDATES,
+    "average": True,
+    "average_start": UPDATES - 150,
+}
 
-TRIPOD_SYNERGIES = tuple(
-    " ".join(f"{muscle}_{leg}" for muscle in muscles for leg in tripod)
-    for tripod in TRIPODS
-    for muscles in (("protractor", "levator"), ("retractor", "depressor"))
-)
-"""Swing (lift and protract) and stance (depress and retract) of the first tripod, then of the second."""
 
-
-class March(NamedTuple):
-    """What the hexapod's task remembers within an episode.
+class HexapodMemory(NamedTuple):
+    """The memory of the hexapod's task within an episode.
 
     - `decisions`: made so far, −1 before the first observation.
-    - `past` (lag, 6): what was observed of the lateral angles at the last decisions, newest first.
-    - `yaw`: the smoothed yaw rate, rad/s; `course`: the heading at the start of the present course, rad.
-    - `origin` (2,): where the present span began, m; `run`: the sum of the speeds of the present second, m/s.
-    - `net` and `stalled`: of the span and of the second that ended last.
+    - `past` (lag, 6): lateral angles observed at the last decisions, newest first.
+    - `yaw`: the smoothed yaw rate, rad/s; `course`: the heading at the start of the current course, rad.
+    - `origin` (2,): where the current span started, m; `run`: the sum of speeds in the current second, m/s.
+    - `net` and `stalled`: of the last completed span and second.
     """
 
     decisions: Int[Array, ""]
@@ -70,32 +89,30 @@ class March(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Hexapod(WalkingTask):
-    """Walk as fast as possible, on 24 muscles that fire independently.
+    """Walk as fast as possible, with 24 muscles that fire independently.
 
-    Observed: the six lateral angles over `angle_scale`, and what else `observes` names. Actions: each muscle fires or
-    does not; with `synergies`, each unit drives several muscles. Reward: `reward_scale` × the velocity (m/s) of the
-    middle section along its heading, or as `paid` says. An episode ends when the trunk overturns.
+    Observed: the six lateral angles divided by `angle_scale`, and the other senses in `observes`. Actions: each muscle
+    fires or not; with `synergies`, each unit drives several muscles. Reward: `reward_scale` × the velocity (m/s) of the
+    middle section along the direction `paid`. An episode ends when the trunk overturns.
 
     **Arguments:**
 
     - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `terrain`: the ground (`motorgrad.bodies.Terrain`), a level plane without end at difficulty 0.
-    - `synergies`: for each unit the groups of muscles that it drives, names or patterns such as `levator_*`, apart by
-      spaces; by default every muscle has a unit of its own.
-    - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, those of now; `"contact"`,
-      +1 for every foot that is on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
-      `"course"`, the heading against the present course's in rad. In this order.
-    - `lag` (decisions): by which `"lateral"` is late; 0 in the thesis.
+    - `terrain`: the ground (`motorgrad.bodies.Terrain`), an infinite level plane at difficulty 0.
+    - `synergies`: for each unit the groups of muscles that it drives, names or patterns such as `levator_*`, separated
+      by spaces; by default every muscle has its own unit.
+    - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones;
+      `"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
+      `"course"`, the heading relative to the course's in rad. They are always in this order.
+    - `lag` (decisions): delay of `"lateral"`; 0 in the thesis.
     - `angle_scale` (degrees): the lateral angle that is observed as 1.
-    - `yaw_smoothing`: the share of the newest yaw rate in the smoothed one, in (0, 1].
-    - `paid`: velocity along the `"heading"`; along the `"course"`, the heading at the start of a course; or along the
-      world's `"x"`.
-    - `course` (decisions): the length of a course, of which the heading is kept; for one with each of a learner's
-      batches, the size of a batch.
+    - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
+    - `paid`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the start
+      of a course; or the world's `"x"` axis.
+    - `course` (decisions): the length of a course; the batch size of the learner gives a new course per batch.
     - `reward_scale`: reward per m/s.
-    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
-    - `time_limit`: simulated seconds after which an episode is cut; `None` for a task that only an overturned trunk
-      interrupts.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod"
@@ -117,32 +134,21 @@ class Hexapod(WalkingTask):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        self.check_walking()
+        self.check_walking("angle_scale")
         check(len(self.observes) > 0, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
-        for sense in self.observes:
-            choice("observes", sense, SENSES)
-            check(self.observes.count(sense) == 1, "observes", self.observes, "different senses")
-        choice("paid", self.paid, ("heading", "course", "x"))
-        for name, least, most in (("lag", 0, MOST_LAG), ("course", 1, 2**31 - 1)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
-            check(whole, name, value, f"a whole number of decisions from {least} to {most:,}")
-        check(0.01 <= self.angle_scale <= 90, "angle_scale", self.angle_scale, "an angle from 0.01 to 90 degrees")
+        check(len(set(self.observes)) == len(self.observes), "observes", self.observes, "different senses")
+        check_integer("lag", self.lag, 0, MOST_LAG, "decisions")
+        check_integer("course", self.course, 1, 2**31 - 1, "decisions")
         check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
-        if self.synergies is not None:
-            synergy_matrix(self.synergies, self.body.groups)
+        self.drives  # noqa: B018 (raises for unknown synergies)
 
     @property
     def dynamics(self) -> Body:
         return OnTerrain(self.body, self.terrain) if self.terrain.difficulty > 0 else self.body
 
-    @property
-    def drives(self) -> np.ndarray | None:
-        return None if self.synergies is None else self._drives
-
     @functools.cached_property
-    def _drives(self) -> np.ndarray:
-        return synergy_matrix(self.synergies or (), self.body.groups)
+    def drives(self) -> np.ndarray | None:
+        return None if self.synergies is None else synergy_matrix(self.synergies, self.body.groups)
 
     @property
     def observation_size(self) -> int:
@@ -157,33 +163,33 @@ class Hexapod(WalkingTask):
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        """Of the lateral angles the joints' range, of the yaw rate and the course what a walk that curves has."""
+        """For lateral angles the range of the joints; for yaw rate and course the range of a curved walk."""
         lateral = self.lateral_range(self.angle_scale)
         ranges = {"lateral": lateral, "current": lateral, "contact": [(-1.0, 1.0)] * 6}
         return tuple(each for sense in self._seen for each in ranges.get(sense, [(-1.0, 1.0)]))
 
     @property
     def mirror(self) -> Mirror | None:
-        """Legs swap their sides, turns their signs; the ground does not matter. `None` where a synergy has no image."""
+        """Legs swap sides, turns change their sign; the ground is ignored. `None` if a synergy has no mirror image."""
         return hexapod_mirror(self._seen, self.body.groups, self.drives)
 
     @property
     def _seen(self) -> list[str]:
         return [sense for sense in SENSES if sense in self.observes]
 
-    def init(self, uniforms: Float[Array, " 0"]) -> March:
+    def init(self, uniforms: Float[Array, " 0"]) -> HexapodMemory:
         zero = jnp.zeros(())
         past = jnp.zeros((self.lag, len(LEGS)))
-        return March(jnp.full((), -1, jnp.int32), past, zero, zero, jnp.zeros(2), zero, zero, zero)
+        return HexapodMemory(jnp.full((), -1, jnp.int32), past, zero, zero, jnp.zeros(2), zero, zero, zero)
 
     def observe(
-        self, memory: March, state: BodyState, uniforms: Float[Array, " 0"]
-    ) -> tuple[March, Float[Array, " inputs"]]:
+        self, memory: HexapodMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[HexapodMemory, Float[Array, " inputs"]]:
         reading = read_hexapod(state)
         made = memory.decisions + 1
         now = reading.lateral / math.radians(self.angle_scale)
         line = jnp.concatenate([now[None], memory.past])
-        line = jnp.where(made == 0, now, line)  # before the start it stood still
+        line = jnp.where(made == 0, now, line)  # the delay line starts full of the first observation
         yaw = memory.yaw + self.yaw_smoothing * (reading.yaw_rate - memory.yaw)
         course = jnp.where(made % self.course == 0, reading.heading, memory.course)
         origin = jnp.where(made % self._span == 0, reading.position[:2], memory.origin)
@@ -199,8 +205,8 @@ class Hexapod(WalkingTask):
         return after, jnp.concatenate([seen[sense] for sense in self._seen])
 
     def reward(
-        self, memory: March, state: BodyState, action: Float[Array, " units"]
-    ) -> tuple[March, Float[Array, ""], Bool[Array, ""]]:
+        self, memory: HexapodMemory, state: BodyState, action: Float[Array, " units"]
+    ) -> tuple[HexapodMemory, Float[Array, ""], Bool[Array, ""]]:
         reading, velocity = read_hexapod(state), state.sensors["velocity"]
         along = {
             "heading": reading.speed,
@@ -217,21 +223,26 @@ class Hexapod(WalkingTask):
         )
         return after, self.reward_scale * along[self.paid], overturned(reading)
 
-    def readings(self, memory: March, state: BodyState) -> dict[str, Reading]:
-        """`speed`: along the heading, m/s. `net`: the net displacement over each 20 s of an episode, or over an episode
-        of a shorter `time_limit`, divided by that time, m/s; where the trunk overturns before it is over, the
-        displacement until then, divided by the whole. `stalls`: the part of an episode's whole seconds in which the
-        mean speed is below 0.3 m/s. `falls`: how often the trunk overturns in a second."""
+    def readings(self, memory: HexapodMemory, state: BodyState) -> dict[str, Reading]:
+        """Speed, net displacement, stalls and falls.
+
+        - `speed`: along the heading, m/s.
+        - `net`: the net displacement over each 20 s of an episode, or over an episode with a shorter `time_limit`,
+          divided by that time, m/s. If the trunk overturns earlier, the displacement until then, divided by the full
+          time.
+        - `stalls`: the fraction of whole seconds in which the mean speed is below 0.3 m/s.
+        - `falls`: how often the trunk overturns per second.
+        """
         reading = read_hexapod(state)
         return {
-            **self.walked(reading),
+            **self.walking_readings(reading),
             "net": (memory.net, overturned(reading) | (memory.decisions % self._span == 0)),
             "stalls": (memory.stalled, memory.decisions % self._decisions(SECOND) == 0),
         }
 
     def measures(self, recorded: BodyState) -> dict[str, np.ndarray]:
-        """The gait after the first two seconds: its class, `gait`, and the other measures of
-        `motorgrad.bodies.Gait` but for the speeds, which `readings` have."""
+        """The gait after the first two seconds: its class, `gait`, and the other measures of `motorgrad.bodies.Gait`,
+        except the speeds, which are readings."""
         reading = read_hexapod(recorded)
         since = self._decisions(SETTLING)
         if reading.lateral.shape[1] < since + self._decisions(SECOND):
@@ -242,7 +253,7 @@ class Hexapod(WalkingTask):
 
     @property
     def _span(self) -> int:
-        """Decisions of a net displacement."""
+        """Decisions per net displacement."""
         return self._decisions(min(SPAN, self.time_limit or SPAN))
 
     def _decisions(self, seconds: float) -> int:
@@ -251,9 +262,9 @@ class Hexapod(WalkingTask):
 
 @dataclasses.dataclass(frozen=True)
 class HexapodSynergy(Hexapod):
-    """Walk as fast as possible, on four units: swing and stance of each tripod of legs.
+    """Walk as fast as possible, with four units: swing and stance of each tripod of legs.
 
-    As in the thesis, it observes the six lateral angles without a lag, is paid for velocity along the heading, and
+    As in the thesis, it observes the six lateral angles without a lag, is rewarded for velocity along the heading, and
     learns by OLGARB. Everything else is as in `Hexapod`.
 
     **Arguments:** those of `Hexapod`, and
