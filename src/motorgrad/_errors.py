@@ -1,34 +1,76 @@
-"""One way to refuse bad input: name the thing, the value given and what is allowed."""
+"""Checks of arguments. Every message names the argument, the value given and what is allowed."""
 
+import dataclasses
 import difflib
+import math
+import numbers
 from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 100  # characters of a value in a message
-MOST = 40  # names in a message; of more, the nearest
+MOST = 40  # names in a message; of more, only the nearest are listed
 
 
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:
     """Raise `ValueError` unless `condition` holds.
 
-    **Arguments:** the condition; the setting's name as the user wrote it; the value given; what is allowed, in words
-    that complete "must be …".
+    **Arguments:**
+
+    - `condition`: what must be true.
+    - `name`: the argument's name as the user wrote it.
+    - `value`: the value given.
+    - `allowed`: what is allowed, in words that complete "must be …".
     """
     if not condition:
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
 
 
+def check_integer(name: str, value: Any, least: int, most: int | None = None, unit: str = "") -> None:
+    """Raise `ValueError` unless `value` is an integer from `least` to `most`. `unit` is appended to the message."""
+    bounds = f">= {least}" if most is None else f"from {least} to {most:,}"
+    right = _is_integer(value) and value >= least and (most is None or value <= most)
+    check(right, name, value, f"an integer {bounds} {unit}".rstrip())
+
+
+def check_finite(name: str, value: Any) -> None:
+    """Raise `ValueError` unless `value` is a finite number."""
+    check(_is_number(value) and math.isfinite(value), name, value, "a finite number")
+
+
+def check_positive(name: str, value: Any) -> None:
+    """Raise `ValueError` unless `value` is a finite number above 0."""
+    check(_is_number(value) and 0.0 < value < math.inf, name, value, "a finite number > 0")
+
+
+def check_not_negative(name: str, value: Any) -> None:
+    """Raise `ValueError` unless `value` is a finite number of at least 0."""
+    check(_is_number(value) and 0.0 <= value < math.inf, name, value, "a finite number >= 0")
+
+
+def check_fields(instance: Any) -> None:
+    """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
+
+    Call this first in `__post_init__`, so that an instance made in Python has the types of one made from TOML.
+
+    **Raises:** `ValueError` for a field of the wrong type, or not among the options of its `Literal`.
+    """
+    from motorgrad._settings import as_hinted  # `_settings` imports this module
+
+    for field in dataclasses.fields(instance):
+        object.__setattr__(instance, field.name, as_hinted(field.type, getattr(instance, field.name), field.name))
+
+
 def shown(value: Any) -> str:
-    """A value for an error message: on one line, and not longer than one."""
+    """A value as one line of limited length, for an error message."""
     try:
         text = " ".join(repr(value).splitlines())
-    except (ValueError, RecursionError):  # an integer of thousands of digits; lists nested as deeply
+    except (ValueError, RecursionError):  # an integer of thousands of digits; deeply nested lists
         return f"{type(value).__name__} too large to show"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = ()) -> ValueError:
-    """The error for a name that is not among `known`: it lists them, first what may be `meant` or is nearest."""
+    """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name."""
     names = sorted(known)
     if len(names) > MOST:
         nearest = difflib.get_close_matches(str(name), names, n=MOST, cutoff=0)
@@ -41,7 +83,15 @@ def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = (
 
 
 def choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Raise `ValueError` unless `value` is one of `allowed`, naming the nearest."""
+    """Raise `ValueError` unless `value` is one of `allowed`. The message suggests the nearest."""
     allowed = tuple(allowed)
     if value not in allowed:
         raise unknown(name, value, allowed)
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)

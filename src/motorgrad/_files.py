@@ -1,16 +1,21 @@
-"""Files: whole or not there, read or refused by name."""
+"""Reading and writing files: atomic writes, and errors that name the file."""
 
+import io
 import json
 import os
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-LARGEST = 2**20  # bytes of a file of settings
+if TYPE_CHECKING:
+    import numpy as np  # loading it would slow down every command's start
+
+LARGEST = 2**20  # bytes of a settings file
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Put `content` at `path` so that a reader, or a crash, sees the old file or the new one and nothing between."""
+    """Write `content` to `path`, so that a reader or a crash sees either the old file or the new one."""
     aside = path.with_name(f".{path.name}.partial")
     with aside.open("wb") as file:
         file.write(content)
@@ -25,14 +30,37 @@ def write_atomically(path: Path, content: bytes) -> None:
             os.close(folder)
 
 
+def write_arrays(path: Path, arrays: "Mapping[str, np.ndarray]") -> None:
+    """Write named arrays to an `.npz` file atomically. Missing folders are made."""
+    import numpy as np
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())
+
+
+def read_arrays(path: Path) -> "dict[str, np.ndarray]":
+    """Read a file written by `write_arrays`. **Raises** `ValueError` for a damaged file."""
+    import zipfile
+
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: damaged: {error}; delete it, and it is made again") from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
-    """The table in a TOML file. **Raises** `ValueError` that names the file and says what is wrong with it."""
+    """Read a TOML file. **Raises** `ValueError` that names the file and the problem."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise ValueError(f"larger than {LARGEST:,} bytes")
-        return tomllib.loads(content.decode("utf-8-sig"))  # some editors begin a file with a mark that says UTF-8
+        return tomllib.loads(content.decode("utf-8-sig"))  # some editors begin a file with a byte order mark
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
@@ -44,7 +72,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file holds. **Raises** `ValueError` that names the file and says what is wrong with it."""
+    """Read a JSON file. **Raises** `ValueError` that names the file and the problem."""
     try:
         return json.loads(path.read_bytes())
     except ValueError as error:
@@ -52,9 +80,9 @@ def read_json(path: Path) -> Any:
 
 
 def check_writable(name: str, path: Path, folder: bool = False) -> None:
-    """Refuse a place where no file (or `folder`) can be written, and make nothing there.
+    """Refuse a path where no file (or `folder`) can be written. Nothing is created.
 
-    **Raises** `ValueError` that names the setting and says why.
+    **Raises:** `ValueError` that names the argument `name` and says why.
     """
     why = ""
     try:

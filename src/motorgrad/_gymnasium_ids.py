@@ -1,36 +1,24 @@
-"""The Gymnasium ids of our tasks. Nothing heavy loads here, Gymnasium itself included.
+"""The Gymnasium ids of our tasks. Importing this module loads nothing heavy, not even Gymnasium.
 
-Gymnasium 1.0 and later read no entry points: an id is known once the package that has it was imported. So `import
-motorgrad` makes ours known, at once or, where Gymnasium is imported later, then.
+Gymnasium 1.0 and later ignore entry points: an id is known once the package that declares it was imported. So `import
+motorgrad` registers ours, either immediately or when Gymnasium is imported later.
 """
 
 import sys
 from importlib.util import find_spec
 from typing import Any, cast
 
-TASK_OF = {
-    "motorgrad/ArmRecruitment-v0": "arm-recruitment",
-    "motorgrad/CallAdmission-v0": "call-admission",
-    "motorgrad/Chain-v0": "chain",
-    "motorgrad/Hexapod-v0": "hexapod",
-    "motorgrad/HexapodPrimitive-v0": "hexapod-primitive",
-    "motorgrad/HexapodStride-v0": "hexapod-stride",
-    "motorgrad/HexapodSynergy-v0": "hexapod-synergy",
-    "motorgrad/Hopper-v0": "hopper",
-    "motorgrad/LinearRecruitment-v0": "linear-recruitment",
-    "motorgrad/Particle-v0": "particle",
-    "motorgrad/ParticleNavigation-v0": "particle-navigation",
-    "motorgrad/ParticleOrbit-v0": "particle-orbit",
-    "motorgrad/ThreeState-v0": "three-state",
-}
-"""The task behind each id, by its name in `motorgrad.tasks.TASKS`; a test holds the two together."""
+from motorgrad._task_table import TASK_TABLE
+
+TASK_OF = {entry.env_id: name for name, entry in TASK_TABLE.items() if entry.env_id is not None}
+"""The name of the task behind each id."""
 
 MAX_EPISODE_STEPS = 1_000
-"""Decisions after which an episode is cut unless `make` or `make_vec` is told otherwise: 10 s of the hopper."""
+"""Default for `make` and `make_vec`: decisions after which an episode is cut; 10 s for the hopper."""
 
 
 def register() -> None:
-    """Make the ids known to Gymnasium; a second time does nothing."""
+    """Register the ids with Gymnasium. Further calls do nothing."""
     from gymnasium.envs import registration
 
     for name, task in TASK_OF.items():
@@ -45,17 +33,17 @@ def register() -> None:
 
 
 def register_with_gymnasium() -> None:
-    """`register` now where Gymnasium is loaded, else as soon as it is: we do not load it unasked."""
+    """Call `register` now if Gymnasium is loaded, else as soon as it is."""
     if "gymnasium" in sys.modules:
         register()
     else:
-        sys.meta_path.insert(0, _Waiting())
+        sys.meta_path.insert(0, _GymnasiumFinder())
 
 
-class _Waiting:
-    """A finder of Gymnasium alone, until that is loaded, so that its loader registers.
+class _GymnasiumFinder:
+    """An import finder that wraps Gymnasium's loader, so that our ids are registered when it is loaded.
 
-    Without the base classes of `importlib.abc`: importing them takes longer than the rest of `import motorgrad`.
+    It avoids the base classes of `importlib.abc`, whose import takes longer than the rest of `import motorgrad`.
     """
 
     _asking = False
@@ -69,14 +57,14 @@ class _Waiting:
         finally:
             self._asking = False
         if spec is not None and spec.loader is not None:
-            spec.loader = cast(Any, _Registering(spec.loader, self))
+            spec.loader = cast(Any, _RegisteringLoader(spec.loader, self))
         return spec
 
 
-class _Registering:
-    """Another loader, and then `register`."""
+class _RegisteringLoader:
+    """A loader that wraps another one, and then calls `register`."""
 
-    def __init__(self, loader: Any, finder: _Waiting):
+    def __init__(self, loader: Any, finder: _GymnasiumFinder):
         self._loader, self._finder = loader, finder
 
     def create_module(self, spec: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Progress of something long."""
+"""A progress bar for long computations."""
 
 import sys
 from types import TracebackType
@@ -11,12 +11,18 @@ from rich.table import Column
 
 
 class Progress:
-    """A progress bar on a terminal; where there is none, a line now and then. `shown=False` is silent.
+    """A progress bar on a terminal; elsewhere an occasional line.
 
-    **Arguments:** what it is; what is counted, in the plural; the `total`; the `start` from which it goes on; `shown`.
+    **Arguments:**
+
+    - `name`: what is in progress.
+    - `counted`: the unit, in the plural, such as `"decisions"`.
+    - `total`: the count at the end.
+    - `start`: the count at the beginning.
+    - `shown`: `False` prints nothing.
     """
 
-    LINES = 10  # without a terminal
+    LINES = 10  # printed in total without a terminal
 
     def __init__(self, name: str, counted: str, total: int, start: int, shown: bool):
         self.name, self.counted, self.total, self.shown = name, counted, total, shown
@@ -27,7 +33,7 @@ class Progress:
             BarColumn(bar_width=12),
             TextColumn("{task.percentage:>3.0f}%"),
             TimeRemainingColumn(table_column=Column(no_wrap=True, min_width=7)),
-            # what does not fit is cut from the end of the facts
+            # facts that do not fit are cut off at the end
             TextColumn("{task.fields[facts]}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
             expand=True,
             console=self.console,
@@ -36,7 +42,7 @@ class Progress:
         self._id = self._bar.add_task(name, total=total, completed=start, facts="")
 
     def update(self, done: int, facts: str, without_bar: str = "") -> None:
-        """So much is done, with facts about it, and more `without_bar`."""
+        """Show that `done` is reached, with some `facts`; lines printed without a bar append `without_bar`."""
         if not self.shown:
             return
         self._bar.update(self._id, completed=done, facts=facts)

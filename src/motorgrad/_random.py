@@ -1,8 +1,8 @@
-"""Random numbers: from a seed, a purpose and a block of decisions, so that nothing else can change them.
+"""Random numbers that depend on the seed, the purpose and the block of decisions, and on nothing else.
 
-Keys are folded from (seed, purpose, block of `BLOCK` decisions) and a block's numbers are drawn at once: a key for
-every decision would cost several times the decision itself. The length of a chunk, another seed or another purpose
-changes no number.
+Keys are folded from (seed, purpose, block of `BLOCK` decisions), and the numbers of a block are drawn at once, because
+a key per decision would cost several times the decision itself. Changing the chunk length, or adding a seed or a
+purpose, changes no existing number.
 """
 
 import zlib
@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 BLOCK = 128
-"""Decisions whose numbers are drawn together: few enough that a thousand seeds' stay in the cache."""
+"""Decisions per block: few enough that the numbers of a thousand seeds stay in the cache."""
 
 
 def key_of(seed: Int[Array, ""] | int, purpose: str | Any) -> jax.Array:
-    """The key of a seed for one purpose, such as `"policy"` or `"world"`, or for the 32 bits of its name's CRC."""
+    """The key of a seed for one purpose: a name such as `"policy"`, or the 32-bit CRC of a name."""
     number = zlib.crc32(purpose.encode()) if isinstance(purpose, str) else purpose
     return jax.random.fold_in(jax.random.key(seed), number)
 
@@ -26,7 +26,7 @@ def key_of(seed: Int[Array, ""] | int, purpose: str | Any) -> jax.Array:
 def draw_block(
     seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
 ) -> Float[Array, "decisions size seeds"]:
-    """The U[0, 1) numbers of a block of decisions, `size` a decision, seeds last."""
+    """Draw the U[0, 1) numbers of a block: `size` per decision, seeds last."""
 
     def draw(seed: Any) -> Float[Array, "decisions size"]:
         return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (BLOCK, size))
@@ -39,9 +39,17 @@ def draw_block(
 def draw_places(
     seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
 ) -> Float[Array, "decisions size seeds"]:
-    """As `draw_block`, other numbers, of which more are drawn by a greater `size` and none is changed by it."""
+    """Like `draw_block`, with different numbers: a larger `size` appends numbers and keeps the existing ones."""
 
     def draw(seed: Any) -> Float[Array, "size decisions"]:
         return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (size, BLOCK))
 
     return jnp.swapaxes(jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds)), 0, 1)
+
+
+def normals(uniforms: Float[Array, " even"]) -> Float[Array, " even"]:
+    """As many standard normal numbers, from pairs of U[0, 1) numbers (Box & Muller, 1958)."""
+    first, second = uniforms.reshape(2, -1)
+    radius = jnp.sqrt(-2 * jnp.log1p(-first))
+    angle = 2 * jnp.pi * second
+    return jnp.concatenate([radius * jnp.cos(angle), radius * jnp.sin(angle)])

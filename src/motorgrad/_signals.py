@@ -1,4 +1,4 @@
-"""Being asked to stop: by Ctrl-C, or by a system that ends processes politely (SIGTERM)."""
+"""Requests to stop: Ctrl-C (SIGINT) and SIGTERM."""
 
 import signal
 import threading
@@ -7,17 +7,17 @@ from contextlib import contextmanager
 from typing import Any
 
 STOPS = (signal.SIGINT, signal.SIGTERM)
-_asked = threading.Event()  # since a command began
+_asked = threading.Event()  # since the command started
 
 
 def asked() -> bool:
-    """Whether the command was asked to stop."""
+    """Whether the command has received a request to stop."""
     return _asked.is_set()
 
 
 @contextmanager
 def interrupt_when_asked() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` for either. Libraries that are being loaded may swallow it: it is remembered."""
+    """Raise `KeyboardInterrupt` on either signal, and remember it, as a library being imported may swallow it."""
     _asked.clear()
     with _handled(lambda: _asked.set(), interrupt=True):
         yield
@@ -25,7 +25,7 @@ def interrupt_when_asked() -> Iterator[None]:
 
 @contextmanager
 def stop_when_asked() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C or SIGTERM into a request to stop at the next safe point; a second interrupts at once."""
+    """Turn the first signal into a request to stop at the next safe point; a second one interrupts at once."""
     if _asked.is_set():
         raise KeyboardInterrupt
     asked = threading.Event()
@@ -41,17 +41,17 @@ def stop_when_asked() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]:
-    """Within it, `act` on both signals; only the main thread hears of them."""
+    """Call `act` on both signals within the context. Only the main thread receives signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    def hear(number: int, frame: Any) -> None:
+    def handle(number: int, frame: Any) -> None:
         act()
         if interrupt:
             raise KeyboardInterrupt
 
-    previous = {number: signal.signal(number, hear) for number in STOPS}
+    previous = {number: signal.signal(number, handle) for number in STOPS}
     try:
         yield
     finally:

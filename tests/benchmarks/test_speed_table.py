@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from motorgrad.benchmarks import Row
-from motorgrad.benchmarks._body import body_row, simulated_row
+from motorgrad.benchmarks._bodies import body_row, simulated_row
+from motorgrad.benchmarks._learners import hand_written
+from motorgrad.benchmarks._loops import recruitment_loop, three_state_loop
 from motorgrad.benchmarks._measure import in_turn
-from motorgrad.benchmarks._particle import hand_written
-from motorgrad.benchmarks._recruitment_loop import recruitment_loop
-from motorgrad.benchmarks._three_state_loop import three_state_loop
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
 from motorgrad.tasks import FallingParticle, HexapodSynergy, Hopper, LinearRecruitment, ThreeState

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from motorgrad.bodies import Arm, BodyBatch, compile_model, greatest_flexion, lift, lift_table, tabulate_lift, to_mjcf
-from motorgrad.bodies._lift import STORED, LiftTable
+from motorgrad.bodies.arm import STORED, LiftTable
 
 FLEXIONS = np.linspace(0.0, Arm().most_flexion, 7)
 FREE = dataclasses.replace(Arm(), joint_damping=0.0)
@@ -239,7 +239,7 @@ def test_an_arm_without_a_stored_table_gets_one_of_its_own_and_says_so(monkeypat
         asked.append(arm)
         return tabulate_lift(arm, loads=2, shares=3)
 
-    monkeypatch.setattr("motorgrad.bodies._lift.tabulate_lift", few)
+    monkeypatch.setattr("motorgrad.bodies.arm._lift.tabulate_lift", few)
     other = Arm(joint_damping=0.05)
     assert lift_table(other).arm == other
     assert lift_table(other) is lift_table(other)

@@ -186,5 +186,5 @@ def test_activation_of_wrong_shape_is_refused(shape):
     "changes", [{"seeds": 0}, {"seeds": 1.5}, {"seeds": 1, "substeps": 0}, {"seeds": 1, "threads": -1}]
 )
 def test_bad_sizes_are_refused(changes):
-    with pytest.raises(ValueError, match="must be a whole number"):
+    with pytest.raises(ValueError, match="must be an integer"):
         BodyBatch(Hopper(), **changes)

@@ -144,7 +144,7 @@ def test_some_rows_begin_anew():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"num_envs": 0}, "num_envs = 0: must be a whole number >= 1"),
+        ({"num_envs": 0}, "num_envs = 0: must be an integer >= 1"),
         ({"max_episode_steps": 0}, "max_episode_steps = 0: must be at least 1, or -1"),
         ({"max_episode_steps": 2.5}, "max_episode_steps = 2.5"),
         ({"threads": -1}, "threads = -1"),

@@ -26,7 +26,7 @@ from motorgrad.policies._policy import in_structure
 from motorgrad.tasks import CallAdmission, ThreeState
 from motorgrad.training import stepper_of
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, oracle
-from motorgrad.worlds._double import double
+from motorgrad.worlds.oracle import to_float64 as double
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 few = settings(max_examples=10, deadline=None, derandomize=True)

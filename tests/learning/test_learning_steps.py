@@ -46,7 +46,7 @@ from motorgrad.policies import (
 from motorgrad.tasks import Chain, ThreeState, make
 from motorgrad.training import settings_for, stepper_of
 from motorgrad.worlds import oracle
-from motorgrad.worlds._double import double
+from motorgrad.worlds.oracle import to_float64 as double
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 

@@ -116,8 +116,8 @@ def test_progress_is_told(capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"evaluations": 11}, r"evaluations = 11: must be a whole number >= 12"),
-        ({"seed": -1}, r"seed = -1: must be a whole number >= 0"),
+        ({"evaluations": 11}, r"evaluations = 11: must be an integer >= 12"),
+        ({"seed": -1}, r"seed = -1: must be an integer >= 0"),
         (
             {"score": lambda candidates, random: [1.0]},
             r"scores.shape = \(1,\): must be \(12,\), one for each candidate",

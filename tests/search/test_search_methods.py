@@ -125,13 +125,13 @@ def test_ask_and_tell_change_nothing_that_they_are_given(kind):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Uniform(candidates=0), r"Uniform.candidates = 0: must be a whole number >= 1"),
-        (lambda: Boltzmann(candidates=1.5), r"Boltzmann.candidates = 1.5: must be a whole number >= 1"),  # type: ignore[arg-type]
+        (lambda: Uniform(candidates=0), r"Uniform.candidates = 0: must be an integer >= 1"),
+        (lambda: Boltzmann(candidates=1.5), r"Boltzmann.candidates = 1.5: must be an integer >= 1"),  # type: ignore[arg-type]
         (lambda: Boltzmann(temperature=0.0), r"Boltzmann.temperature = 0.0: must be a finite number above 0"),
-        (lambda: Boltzmann(changed=0), r"Boltzmann.changed = 0: must be a whole number >= 1"),
+        (lambda: Boltzmann(changed=0), r"Boltzmann.changed = 0: must be an integer >= 1"),
         (lambda: Boltzmann(width=-1.0), r"Boltzmann.width = -1.0: must be a finite number above 0"),
         (lambda: Boltzmann(again=1.0), r"Boltzmann.again = 1.0: must be in \[0, 1\)"),
-        pytest.param(lambda: CmaEs(population=3), r"CmaEs.population = 3: must be a whole number >= 4"),
+        pytest.param(lambda: CmaEs(population=3), r"CmaEs.population = 3: must be an integer >= 4"),
         pytest.param(lambda: CmaEs(width=0.0), r"CmaEs.width = 0.0: must be a finite number above 0"),
     ],
 )

@@ -10,7 +10,7 @@ from gymnasium_examples import NONE
 
 import motorgrad as mg
 from motorgrad.tasks import EnvironmentState, from_gymnasium
-from motorgrad.tasks._gymnasium_spaces import CODES
+from motorgrad.tasks.gymnasium._spaces import CODES
 
 
 def decoded(task, *numbers):
@@ -151,7 +151,7 @@ def test_auto_takes_bounds_where_there_are_usable_ones():
     huge = np.float32([4, 3.4e38, 2, np.inf])
     running = from_gymnasium("CartPole-v1")._facts.scaling.running
     np.testing.assert_array_equal(running, [False, True, False, True])
-    found = mg.tasks._gymnasium_spaces.observation_scaling(spaces.Box(-huge, huge), "auto", "X").running
+    found = mg.tasks.gymnasium._spaces.observation_scaling(spaces.Box(-huge, huge), "auto", "X").running
     np.testing.assert_array_equal(found, [False, True, False, True])
 
 

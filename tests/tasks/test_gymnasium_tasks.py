@@ -43,7 +43,7 @@ def test_the_settings_describe_a_task_and_make_it_again():
         ("CartPole-v9", {}, "version `v9` for environment `CartPole` doesn't exist"),
         ("", {}, "env_id = '': "),
         ("nowhere/Nothing-v0", {}, "Namespace nowhere not found"),
-        ("no_such_module:Nothing-v0", {}, "something that it needs is not installed: No module named 'no_such_module'"),
+        ("no_such_module:Nothing-v0", {}, "a dependency is not installed: No module named 'no_such_module'"),
         ("CartPole-v1", {"speed": 3}, "cannot be made with {'speed': 3}: TypeError: .*unexpected keyword argument"),
         ("CartPole-v1", {"max_episode_steps": 0}, "cannot be made with"),
     ],
@@ -65,10 +65,10 @@ def test_a_missing_dependency_is_said(register):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"repeat": 0}, "repeat = 0: must be a whole number of at least 1 step"),
+        ({"repeat": 0}, "repeat = 0: must be an integer >= 1"),
         ({"scaling": "bound"}, "unknown scaling 'bound': did you mean 'bounds'"),
         ({"end_reward": np.inf}, "end_reward = inf: must be a finite number"),
-        ({"env_id": 3}, "env_id = 3: must be the id"),
+        ({"env_id": 3}, "env_id = 3: must be a string"),
         ({"kwargs": {"render": None}}, "kwargs.render = None: must be a number, a string"),
     ],
 )
@@ -219,7 +219,7 @@ class Fragile(Told):
     ("kind", "message"),
     [
         (Unpicklable, "it cannot be serialised: TypeError: .*generator"),
-        (Forgetful, "a restored copy of it goes on otherwise than the original"),
+        (Forgetful, "a restored copy of it continues differently from the original"),
         (Fragile, "a restored copy of it fails: AttributeError"),
     ],
 )

@@ -13,7 +13,7 @@ from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.cli import main
 from motorgrad.policies import Hyperplanes, Mirrored, initial, mirrored
 from motorgrad.tasks import TASKS, Hexapod, HexapodSynergy, Mirror
-from motorgrad.tasks._hexapod import SENSES
+from motorgrad.tasks.hexapod._hexapod import SENSES
 from motorgrad.training import settings_for, train
 
 BODIES = {"plain": HexapodBody(), "biomimetic": biomimetic_hexapod(), "yawing spine": HexapodBody(spine_axis="yaw")}

@@ -257,12 +257,12 @@ def test_the_biomimetic_body_walks_too():
 
 
 BAD = [
-    ({"lag": -1}, "lag = -1: must be a whole number of decisions from 0"),
-    ({"lag": 0.5}, "lag = 0.5: must be a whole number"),
-    ({"course": 0}, "course = 0: must be a whole number of decisions from 1"),
+    ({"lag": -1}, "lag = -1: must be an integer from 0"),
+    ({"lag": 0.5}, "lag = 0.5: must be an integer"),
+    ({"course": 0}, "course = 0: must be an integer from 1"),
     ({"observes": ()}, r"observes = \(\): must be at least one of lateral, current"),
     ({"observes": ("lateral", "lateral")}, "observes = .*must be different senses"),
-    ({"observes": ("latral",)}, "observes 'latral': did you mean 'lateral'"),
+    ({"observes": ("latral",)}, r"observes\[0\] 'latral': did you mean 'lateral'"),
     ({"paid": "y"}, "paid 'y'"),
     ({"angle_scale": 0.0}, "angle_scale = 0.0: must be an angle"),
     ({"yaw_smoothing": 0.0}, r"yaw_smoothing = 0.0: must be in \(0, 1\]"),

@@ -29,7 +29,7 @@ def test_an_action_multiplies_its_force_and_turns_it_round():
 @pytest.mark.parametrize("name", ["particle", "particle-orbit", "particle-navigation"])
 def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
     task = make(name)
-    assert task.takes == ("binary", "graded")
+    assert task.accepted_actions == ("binary", "graded")
     rates = {"centre": 1e-4, "log_width": 1e-4, "strength": 1e-3, "log_deviation": 1e-3}
     settings = settings_for(task, policy="graded-tiles", policy_settings={"copies": 2}, rates=rates)
     run = train(task, settings, 300, 2, progress=False)

@@ -9,7 +9,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, around, make, region_reward
-from motorgrad.tasks._regions import LAYOUTS
+from motorgrad.tasks._particle import LAYOUTS
 from motorgrad.training import settings_for, stepper_of, train
 from motorgrad.worlds import ParticleState
 
@@ -197,7 +197,7 @@ def test_learning_keeps_widths_within_their_limits(change):
 
 
 REFUSED = [
-    ("particle", {"units": 0}, "units = 0: must be from 1 to 10000"),
+    ("particle", {"units": 0}, "units = 0: must be an integer from 1 to 10,000"),
     ("particle", {"forces": []}, "forces = (): must be at least one"),
     ("particle", {"forces": [[1.0]]}, "forces[0] = [1.0]: must be a list of 2 entries"),
     ("particle", {"layout": "R4"}, "'R4'"),

@@ -293,7 +293,7 @@ ARM = [
     ({"cost": math.nan}, "cost = nan"),
     ({"body": {"strength": 0}}, "strength = 0.0: must be"),
     ({"drift": {"amount": -1.0}}, "amount = -1.0: must be above -1"),
-    ({"drift": {"period": 1}}, "period = 1: must be 2"),
+    ({"drift": {"period": 1}}, "period = 1: must be an integer from 2"),
     ({"drift": {"form": "sinus"}}, "'sinus'"),
     ({"drift": {"of": "loads"}}, "'loads': did you mean 'load'"),
     ({"drift": {"of": "load", "amount": 7.0}}, r"drift.amount = 7.0: must be such that high \+ drift.amount <= 20 kg"),

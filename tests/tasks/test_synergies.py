@@ -41,7 +41,7 @@ def test_the_hoppers_units_drive_flexors_and_extensors_in_turn():
 def test_the_synergies_that_made_the_activations_are_found(noise):
     matrix = synergy_matrix(TRIPOD_SYNERGIES, GROUPS)
     found = find_synergies(made_of(matrix, noise=noise), 4)
-    assert set(found.words(GROUPS)) == {
+    assert set(found.names(GROUPS)) == {
         " ".join(group for group in GROUPS if group in words.split()) for words in TRIPOD_SYNERGIES
     }
     assert found.explained > 0.97
@@ -65,7 +65,7 @@ def test_strengths_times_weights_are_the_activations_and_the_explained_part_is_w
 def test_the_order_is_that_of_their_share():
     matrix = synergy_matrix(["levator_*", "depressor_*"], GROUPS)
     activation = np.concatenate([np.tile(matrix[0], (30, 1)), np.tile(matrix[1], (90, 1))])
-    assert [words.split()[0] for words in find_synergies(activation, 2).words(GROUPS)] == [
+    assert [words.split()[0] for words in find_synergies(activation, 2).names(GROUPS)] == [
         "depressor_left_front",
         "levator_left_front",
     ]
@@ -82,7 +82,7 @@ def test_leading_axes_are_decisions_and_the_same_seed_finds_the_same():
 
 def test_silent_muscles_belong_to_no_synergy():
     activation = made_of(synergy_matrix(["levator_*", "depressor_left_*"], GROUPS))
-    words = " ".join(find_synergies(activation, 2).words(GROUPS))
+    words = " ".join(find_synergies(activation, 2).names(GROUPS))
     assert "levator" in words
     assert "tractor" not in words
     assert "right" not in words.replace("levator_right", "")
@@ -108,7 +108,7 @@ def test_impossible_factorisations_are_refused_by_name(activation, settings, mes
 
 def test_words_need_a_threshold_and_the_names_of_all_groups():
     found = find_synergies(np.ones((5, 3)), 1)
-    assert found.words("abc") == ("a b c",)
+    assert found.names("abc") == ("a b c",)
     for arguments, message in ((("abc", 0.0), "least = 0.0"), (("ab",), "groups = 2: must be 3 names")):
         with pytest.raises(ValueError, match=message):
-            found.words(*arguments)
+            found.names(*arguments)

@@ -230,7 +230,7 @@ def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learnt_of_
 
 def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(register, tmp_path):
     name = register(Forgetful)
-    task, told = from_gymnasium(name), f"{name}: a restored copy of it goes on otherwise than the original"
+    task, told = from_gymnasium(name), f"{name}: a restored copy of it continues differently from the original"
     settings = {"seeds": 2, "out": tmp_path, "progress": False}
     with pytest.warns(RunWarning, match=f"cannot be resumed if it is stopped: {told}"):
         run = mg.train(task, steps=50, **settings)

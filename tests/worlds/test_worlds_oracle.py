@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians, Softmax, split
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, call_admission, chain, oracle, three_state
-from motorgrad.worlds._double import double
+from motorgrad.worlds.oracle import to_float64
 
 few = settings(max_examples=10, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**31)
@@ -44,7 +44,7 @@ POLICIES = {"softmax on three actions": (softmax, 3), "two units on four actions
 def slope(function, policy, direction, step=1e-5):
     """The two-sided difference of `function` along `direction` in the trainable parameters."""
     with jax.enable_x64(True):
-        theta, rest = split(double(policy))
+        theta, rest = split(to_float64(policy))
         vector, build = ravel_pytree(theta)
         up, down = (function(eqx.combine(build(vector + s * step * direction), rest)) for s in (1, -1))
     return (up - down) / (2 * step)

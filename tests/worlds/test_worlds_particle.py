@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
-from motorgrad.worlds._particle_physics import runge_kutta
+from motorgrad.worlds._world import runge_kutta
 
 OPEN = Walls(open=("left", "bottom", "right", "top"))
 RIGHT, UP = (1.0, 0.0), (0.0, 1.0)
@@ -296,7 +296,7 @@ REFUSED = [
     (lambda: ParticlePhysics(drag=-1.0), "drag = -1.0"),
     (lambda: ParticlePhysics(noise=-0.1), "noise = -0.1"),
     (lambda: ParticlePhysics(gravity=(0.0, nan)), "gravity = "),
-    (lambda: ParticlePhysics(substeps=0), "substeps = 0: must be from 1"),
+    (lambda: ParticlePhysics(substeps=0), "substeps = 0: must be an integer from 1"),
     (lambda: ParticlePhysics(timestep=3.0), "timestep = 3.0: must be below 2.78"),
     (lambda: ParticlePhysics(field=CircularField(0.5, 0.25)), "field.radial = 0.25: must be above mass"),
     (lambda: ParticlePhysics(drag=0.0, field=CircularField(0.5, 1.0)), "field.radial = 1.0: must be above mass"),

@@ -1,4 +1,4 @@
-"""The speed table: ratios measured side by side in one run, and the hand-written loops that we are measured by."""
+"""The speed table: ratios measured side by side in one run, against bare physics and hand-written loops."""
 
 from collections.abc import Iterator
 
@@ -8,18 +8,32 @@ __all__ = ["Row", "speed_table"]
 
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
-    """The rows of the speed table, one after the other as they are measured. `quick` is a smoke test's size."""
-    from motorgrad.benchmarks._body import body_row, simulated_row
-    from motorgrad.benchmarks._environments import foreign_row, single_row, vector_row
-    from motorgrad.benchmarks._index import index_row
-    from motorgrad.benchmarks._lab import compile_row, discrete_row, peer_row
-    from motorgrad.benchmarks._lab_learning import beside_training_row, learning_diagram_row
-    from motorgrad.benchmarks._learning import learning_rows
+    """Measure the speed table, and yield its rows one by one. `quick` makes it small enough for a smoke test."""
+    from motorgrad.benchmarks._bodies import (
+        body_row,
+        foreign_row,
+        learning_rows,
+        simulated_row,
+        single_row,
+        vector_row,
+    )
+    from motorgrad.benchmarks._lab import (
+        beside_training_row,
+        compile_row,
+        discrete_row,
+        learning_diagram_row,
+        peer_row,
+    )
+    from motorgrad.benchmarks._learners import (
+        index_row,
+        local_learning_row,
+        natural_row,
+        particle_row,
+        recruitment_row,
+        three_state_row,
+    )
     from motorgrad.benchmarks._live import watched_row
-    from motorgrad.benchmarks._particle import local_learning_row, particle_row
-    from motorgrad.benchmarks._process import memory_row, seed_memory_row, start_row
-    from motorgrad.benchmarks._recruitment import natural_row, recruitment_row
-    from motorgrad.benchmarks._three_state import three_state_row
+    from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
     from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper
 
     pairs = 2 if quick else 7

@@ -1,4 +1,4 @@
-"""Diagrams beside the same ones in PathSim, and how quickly they are compiled."""
+"""Diagrams: beside the same ones in PathSim, compilation, and learning diagrams beside the library's own training."""
 
 import importlib.util
 import time
@@ -8,17 +8,20 @@ import jax
 import numpy as np
 
 from motorgrad.benchmarks._measure import Row, in_turn
-from motorgrad.lab import Diagram, Gain, Integrator, Run, Sum, UnitDelay
+from motorgrad.lab import Diagram, Gain, Integrator, Run, Sink, Sum, UnitDelay
+from motorgrad.lab.gallery import example
+from motorgrad.tasks import make
+from motorgrad.training import settings_for, stepper_of
 
 TICK = 0.01
 STIFFNESS, DAMPING, COUPLING = 4.0, 0.3, 0.5
 
 
 def peer_row(blocks: int, ticks: int, peer_ticks: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Ticks per second of a ring of coupled oscillators, by RK4, against PathSim's, where that is installed.
+    """Ticks per second of a ring of coupled oscillators, by RK4, against PathSim's if that is installed.
 
     **Arguments:** how many `blocks`, of which five make an oscillator; the `ticks` that we make at a time, and those
-    that PathSim makes; how many `pairs` of both; what is `wanted`.
+    that PathSim makes; how many `pairs` are measured; the target `wanted`.
     """
     run = Run(oscillators(blocks // 5))
     run.advance(1)  # compiles
@@ -39,10 +42,10 @@ def discrete_row(blocks: int, ticks: int, runs: int = 5, wanted: str = "") -> Ro
 
 
 def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
-    """Seconds from a diagram to its first tick; beside it, where `single`, with every block compiled by itself."""
+    """Seconds from a diagram to its first tick; if `single`, also with every block compiled separately."""
     took = []
     for stacked in (True, False) if single else (True,):
-        diagram = oscillators(blocks // 5, TICK / 2)  # another program than that of other rows, which is kept
+        diagram = oscillators(blocks // 5, TICK / 2)  # not the program of other rows, which is cached
         jax.clear_caches()
         start = time.perf_counter()
         Run(diagram, stacked=stacked).advance(1)
@@ -53,7 +56,7 @@ def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
 
 
 def rate(run: Run, ticks: int, runs: int) -> float:
-    """Ticks per second, the median of some runs."""
+    """Ticks per second, the median of several runs."""
     found = []
     for _ in range(runs):
         began = time.perf_counter()
@@ -68,7 +71,7 @@ def oscillators(number: int, tick: float = TICK) -> Diagram:
     for n in range(number):
         diagram.add(f"sum {n}", Sum("--+"))
         diagram.add(f"speed {n}", Integrator(0.0))
-        diagram.add(f"place {n}", Integrator(begin(n)))
+        diagram.add(f"place {n}", Integrator(_start_place(n)))
         diagram.add(f"spring {n}", Gain(STIFFNESS))
         diagram.add(f"damper {n}", Gain(DAMPING))
     for n in range(number):
@@ -82,8 +85,8 @@ def oscillators(number: int, tick: float = TICK) -> Diagram:
     return diagram
 
 
-def begin(number: int) -> float:
-    """Where an oscillator is at first."""
+def _start_place(number: int) -> float:
+    """The initial place of an oscillator."""
     return float(np.cos(number))
 
 
@@ -92,7 +95,7 @@ def network(blocks: int, seed: int = 1) -> Diagram:
     draw = np.random.default_rng(seed)
     diagram = Diagram(TICK)
     for n in range(blocks):
-        diagram.add(f"block {n}", (UnitDelay(begin(n)), Gain(0.5), Sum("+-"), Gain(-0.3))[n % 4])
+        diagram.add(f"block {n}", (UnitDelay(_start_place(n)), Gain(0.5), Sum("+-"), Gain(-0.3))[n % 4])
     for n in range(blocks):
         for port, declared in diagram.nodes[f"block {n}"].block.inputs.items():
             last = n if declared.feedthrough else blocks
@@ -101,7 +104,7 @@ def network(blocks: int, seed: int = 1) -> Diagram:
 
 
 class PathSimOscillators:
-    """The ring of oscillators in PathSim, by its RK4 of fixed step."""
+    """The ring of oscillators in PathSim, with its fixed-step RK4."""
 
     def __init__(self, number: int):
         from pathsim import Connection, Simulation
@@ -109,7 +112,10 @@ class PathSimOscillators:
         from pathsim.solvers import RK4
 
         sums = [Adder("--+") for _ in range(number)]
-        speeds, self.places = [Integrator(0.0) for _ in range(number)], [Integrator(begin(n)) for n in range(number)]
+        speeds, self.places = (
+            [Integrator(0.0) for _ in range(number)],
+            [Integrator(_start_place(n)) for n in range(number)],
+        )
         springs, dampers = ([Amplifier(gain) for _ in range(number)] for gain in (STIFFNESS, DAMPING))
         wires: list[Any] = []
         for n in range(number):
@@ -121,10 +127,51 @@ class PathSimOscillators:
         self._simulation = Simulation(blocks, wires, dt=TICK, Solver=fourth, log=False)
 
     def advance(self, ticks: int) -> None:
-        """Make so many steps."""
+        """Make `ticks` steps."""
         for _ in range(ticks):
             self._simulation.timestep(TICK, adaptive=False)
 
     def look(self) -> np.ndarray:
-        """Where the oscillators are."""
+        """The places of the oscillators."""
         return np.array([float(place.outputs[0]) for place in self.places])
+
+
+def learning_diagram_row(name: str, seeds: int, ticks: int, runs: int = 5, wanted: str = "") -> Row:
+    """Learning ticks per second in total of a diagram of the gallery, with all seeds in one call."""
+    run = Run(remove_sinks(example(name)), seeds)
+    run.advance(128)  # compiles
+    return Row(
+        f"diagram {name} that learns, {seeds:,} seeds",
+        rate(run, ticks, runs) * seeds,
+        None,
+        "ticks/s",
+        None,
+        None,
+        wanted,
+    )
+
+
+def beside_training_row(name: str, seeds: int, ticks: int, pairs: int = 5, wanted: str = "") -> Row:
+    """The same diagram against `motorgrad.train`'s loop on the task of that name, which is compiled in one piece."""
+    run = Run(remove_sinks(example(name)), seeds)
+    task = make(name)
+    whole = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    run.advance(ticks)
+    whole.advance(ticks)
+    title = f"diagram {name} ÷ training, {seeds:,} seeds"
+    return in_turn(
+        title,
+        "ticks/s",
+        ticks * seeds,
+        lambda: run.advance(ticks),
+        lambda: whole.advance(ticks),
+        pairs=pairs,
+        wanted=wanted,
+    )
+
+
+def remove_sinks(diagram: Diagram) -> Diagram:
+    """Remove all sinks from a diagram, so that nothing is recorded."""
+    for name in [name for name, node in diagram.nodes.items() if isinstance(node.block, Sink)]:
+        diagram.remove(name)
+    return diagram

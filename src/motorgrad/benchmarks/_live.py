@@ -19,8 +19,8 @@ PATIENCE = 300.0  # seconds for what takes some ten
 
 
 def watched_row(task: str, seconds: float, pairs: int, wanted: str = "") -> Row:
-    """Decisions per second of a learner in a page that one client watches, which receives everything and does not draw,
-    against the same learner alone; in turn, each in a process of its own."""
+    """Decisions per second of a learner in a page watched by one client, which receives everything and does not draw,
+    against the same learner alone; in turn, each in its own process."""
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     alone = context.Process(target=_learn, args=(theirs, task), daemon=True)
@@ -57,7 +57,7 @@ def _row(name: str, rates: list[list[float]], wanted: str) -> Row:
 
 
 def _played(session: Session, seconds: float) -> float:
-    """Decisions per second of a session that plays for so long."""
+    """Decisions per second of a session that plays for `seconds`."""
     before, start = session.snapshot().decision, time.perf_counter()
     session.order(Play())
     time.sleep(seconds)
@@ -67,7 +67,7 @@ def _played(session: Session, seconds: float) -> float:
 
 
 def _learn(pipe: Connection, name: str) -> None:
-    """A process that learns alone whenever it is told for how long, and says how many decisions a second it made."""
+    """A process that learns alone for as long as each message says, and replies with the decisions per second."""
     from motorgrad.tasks import make
 
     task = make(name)

@@ -1,4 +1,4 @@
-"""A browser without a picture: it connects to a page of TimSim, receives all that it sends, and draws nothing."""
+"""A browser without a display: it connects to a page of TimSim, receives everything, and draws nothing."""
 
 import importlib.metadata
 import sys
@@ -16,13 +16,13 @@ CAMERA = {
     "look_at": (0.0, 0.0, 0.5),
     "up_direction": (0.0, 0.0, 1.0),
 }
-"""What a browser says first; only who has said it counts as a client."""
+"""A browser's first message; only who has sent it counts as a client."""
 
 
 def watch(port: int, seconds: float, pause: float = 0.0) -> tuple[int, int]:
-    """Receive what a page sends for so many seconds; the messages and the bytes there were.
+    """Receive what a page sends for `seconds`; returns the numbers of messages and of bytes.
 
-    **Arguments:** `pause`: seconds to sleep after each message, which makes a slow browser.
+    **Arguments:** `pause`: seconds to sleep after each message, which simulates a slow browser.
     """
     import msgspec
     from websockets.sync.client import connect

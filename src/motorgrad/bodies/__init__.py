@@ -1,31 +1,54 @@
-"""Muscle-driven bodies: descriptions of them, and many simulations of one stepped at once.
+"""Muscle-driven bodies: descriptions in numbers, and many simulations stepped together.
 
-A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes a MuJoCo model of it, `BodyBatch` many
-simulations, `to_mjcf` a file for other programs.
+A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes a MuJoCo model from it, `BodyBatch` runs
+many simulations, and `to_mjcf` writes a file for other programs.
 """
 
-from motorgrad.bodies._arm import Arm
 from motorgrad.bodies._batch import BodyBatch, BodyState
-from motorgrad.bodies._body import Body, add_muscles, compile_model
-from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
-from motorgrad.bodies._clock import TripodClock
-from motorgrad.bodies._export import to_mjcf
-from motorgrad.bodies._gait import TOUCH, Gait, debounced, measure_gait
-from motorgrad.bodies._hexapod import Hexapod
-from motorgrad.bodies._hexapod_biomimetic import biomimetic_hexapod
-from motorgrad.bodies._hexapod_numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
-from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading, read_hexapod
+from motorgrad.bodies._body import Body, WrappedBody, add_muscles, compile_model, to_mjcf
+from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
-from motorgrad.bodies._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
-from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of, tension
-from motorgrad.bodies._native import native_force_length
-from motorgrad.bodies._servo import Servo
-from motorgrad.bodies._slope import SlopeBatch
-from motorgrad.bodies._terrain import OnTerrain, Terrain
-from motorgrad.bodies._tripod import TRIPODS, LegState, TripodController, Turning
-from motorgrad.bodies._walk import Walk, walk
-from motorgrad.bodies._wrapped_body import WrappedBody
-from motorgrad.bodies._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
+from motorgrad.bodies.arm import Arm, LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
+from motorgrad.bodies.hexapod import (
+    LEGS,
+    TOUCH,
+    TRIPODS,
+    Gait,
+    Hexapod,
+    HexapodReading,
+    Hinge,
+    LateralPair,
+    Leg,
+    LegState,
+    Section,
+    Segment,
+    TripodClock,
+    TripodController,
+    Turning,
+    VerticalPair,
+    Walk,
+    biomimetic_hexapod,
+    debounced,
+    measure_gait,
+    read_hexapod,
+    walk,
+)
+from motorgrad.bodies.muscles import (
+    Attachment,
+    Muscle,
+    Servo,
+    Wrap,
+    away_angle,
+    check_muscle_callback,
+    groups_of,
+    install_muscle_callback,
+    native_force_length,
+    path_points,
+    tension,
+    wrapped_length,
+    wrapped_rate,
+    wrapping_angle,
+)
 
 __all__ = [
     "LEGS",

@@ -10,18 +10,18 @@ import mujoco
 import numpy as np
 from mujoco import batch as mujoco_batch
 
-from motorgrad._errors import check
+from motorgrad._errors import check, check_integer
 from motorgrad.bodies._body import START, Body, actuators_of, compile_model
-from motorgrad.bodies._callback import check_muscle_callback, uses_callback
+from motorgrad.bodies.muscles import check_muscle_callback, uses_callback
 
 _WARNING = mujoco.mjtWarning
-# MuJoCo resets a simulation in which one of these is found, with nothing but a counter to show for it.
+# On one of these, MuJoCo resets the simulation silently and only increments a counter.
 _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
 _VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 class BodyState(NamedTuple):
-    """What can be known of a body at one instant. NumPy or JAX arrays; any leading axes.
+    """The state of a body. NumPy or JAX arrays with any leading axes.
 
     - `position` (..., nq): generalised positions, m and rad.
     - `velocity` (..., nv): generalised velocities, m/s and rad/s.
@@ -34,38 +34,43 @@ class BodyState(NamedTuple):
 
 
 class BodyBatch:
-    """`seeds` simulations of one body; results do not depend on the number of threads or of seeds.
+    """`seeds` simulations of one body. Results do not depend on the number of threads or of seeds.
 
     **Arguments:**
 
-    - `body`: what to simulate; or one body for each seed, alike in their parts and different in their numbers, such as
-      one body on different terrain. Equal ones share a model.
-    - `seeds`: simulations, ≥ 1.
-    - `substeps`: physics steps of one `step` (a decision), ≥ 1.
-    - `threads`: threads including the caller's; 0 for all processors.
+    - `body`: the body to simulate; or one body per seed, with equal parts and different numbers, such as a body on
+      different terrains. Equal bodies share a model.
+    - `seeds`: number of simulations, ≥ 1.
+    - `substeps`: physics steps per `step` (one decision), ≥ 1.
+    - `threads`: number of threads including the caller's; 0 for one per processor.
 
     **Attributes:**
 
-    - `model`: the `mujoco.MjModel` of the first; `models`: one for each; `body` (the first), `seeds`, `substeps`,
-      `groups` as given.
-    - `period`: simulated seconds of one `step`.
-    - `packed` (seeds, width) float32: for each seed positions, velocities, sensor readings and last a flag, 1 if the
-      simulation diverged in the step just made. Refreshed in place by every call: JAX may read NumPy memory without
-      copying it, so copy before the next `step` if something still reads it. Positions, velocities and the sensors of
-      them are current; contact forces are those of the last substep.
-    - `lost`: whether any simulation diverged in the step just made.
-    - `diverged` (seeds,) int64: how often each simulation diverged. It is then put back to the start pose; the other
-      simulations are not affected in any bit.
+    - `model`: the first `mujoco.MjModel`; `models`: one per seed; `body` (the first), `seeds`, `substeps`, `groups` as
+      given.
+    - `period`: simulated seconds per `step`.
+    - `packed` (seeds, width) float32: for each seed positions, velocities, sensor readings, and a final flag that is 1
+      if the simulation diverged in the last step. Updated in place by every call. JAX may read NumPy memory without
+      copying, so copy it before the next `step` if something still reads it. Positions, velocities and sensors derived
+      from them are current; contact forces are those of the last substep.
+    - `lost`: whether any simulation diverged in the last step.
+    - `diverged` (seeds,) int64: how often each simulation diverged. A diverged simulation restarts from the start pose;
+      the others are unaffected, bit for bit.
 
-    Not safe for several Python threads at once.
+    Not safe for concurrent use by several Python threads.
 
-    **Raises:** `ValueError` for a bad argument; `RuntimeError` if the muscle callback is foreign.
+    **Raises:** `ValueError` for a bad argument; `RuntimeError` if another muscle callback is installed.
+
+    ```python
+    batch = mg.bodies.BodyBatch(mg.bodies.Hopper(), seeds=16)
+    batch.step(np.ones((16, 2)))
+    heights = batch.unpack(batch.packed).sensors["foot_height"]
+    ```
     """
 
     def __init__(self, body: Body | Sequence[Body], seeds: int, substeps: int = 10, threads: int = 0):
         for name, value, least in (("seeds", seeds, 1), ("substeps", substeps, 1), ("threads", threads, 0)):
-            whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-            check(whole and value >= least, name, value, f"a whole number >= {least}")
+            check_integer(name, value, least)
         self.seeds, self.substeps = int(seeds), int(substeps)
         if isinstance(body, Sequence):
             allowed = f"one, or one for each of {self.seeds} seeds"
@@ -86,7 +91,7 @@ class BodyBatch:
             for other, model in compiled.items():
                 _check_alike(body, self.model, other, model)
             self._batch.set_models(self.models)
-        # the first model that needs the callback speaks for all
+        # any model that needs the callback will do for the check
         self._called = next(filter(uses_callback, self.models), None)
         self._callback = None if self._called is None else mujoco.get_mjcb_act_gain()
         self._layout = _Layout(self.model, body.sensor_components)
@@ -96,12 +101,12 @@ class BodyBatch:
         self.reset()
 
     def _bind(self) -> None:
-        """Views and buffers made once, so that a step makes none."""
+        """Make all views and buffers once, so that a step allocates none."""
         batch, layout = self._batch, self._layout
         driven, index = actuators_of(self.body), {group: i for i, group in enumerate(self.groups)}
         self._group_of = np.array([index[each.group] for each in driven], np.intp)
         actuators = [self.model.actuator(each.name).id for each in driven]
-        # they are added one after the other, so that one slice holds their controls; others may stand around it
+        # the actuators are consecutive, so one slice holds their controls; a model may have others before or after
         first, last = actuators[0], actuators[-1] + 1
         check(actuators == list(range(first, last)), "actuators of muscles and servos", actuators, "consecutive")
         self._control = batch.bind("ctrl")[:, first:last]
@@ -113,18 +118,18 @@ class BodyBatch:
         self._flag = self.packed[:, -1]
 
     def step(self, activation: Any) -> None:
-        """Advance every simulation by one decision, `substeps` physics steps.
+        """Advance every simulation by one decision, that is `substeps` physics steps.
 
-        **Arguments:** `activation` (seeds, groups), array-like: of muscles, from 0 to 1 (MuJoCo clamps what lies
-        outside); of servos, desired velocities in rad/s. NaN counts as a divergence of that seed.
+        **Arguments:** `activation` (seeds, groups), array-like: muscle activations from 0 to 1 (MuJoCo clamps values
+        outside), servo velocities in rad/s. NaN counts as a divergence of that seed.
 
-        **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback has vanished.
+        **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback was removed.
         """
         activation = np.asarray(activation)
         if activation.shape != (self.seeds, len(self.groups)):
             check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
         self._control[...] = activation.take(self._group_of, 1)
-        # the callback belongs to the process, so anyone may have taken it away since; asking costs 0.1 µs
+        # the callback is process-wide, so it may have been removed since; the check costs 0.1 µs
         if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
             check_muscle_callback(self._called)
         failed = None
@@ -140,7 +145,7 @@ class BodyBatch:
             self._recover(failed)
 
     def _recover(self, failed: np.ndarray | None) -> None:
-        """Put diverged simulations back to the start, flag and count them."""
+        """Restart diverged simulations, set their flag and count them."""
         lost = self._bad.any(axis=1)
         if failed is not None:
             lost[failed] = True
@@ -150,10 +155,10 @@ class BodyBatch:
         self._flag[rows] = 1.0
 
     def reset(self, rows: Any = None) -> None:
-        """Put simulations to the start pose.
+        """Put simulations into the start pose.
 
-        **Arguments:** `rows`: which seeds, an integer or boolean array; None for all. `packed` is refreshed for these
-        rows, with their flag 0; `diverged` stays.
+        **Arguments:** `rows`: which seeds, as an integer or boolean array; None for all. Their rows of `packed` are
+        updated, with flag 0; `diverged` is kept.
         """
         rows = np.arange(self.seeds) if rows is None else _rows(rows, self.seeds)
         if not rows.size:
@@ -165,7 +170,8 @@ class BodyBatch:
         self._flag[rows] = 0.0
 
     def push(self, body: int, force: Any) -> None:
-        """Let a force act on a part of every body, at its centre of mass, until another is given or the body is reset.
+        """Apply a force to one part of every body, at its centre of mass, until another force is set or the body is
+        reset.
 
         **Arguments:** `body`: the part's number in the model; `force` (3,) or (seeds, 3): in N, world coordinates.
         """
@@ -173,21 +179,21 @@ class BodyBatch:
         self._batch.bind("xfrc_applied")[:, body, :3] = force
 
     def refresh_models(self) -> None:
-        """Go on with the models as they are now, after numbers in them were changed; their parts must stay the same."""
+        """Continue with the current models after numbers in them were changed. Their structure must be unchanged."""
         state = self._batch.state.copy()
         self._batch.set_models(self.models)
         np.copyto(self._batch.state, state)
 
     def unpack(self, packed: Any) -> BodyState:
-        """The named parts of `packed`, or of any array (..., width), by slicing only (NumPy, JAX, tracers)."""
+        """Unpack `packed`, or any array (..., width), by name: by slicing only, so it takes NumPy, JAX and tracers."""
         return self._layout.unpack(packed)
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """All that `restore` needs, copied: physics `state` (seeds, n), `packed`, `diverged`."""
+        """Everything `restore` needs, copied: physics `state` (seeds, n), `packed`, `diverged`."""
         return {"state": self._batch.state.copy(), "packed": self.packed.copy(), "diverged": self.diverged.copy()}
 
     def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
-        """Go back to a snapshot of this or of an equal batch; what follows is the same to the last bit.
+        """Return to a snapshot of this batch or an equal one. The simulation continues bit for bit.
 
         **Raises:** `ValueError` for a snapshot of another shape.
         """
@@ -202,7 +208,7 @@ class BodyBatch:
 
 
 class _Layout:
-    """Where in a packed row each thing is."""
+    """Where each quantity is in a packed row."""
 
     def __init__(self, model: mujoco.MjModel, components: Mapping[str, int]):
         nq, nv, ns = int(model.nq), int(model.nv), int(model.nsensordata)
@@ -226,7 +232,7 @@ class _Layout:
 
 
 def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjModel) -> None:
-    """Refuse bodies that one batch cannot hold, or whose columns would not mean the same."""
+    """Refuse bodies that one batch cannot hold, or whose columns would differ in meaning."""
     names = [each.name for each in actuators_of(body)]
     for what, mine, yours in (
         ("groups", tuple(body.groups), tuple(other.groups)),
@@ -244,12 +250,12 @@ def _start_key(model: mujoco.MjModel) -> int:
 
 
 def _rows(rows: Any, seeds: int) -> np.ndarray:
-    """Sorted unique row numbers from row numbers or a mask."""
+    """Sorted unique row numbers, from row numbers or a mask."""
     rows = np.asarray(rows)
     if rows.dtype == bool:
         check(rows.shape == (seeds,), "rows.shape", rows.shape, f"({seeds},) for a mask")
         return np.flatnonzero(rows)
     rows = np.unique(rows) if rows.size else np.zeros(0, np.int64)
-    whole = np.issubdtype(rows.dtype, np.integer)
-    check(whole and (not rows.size or (rows[0] >= 0 and rows[-1] < seeds)), "rows", rows, f"whole, 0 to {seeds - 1}")
+    right = np.issubdtype(rows.dtype, np.integer) and (not rows.size or (rows[0] >= 0 and rows[-1] < seeds))
+    check(right, "rows", rows, f"integers from 0 to {seeds - 1}")
     return rows

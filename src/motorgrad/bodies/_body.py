@@ -1,70 +1,140 @@
-"""What every body is, and how a description of it becomes a MuJoCo model."""
+"""Bodies: descriptions in numbers, from which MuJoCo models and MJCF files are made."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import contextlib
+import ctypes
+import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+import pathlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 import mujoco
+import numpy as np
 
 from motorgrad._errors import check, choice, unknown
-from motorgrad.bodies._callback import check_muscle_callback, install_muscle_callback
-from motorgrad.bodies._muscle import Attachment, Muscle
-from motorgrad.bodies._native import set_native_gain
-from motorgrad.bodies._servo import Servo
+from motorgrad.bodies.muscles import (
+    Attachment,
+    Muscle,
+    Servo,
+    check_muscle_callback,
+    install_muscle_callback,
+    set_native_gain,
+)
 
 MUSCLE_MODELS = ("thesis", "native")
 START = "start"
-
-# one colour for each group in turn, so that the muscles of a group are seen to belong together
+# one colour per group, repeating
 _COLOURS = ((0.20, 0.45, 0.85, 1.0), (0.85, 0.25, 0.20, 1.0), (0.20, 0.65, 0.35, 1.0), (0.85, 0.60, 0.15, 1.0))
 _TENDON_WIDTH = 0.008
+_SKY = ((0.62, 0.74, 0.86), (0.93, 0.95, 0.98))
+_TILES = ((0.78, 0.80, 0.80), (0.70, 0.73, 0.74))
+_DOUBLE_DIGITS = 17
+# more digits than MuJoCo writes by default, as in a number without a short decimal form
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{8,}(?:e[-+]?\d+)?|-?\d+(?:\.\d+)?e[-+]?\d+")
+_COLOUR = re.compile(r'(?<=rgba=")[^"]*')
 
 
 class Body(Protocol):
     """A muscle-driven body: numbers from which a MuJoCo model is built.
 
-    A body is a frozen dataclass, so that `dataclasses.replace(body, number=...)` gives another one. To write a new one,
-    provide these members, build the skeleton with `mujoco.MjSpec` (with a keyframe "start") and hand it to
-    `add_muscles`. A body with motors may have a property `servos` besides, a tuple of `Servo`.
+    A body is a frozen dataclass, so `dataclasses.replace(body, number=...)` makes a variant. To write a new one,
+    provide these members, build the skeleton with `mujoco.MjSpec` (with a keyframe "start"), and pass it to
+    `add_muscles`. A body with motors may also have a property `servos`, a tuple of `Servo`.
     """
 
     @property
     def muscles(self) -> tuple[Muscle, ...]:
-        """Every muscle, in the order of the model's actuators."""
+        """All muscles, in the order of the model's actuators."""
         ...
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """The groups in order of first appearance; an action is one number from 0 to 1 for each."""
+        """The groups in order of first appearance; an action has one number from 0 to 1 per group."""
         ...
 
     @property
     def sensor_components(self) -> Mapping[str, int]:
-        """For a vector sensor of which one component is meant (a height), that component's index."""
+        """For a vector sensor of which only one component is used (such as a height), that component's index."""
         ...
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh, editable description of the whole body."""
+        """A new, editable description of the whole body."""
         ...
 
 
-def actuators_of(body: Body) -> tuple[Muscle | Servo, ...]:
-    """Everything that an action drives, in the order of the model's actuators: muscles, then servos."""
-    return (*body.muscles, *getattr(body, "servos", ()))
-
-
-def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: str = "thesis") -> None:
-    """Add muscles to a skeleton: for each, two sites, a spatial tendon (the path and the damper) and an actuator.
+@dataclasses.dataclass(frozen=True)
+class WrappedBody:
+    """A body in other surroundings. Subclasses define `spec`; everything else is the body's own.
 
     **Arguments:**
 
-    - `spec`: the skeleton, changed in place.
+    - `body`: the body.
+    """
+
+    body: Body
+
+    @property
+    def muscles(self) -> tuple[Muscle, ...]:
+        """The body's muscles."""
+        return self.body.muscles
+
+    @property
+    def servos(self) -> tuple[Servo, ...]:
+        """The body's servos, if any."""
+        return getattr(self.body, "servos", ())
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The body's groups."""
+        return self.body.groups
+
+    @property
+    def sensor_components(self) -> Mapping[str, int]:
+        """The body's sensor components."""
+        return self.body.sensor_components
+
+
+def actuators_of(body: Body) -> tuple[Muscle | Servo, ...]:
+    """Everything an action drives, in the order of the model's actuators: muscles, then servos."""
+    return (*body.muscles, *getattr(body, "servos", ()))
+
+
+def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile the MuJoCo model of a body, with the muscle law in place.
+
+    **Arguments:** `body`: a body, or a description such as `body.spec()` that you have edited.
+
+    **Returns:** the model. If it has muscles of the "thesis" model, the gain callback is installed and verified.
+
+    **Raises:** `RuntimeError` if another gain callback is installed; `ValueError` from MuJoCo for an invalid
+    description.
+
+    ```python
+    model = mg.bodies.compile_model(mg.bodies.Hopper(load_mass=3.0))
+    ```
+    """
+    spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
+    # before compiling, which briefly runs the physics and would call a foreign callback
+    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
+        install_muscle_callback()
+    model = spec.compile()
+    check_muscle_callback(model)
+    return model
+
+
+def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: str = "thesis") -> None:
+    """Add muscles to a skeleton: for each, two sites, a spatial tendon (path and damper) and an actuator.
+
+    **Arguments:**
+
+    - `spec`: the skeleton, modified in place.
     - `muscles`: at least one; their bodies, geoms and sites must exist in `spec`.
-    - `muscle_model`: "thesis" for the exact law through a callback, "native" for MuJoCo's own muscle gain
-      (`native_force_length`), which other back ends know too.
+    - `muscle_model`: "thesis" for the exact law through a callback; "native" for MuJoCo's own muscle gain
+      (`native_force_length`), which other back ends support too.
 
     **Raises:** `ValueError` for a name that is taken or unknown.
     """
@@ -85,11 +155,11 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: st
             _known("site", muscle.wrap.side_site, [site.name for site in spec.sites])
             tendon.wrap_geom(muscle.wrap.geom, muscle.wrap.side_site)
         tendon.wrap_site(f"{muscle.name}_insertion")
-        # the range makes MuJoCo clamp what the policy sends to 0 … 1
+        # the range makes MuJoCo clamp the policy's output to 0 … 1
         actuator = spec.add_actuator(name=muscle.name, ctrllimited=True, ctrlrange=(0.0, 1.0))
         actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
         actuator.target = muscle.name
-        if math.isinf(muscle.shape):  # one force at every length needs no law: MuJoCo's plain gain
+        if math.isinf(muscle.shape):  # a force independent of the length needs only MuJoCo's plain gain
             actuator.gainprm[0] = -muscle.strength
         elif muscle_model == "native":
             set_native_gain(actuator, muscle)
@@ -98,22 +168,89 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: st
             actuator.gainprm[:3] = (-muscle.strength, muscle.rest_length, muscle.shape)
 
 
-def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
-    """Build the MuJoCo model of a body, and see to it that its muscles pull.
+def add_geom(
+    body: mujoco.MjsBody, name: str, kind: Any, size: Any, position: Any, mass: float, colour: Sequence[float]
+) -> Any:
+    """Add a geom without collisions to a body."""
+    return body.add_geom(
+        name=name, type=kind, size=size, pos=position, mass=mass, rgba=colour, contype=0, conaffinity=0
+    )
 
-    **Arguments:** `body`: a body, or a description such as `body.spec()` that you have edited.
 
-    **Returns:** the model. If it has muscles of the "thesis" model, the gain callback is installed and verified.
+def about(axis: Sequence[float], angle: float) -> tuple[float, ...]:
+    """The quaternion of a rotation by `angle` (rad) about a unit axis."""
+    return (math.cos(angle / 2.0), *(math.sin(angle / 2.0) * part for part in axis))
 
-    **Raises:** `RuntimeError` if a foreign gain callback is in the way; `ValueError` from MuJoCo for a bad description.
+
+def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: str) -> None:
+    """Add a checkered floor at z = 0 (the only geom that can be touched), light, sky, a rail, and cameras.
+
+    A body on a rail is seen from the side: the camera "side" tracks it, "stand" is fixed and shows hops of up to 1 m. A
+    free body is tracked from above by the camera "above".
+
+    **Arguments:** `spec`, modified in place; `rail`: (x, y) in m of the vertical rail drawn behind a body that is held
+    by one, or None; `target`: name of an existing body for the cameras to track.
+    """
+    spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
+    spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    builtin = mujoco.mjtBuiltin
+    for name, kind, pattern, colours in (
+        ("sky", mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin.mjBUILTIN_GRADIENT, _SKY),
+        ("tiles", mujoco.mjtTexture.mjTEXTURE_2D, builtin.mjBUILTIN_CHECKER, _TILES),
+    ):
+        spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=colours[0], rgb2=colours[1], width=128, height=128)
+    floor_material = spec.add_material(name="floor", texrepeat=(4, 4), texuniform=True)
+    floor_material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
+    world = spec.worldbody
+    light = world.add_light(pos=(-1.0, -2.0, 3.0), dir=(0.35, 0.6, -1.0), diffuse=(0.55, 0.55, 0.55), castshadow=True)
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    world.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(0, 0, 0.5),
+        material="floor",
+        contype=0,
+        conaffinity=1,
+        solref=(0.005, 1.0),
+    )
+    if rail is None:
+        above = spec.body(target).add_camera(name="above", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
+        above.pos = (0.0, 0.0, 2.2)
+        return
+    world.add_geom(
+        name="rail",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=(0.008, 1.25, 0),
+        pos=(*rail, 1.25),
+        rgba=(0.55, 0.58, 0.62, 1.0),
+        contype=0,
+        conaffinity=0,
+    )
+    follow = spec.body(target).add_camera(name="side", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, fovy=40.0)
+    follow.pos = (0.0, -2.2, -0.1)
+    stay = world.add_camera(name="stand", pos=(0.0, -3.0, 0.75), fovy=40.0)
+    for camera in (follow, stay):
+        # x to the right, z up, seen from negative y
+        camera.quat = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
+
+
+def to_mjcf(body: Body | mujoco.MjSpec) -> str:
+    """Write a body as MJCF, MuJoCo's XML format, with all digits.
+
+    **Arguments:** `body`: a body, or a description such as `body.spec()`.
+
+    **Returns:** the document. A model loaded from it moves exactly like the original. Muscles of the "thesis" model
+    need the gain callback wherever the file is loaded (`install_muscle_callback`); use `muscle_model="native"` to
+    export for programs without it.
     """
     spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
-    # before compiling, which runs the physics for a moment and would run a foreign callback
-    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
-        install_muscle_callback()
-    model = spec.compile()
-    check_muscle_callback(model)
-    return model
+    spec.compile()  # the writer requires resolved references
+    with _all_digits():
+        xml = spec.to_xml()
+    # colours are stored in single precision, so 0.9 would be written with 17 digits
+    xml = _COLOUR.sub(lambda found: " ".join(str(np.float32(x)) for x in found.group().split()), xml)
+    return _LONG_NUMBER.sub(lambda found: repr(float(found.group())), xml)
 
 
 def _add_site(spec: mujoco.MjSpec, name: str, attachment: Attachment) -> None:
@@ -124,3 +261,25 @@ def _add_site(spec: mujoco.MjSpec, name: str, attachment: Attachment) -> None:
 def _known(kind: str, name: str, names: list[str]) -> None:
     if name not in names:
         raise unknown(kind, name, filter(None, names))
+
+
+@contextlib.contextmanager
+def _all_digits() -> Iterator[None]:
+    """Make MuJoCo write 17 digits within the context. With its default of six, the hopper ends up elsewhere within a
+    second.
+
+    The setting has no public name; where a library lacks it, six digits are written.
+    """
+    try:
+        paths = sorted(pathlib.Path(mujoco.__file__).parent.glob("*mujoco*.*"))
+        library = ctypes.CDLL(str(next(p for p in paths if p.suffix in (".dll", ".dylib") or ".so." in p.name)))
+        get, put = library._mjPRIVATE__get_xml_precision, library._mjPRIVATE__set_xml_precision
+    except (StopIteration, OSError, AttributeError):
+        yield
+        return
+    before = get()
+    put(_DOUBLE_DIGITS)
+    try:
+        yield
+    finally:
+        put(before)

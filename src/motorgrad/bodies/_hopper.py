@@ -4,81 +4,136 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal
 
 import mujoco
 import numpy as np
 
-from motorgrad.bodies._body import START, add_muscles
-from motorgrad.bodies._hopper_numbers import HopperNumbers
-from motorgrad.bodies._hopper_parts import SIDES, skeleton
-from motorgrad.bodies._muscle import Attachment, Muscle, Wrap, groups_of
+from motorgrad._errors import check, check_fields, check_not_negative, check_positive
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery
+from motorgrad.bodies.muscles import Attachment, Muscle, Wrap, groups_of
+
+SIDES = ("left", "right")
+# Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
+REFERENCE_ANGLE = math.pi / 2.0
+_BONE = (0.90, 0.87, 0.80, 1.0)
+_LOAD = (0.27, 0.30, 0.36, 1.0)
+_FOOT = (0.36, 0.38, 0.44, 1.0)
+_CAPSULE = (0.95, 0.95, 0.98, 0.35)
 
 
 @dataclasses.dataclass(frozen=True)
-class Hopper(HopperNumbers):
-    """A planar hopper whose one controllable freedom is the angle of its knees (thesis, section 5.2).
+class Hopper:
+    """A planar hopper whose only controllable degree of freedom is the angle of its knees (thesis, section 5.2).
 
-    The load hangs on a vertical slide (the harness). From it two thighs lead to the knees and two shanks back together
-    to the foot. Each knee has a flexor in front (inside the rhombus) and an extensor behind; the two flexors are one
-    group and the two extensors the other, so an action is two numbers. x points to the right, z up, the plane is y = 0.
+    The load moves on a vertical slide (the harness). Two thighs lead from it to the knees, and two shanks from there to
+    the foot. Each knee has a flexor in front (inside the rhombus) and an extensor behind. The two flexors form one
+    group and the two extensors another, so an action has two numbers. x points to the right, z up, and the plane is y =
+    0.
 
     **Arguments:**
 
-    - `load_mass` (kg): of the load on the slide.
-    - `link_length` (m): of each of the four links.
-    - `link_mass` (kg): of each of the four links.
-    - `foot_mass` (kg): of the foot.
+    - `load_mass` (kg): mass of the load on the slide.
+    - `link_length` (m): length of each of the four links.
+    - `link_mass` (kg): mass of each of the four links.
+    - `foot_mass` (kg): mass of the foot.
     - `foot_size` (m): half-lengths (x, y, z) of the foot's box.
     - `knee_range` (degrees): least and greatest interior angle of a knee, with 0 < least < 90 < greatest < 180; the
       stop is stiff but not rigid.
-    - `armature` (kg m²): of every hinge.
-    - `joint_damping` (N m s/rad): of every hinge; the slide is free.
-    - `capsule_radius` (m): ρ of the sphere around each knee.
-    - `attachment_distance` (m): from the knee to a muscle's ends, on the bone.
+    - `armature` (kg m²): armature of every hinge.
+    - `joint_damping` (N m s/rad): damping of every hinge; the slide is free.
+    - `capsule_radius` (m): radius ρ of the sphere around each knee.
+    - `attachment_distance` (m): distance from the knee to a muscle's ends, along the bone.
     - `flexor_strength` (N): greatest contractile force of a flexor.
-    - `flexor_rest_length` (m): length at which it is greatest.
+    - `flexor_rest_length` (m): length at which that force is reached.
     - `extensor_strength` (N): greatest contractile force of an extensor.
-    - `extensor_rest_length` (m): length at which it is greatest.
+    - `extensor_rest_length` (m): length at which that force is reached.
     - `muscle_damping` (N s/m): k_SE of every muscle.
-    - `muscle_shape`: k_CE of every muscle; the larger, the flatter the force–length curve.
-    - `lateral`: "symmetric" holds the foot under the load; "spring" lets the body lean, against a spring.
-    - `lateral_stiffness` (N m/rad): of that spring.
-    - `lateral_damping` (N m s/rad): of that spring.
-    - `timestep` (s): of the physics.
+    - `muscle_shape`: k_CE of every muscle; larger values flatten the force–length curve.
+    - `lateral`: "symmetric" holds the foot under the load; "spring" lets the body lean against a spring.
+    - `lateral_stiffness` (N m/rad): stiffness of that spring.
+    - `lateral_damping` (N m s/rad): damping of that spring.
+    - `timestep` (s): time step of the physics.
     - `muscle_model`: "thesis" (exact law, needs the callback) or "native" (MuJoCo's own muscle, an approximation).
-    - `extra_muscles`: further muscles; a new group name makes a new component of the action.
+    - `extra_muscles`: further muscles; a new group name adds a component to the action.
 
-    **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, each
-    link's frame at its upper joint with −z along the bone; joints `height`, `hip_left`, `knee_left`, `ankle`,
+    **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each
+    link's frame at its upper joint and −z along the bone; joints `height`, `hip_left`, `knee_left`, `ankle`,
     `hip_right`, `knee_right`; at each knee a sphere `capsule_left` and the sites `front_left` and `behind_left`.
 
-    **Sensors:** `knee_angle` (rad from 90°, positive when extended), `knee_velocity` (rad/s), `foot_height` (the
+    **Sensors:** `knee_angle` (rad from 90°, positive when extended), `knee_velocity` (rad/s), `foot_height` (of the
     underside above the floor, m), `foot_contact` (normal force on the foot, N), `load_height` (m).
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
+    load_mass: float = 2.0
+    link_length: float = 0.25
+    link_mass: float = 0.15
+    foot_mass: float = 0.2
+    foot_size: tuple[float, float, float] = (0.07, 0.05, 0.015)
+    knee_range: tuple[float, float] = (40.0, 150.0)
+    armature: float = 5e-4
+    joint_damping: float = 0.005
+    capsule_radius: float = 0.04
+    attachment_distance: float = 0.12
+    flexor_strength: float = 100.0
+    flexor_rest_length: float = 0.13
+    extensor_strength: float = 400.0
+    extensor_rest_length: float = 0.25
+    muscle_damping: float = 8.0
+    muscle_shape: float = 0.5
+    lateral: Literal["symmetric", "spring"] = "symmetric"
+    lateral_stiffness: float = 100.0
+    lateral_damping: float = 1.0
+    timestep: float = 0.001
+    muscle_model: Literal["thesis", "native"] = "thesis"
+    extra_muscles: tuple[Muscle, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name in (
+            *("load_mass", "link_length", "link_mass", "foot_mass", "capsule_radius", "attachment_distance"),
+            *("flexor_strength", "flexor_rest_length", "extensor_strength", "extensor_rest_length", "muscle_shape"),
+            "timestep",
+        ):
+            check_positive(name, getattr(self, name))
+        for name in ("armature", "joint_damping", "muscle_damping", "lateral_stiffness", "lateral_damping"):
+            check_not_negative(name, getattr(self, name))
+        for value in self.foot_size:
+            check_positive("foot_size", value)
+        least, greatest = self.knee_range
+        allowed = "(least, greatest) in degrees with 0 < least < 90 < greatest < 180"
+        check(0.0 < least < 90.0 < greatest < 180.0, "knee_range", self.knee_range, allowed)
+        check(
+            self.capsule_radius < self.attachment_distance < self.link_length,
+            "attachment_distance",
+            self.attachment_distance,
+            f"between capsule_radius {self.capsule_radius!r} and link_length {self.link_length!r} (m)",
+        )
+
     @property
     def muscles(self) -> tuple[Muscle, ...]:
-        """Flexor and extensor of the left knee, then of the right, then the extra ones."""
+        """Flexor and extensor of the left knee, then of the right knee, then the extra muscles."""
         own = (self._muscle(group, side) for side in SIDES for group in ("flexor", "extensor"))
         return (*own, *self.extra_muscles)
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """("flexor", "extensor") and the groups of extra muscles."""
+        """("flexor", "extensor"), then the groups of extra muscles."""
         return groups_of(self.muscles)
 
     @property
     def sensor_components(self) -> Mapping[str, int]:
-        """Heights are the z of a position sensor."""
+        """Heights are the z component of a position sensor."""
         return MappingProxyType({"foot_height": 2, "load_height": 2})
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh, editable `mujoco.MjSpec` of the hopper, standing on the floor with its knees at 90°."""
-        spec = skeleton(self)
+        """A new, editable `mujoco.MjSpec` of the hopper, standing on the floor with its knees at 90°."""
+        spec = _skeleton(self)
         add_muscles(spec, self.muscles, self.muscle_model)
         spec.add_key(name=START, qpos=np.zeros(6))
         return spec
@@ -96,3 +151,148 @@ class Hopper(HopperNumbers):
             shape=self.muscle_shape,
             wrap=Wrap(f"capsule_{side}", f"{'front' if flexor else 'behind'}_{side}"),
         )
+
+
+def _skeleton(hopper: Hopper) -> mujoco.MjSpec:
+    """The hopper without muscles and keyframe, with its knees at 90° and the foot's underside on the floor."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "hopper"
+    spec.compiler.degree = False
+    spec.option.timestep = hopper.timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    height = 2.0 * hopper.link_length * math.sin(REFERENCE_ANGLE / 2.0) + 2.0 * hopper.foot_size[2]
+    load = _add_load(spec, hopper, height)
+    add_scenery(spec, rail=(0.0, 0.14), target="load")
+    for side in SIDES:
+        _add_leg(load, hopper, side)
+    _close_loop(spec, hopper)
+    _add_sensors(spec)
+    return spec
+
+
+def _add_load(spec: mujoco.MjSpec, hopper: Hopper, height: float) -> mujoco.MjsBody:
+    load = spec.worldbody.add_body(name="load", pos=(0.0, 0.0, height))
+    load.add_joint(name="height", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1))
+    # drawn as an aluminium ball of that mass, so that a heavier load looks heavier
+    radius = (3.0 * hopper.load_mass / (4.0 * math.pi * 2700.0)) ** (1.0 / 3.0)
+    add_geom(load, "load", mujoco.mjtGeom.mjGEOM_SPHERE, (radius, 0, 0), (0, 0, 0), hopper.load_mass, _LOAD)
+    load.add_site(name="harness", size=(0.01, 0.01, 0.01), group=4)
+    return load
+
+
+def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
+    """Add thigh, shank and, on the left, the foot. Positive joint positions have the same meaning on both sides."""
+    mirror = 1.0 if side == "left" else -1.0
+    axis, length = (0.0, mirror, 0.0), hopper.link_length
+    half = REFERENCE_ANGLE / 2.0
+    thigh = load.add_body(name=f"thigh_{side}", quat=_about_y(mirror * half))
+    _add_hinge(thigh, f"hip_{side}", axis, hopper)
+    _add_link(thigh, f"thigh_{side}", hopper)
+    shank = thigh.add_body(name=f"shank_{side}", pos=(0, 0, -length), quat=_about_y(-mirror * 2.0 * half))
+    knee = _add_hinge(shank, f"knee_{side}", axis, hopper)
+    knee.limited = True
+    knee.range = [math.radians(angle) - REFERENCE_ANGLE for angle in hopper.knee_range]
+    # stiff, or the knee would swing through its singularity at 180°
+    knee.solref_limit = (0.004, 1.0)
+    knee.solimp_limit[:3] = (0.95, 0.99, 0.001)
+    _add_link(shank, f"shank_{side}", hopper)
+    _add_capsule(thigh, hopper, side, mirror)
+    if side == "left":
+        foot = shank.add_body(name="foot", pos=(0, 0, -length), quat=_about_y(mirror * half))
+        _add_hinge(foot, "ankle", axis, hopper)
+        _add_foot(foot, hopper)
+
+
+def _add_capsule(thigh: mujoco.MjsBody, hopper: Hopper, side: str, mirror: float) -> None:
+    """Add the knee's sphere, and a site on either side of it that tells MuJoCo which way a muscle passes.
+
+    The sites are at the middle of the arc: behind the knee for the most flexed pose, in front of it for the most
+    extended. In MuJoCo 4.0 the path snaps to the other side if the site lies outside the cone between the bones,
+    extended beyond the joint. That cone is as wide as the interior angle, so a site inside it at the most flexed pose
+    always is; one perpendicular to the bone is not.
+    """
+    knee = np.array((0.0, 0.0, -hopper.link_length))
+    size = (hopper.capsule_radius, 0, 0)
+    add_geom(thigh, f"capsule_{side}", mujoco.mjtGeom.mjGEOM_SPHERE, size, knee, 0.0, _CAPSULE)
+    for name, interior, sign in (
+        ("front", math.radians(160.0), 1.0),
+        ("behind", math.radians(hopper.knee_range[0]), -1.0),
+    ):
+        # the bisector of the interior angle, from the knee; the thigh points along +z from there
+        bisector = np.array((mirror * math.sin(interior / 2.0), 0.0, math.cos(interior / 2.0)))
+        position = knee + sign * 1.5 * hopper.capsule_radius * bisector
+        thigh.add_site(name=f"{name}_{side}", pos=position, size=(0.004, 0.004, 0.004), group=4)
+
+
+def _add_foot(foot: mujoco.MjsBody, hopper: Hopper) -> None:
+    size = hopper.foot_size
+    geom = add_geom(foot, "foot", mujoco.mjtGeom.mjGEOM_BOX, size, (0, 0, -size[2]), hopper.foot_mass, _FOOT)
+    geom.contype = 1
+    geom.solref = (0.005, 1.0)
+    foot.add_site(name="sole", pos=(0, 0, -2.0 * size[2]), size=(0.005, 0.005, 0.005), group=4)
+    # the touch sensor sums the contacts within this volume: the whole box and a margin
+    sole = foot.add_site(name="foot_touch", pos=(0, 0, -size[2]), group=4)
+    sole.type = mujoco.mjtGeom.mjGEOM_BOX
+    sole.size = np.asarray(size) + 0.01
+
+
+def _close_loop(spec: mujoco.MjSpec, hopper: Hopper) -> None:
+    """Connect the right shank to the foot, keep the foot perpendicular to the line from load to foot, and hold that
+    line upright or on a spring.
+
+    With equal links, closing the loop makes the two knee angles equal, but leaves the rhombus free to swing about the
+    load. The remaining freedom is the lean, half the difference of the hips.
+    """
+    ankle = (0.0, 0.0, -hopper.link_length)
+    connect = _add_equality(spec, mujoco.mjtEq.mjEQ_CONNECT, "shank_right", "foot")
+    connect.objtype = mujoco.mjtObj.mjOBJ_BODY
+    connect.data[:3] = ankle
+    _add_joint_equality(spec, "ankle", "knee_left", -0.5)
+    if hopper.lateral == "symmetric":
+        _add_joint_equality(spec, "hip_right", "hip_left", 1.0)
+    else:
+        lean = spec.add_tendon(
+            name="lean", stiffness=hopper.lateral_stiffness, damping=hopper.lateral_damping, springlength=(0.0, 0.0)
+        )
+        lean.wrap_joint("hip_left", 0.5)
+        lean.wrap_joint("hip_right", -0.5)
+
+
+def _add_joint_equality(spec: mujoco.MjSpec, follower: str, leader: str, ratio: float) -> None:
+    equality = _add_equality(spec, mujoco.mjtEq.mjEQ_JOINT, follower, leader)
+    equality.data[:5] = (0.0, ratio, 0.0, 0.0, 0.0)
+
+
+def _add_equality(spec: mujoco.MjSpec, kind: mujoco.mjtEq, first: str, second: str) -> mujoco.MjsEquality:
+    equality = spec.add_equality(name=f"{first}_{second}", type=kind, name1=first, name2=second)
+    equality.solref = (0.003, 1.0)
+    return equality
+
+
+def _add_sensors(spec: mujoco.MjSpec) -> None:
+    kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
+    for name, kind, object_kind, of in (
+        ("knee_angle", kinds.mjSENS_JOINTPOS, objects.mjOBJ_JOINT, "knee_left"),
+        ("knee_velocity", kinds.mjSENS_JOINTVEL, objects.mjOBJ_JOINT, "knee_left"),
+        ("foot_height", kinds.mjSENS_FRAMEPOS, objects.mjOBJ_SITE, "sole"),
+        ("foot_contact", kinds.mjSENS_TOUCH, objects.mjOBJ_SITE, "foot_touch"),
+        ("load_height", kinds.mjSENS_FRAMEPOS, objects.mjOBJ_SITE, "harness"),
+    ):
+        spec.add_sensor(name=name, type=kind, objtype=object_kind, objname=of)
+
+
+def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple, hopper: Hopper) -> mujoco.MjsJoint:
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=hopper.armature)
+    joint.damping[0] = hopper.joint_damping
+    return joint
+
+
+def _add_link(body: mujoco.MjsBody, name: str, hopper: Hopper) -> None:
+    half = hopper.link_length / 2.0
+    size = (0.05 * hopper.link_length, half, 0.0)
+    add_geom(body, name, mujoco.mjtGeom.mjGEOM_CAPSULE, size, (0, 0, -half), hopper.link_mass, _BONE)
+
+
+def _about_y(angle: float) -> tuple[float, float, float, float]:
+    return (math.cos(angle / 2.0), 0.0, math.sin(angle / 2.0), 0.0)

@@ -1,14 +1,18 @@
-"""A task as a Gymnasium environment."""
+"""A task as a Gymnasium environment, and many copies of it as a vector environment."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
+from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
 
-from motorgrad._errors import choice
+from motorgrad._errors import check, check_integer, choice
 from motorgrad.environments._picture import Picture
-from motorgrad.environments._rows import Rows
-from motorgrad.environments._spaces import fitting, known_options, metadata_of, spaces_of, stretched, task_of
+from motorgrad.environments._rows import Outcome, Rows
+from motorgrad.environments._spaces import check_action, check_options, metadata_of, scale_action, spaces_of, task_of
 from motorgrad.tasks import Task
 
 ALL = np.ones(1, bool)
@@ -18,13 +22,13 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     """A task as a `gymnasium.Env`.
 
     **Observation:** `Box` of float32, `(observation_size,)`. **Action:** `MultiBinary(action_size)`, a zero or a one
-    for each group of muscles or unit; `Discrete(action_size)` for a task with a choice of actions; for one of graded
-    actions `Box`, from −1 to 1, which stand for the ends of the task's `action_range`. **Reward** and `terminated` are
-    the task's. `truncated` when the task's own `time_limit` is over, or the simulation diverged: the body is then
-    back at its start, and the reward is 0.
+    per group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for graded actions a `Box`
+    from −1 to 1, which is scaled to the task's `action_range`. **Reward** and `terminated` are the task's. `truncated`
+    is true when the task's own `time_limit` is reached, or the simulation diverged; in the latter case the body is back
+    at its start, and the reward is 0.
 
-    **Info:** `simulated_time` (s, since the episode began), `diverged` (bool), and each of the task's readings at the
-    decisions at which it occurs (the hopper's `apex`, in m).
+    **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's readings
+    at the decisions at which it occurs (the hopper's `apex`, in m).
 
     **Arguments:**
 
@@ -33,9 +37,14 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     - `width`, `height`: of pictures, in pixels; even, at least 64.
     - further settings of the task by name, if the task is given by name.
 
-    **Raises:** `ValueError` for unknown settings, with the nearest known one, impossible values and actions that do not
-    fit; `RuntimeError` for `"human"` without a screen; `gymnasium.error.ResetNeeded` for a step before `reset` or after
-    the episode's end.
+    **Raises:** `ValueError` for unknown settings (suggesting the nearest known one), invalid values and invalid
+    actions; `RuntimeError` for `"human"` without a screen; `gymnasium.error.ResetNeeded` for a step before `reset` or
+    after the end of the episode.
+
+    ```python
+    env = gymnasium.make("motorgrad/Hopper-v0", penalty=0.2)
+    observation, info = env.reset(seed=1)
+    ```
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"]}
@@ -63,8 +72,8 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode. With a `seed` the random numbers begin anew, else they go on. There are no `options`."""
-        known_options(options)
+        """Start an episode. A `seed` restarts the random numbers; otherwise they continue. There are no `options`."""
+        check_options(options)
         super().reset(seed=seed)
         self._rows.generators[0] = self.np_random
         observation = self._rows.reset(ALL, anew=seed is not None)[0]
@@ -77,9 +86,9 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         """One decision."""
         rows = self._rows
         if not self._running:
-            rows.body  # noqa: B018 (a closed environment says so)
+            rows.body  # noqa: B018 (raises if the environment is closed)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        outcome = rows.step(stretched(self.task, fitting(self._space, action))[None])
+        outcome = rows.step(scale_action(self.task, check_action(self._space, action))[None])
         if self._picture is not None:
             self._picture.note()
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
@@ -89,12 +98,146 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         return outcome.observation[0], float(outcome.reward[0]), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
-        """The present picture, `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
+        """The current picture, `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
         return self._picture.paint(0) if self._picture is not None and self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Let go of threads, window and graphics; a second time does nothing."""
+        """Release threads, window and graphics. Further calls do nothing."""
         self._running = False
         if self._picture is not None:
             self._picture.close()
         self._rows.close()
+
+
+class TaskVectorEnv(gymnasium.vector.VectorEnv):
+    """Many copies of a task as a `gymnasium.vector.VectorEnv`, stepped together on a thread pool.
+
+    Spaces, rewards and infos are those of `TaskEnv`. In the infos, an array has one entry per row, and `_name` says in
+    which rows there is a value. **Autoreset** is `NEXT_STEP`: the step after the last one of an episode ignores the
+    row's action, starts the row's next episode, and has reward 0. Row $i$ of `reset(seed=s)` is `TaskEnv`'s
+    `reset(seed=s + i)`.
+
+    **Arguments:**
+
+    - `num_envs`: number of rows, ≥ 1.
+    - `task`: a task or its name.
+    - `render_mode`: `"rgb_array"` or `None`; `render` returns a picture of every row.
+    - `width`, `height`: of pictures, as in `TaskEnv`.
+    - `max_episode_steps`: decisions after which an episode is cut, in addition to the task's own `time_limit`; `None`
+      or -1 for never. `gymnasium.make_vec` fills in the id's.
+    - `threads`: number of threads that step bodies, 0 for one per processor.
+    - further settings of the task by name, if the task is given by name.
+
+    **Raises:** as `TaskEnv`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: Task | str = "hopper",
+        *,
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 480,
+        max_episode_steps: int | None = None,
+        threads: int = 0,
+        **settings: Any,
+    ):
+        self.closed = True  # until there is something to close
+        if render_mode is not None:
+            choice("render_mode", render_mode, TaskVectorEnv.metadata["render_modes"])
+        limit = max_episode_steps
+        if limit is not None:
+            check_integer("max_episode_steps", limit, -1)
+            check(limit != 0, "max_episode_steps", limit, "at least 1, or -1 for never")
+        self.task = task_of(task, settings)
+        self.num_envs = num_envs
+        self._rows = Rows(self.task, num_envs, threads)
+        self.metadata = metadata_of(self.task, TaskVectorEnv.metadata)  # type: ignore[misc]
+        self.single_observation_space, self._space = spaces_of(self.task)
+        self.single_action_space = self._space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.render_mode = render_mode
+        self._limit = None if limit is None or limit == -1 else int(limit)
+        self._picture = None if render_mode is None else Picture(self._rows, render_mode, width, height)
+        self._begun, self._over = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
+        self._every = np.ones(num_envs, bool)
+        self._seen = np.zeros(self.observation_space.shape or (), np.float32)
+        self.closed = False
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start episodes in all rows, or in those of the boolean array `options["reset_mask"]`.
+
+        `seed` is a number, from which the rows count up; one number per row; or `None`, which continues the random
+        numbers.
+        """
+        count = self.num_envs
+        mask = np.asarray(check_options(options, ("reset_mask",)).get("reset_mask", self._every))
+        check(mask.dtype == bool and mask.shape == (count,), "reset_mask", mask, f"a boolean array ({count},)")
+        check((mask | self._begun).all(), "reset_mask", mask.tolist(), "true in every row the first time")
+        if seed is None:
+            seeds: list[int | None] = [None] * count
+        else:
+            seeds = [int(seed) + row for row in range(count)] if isinstance(seed, int | np.integer) else list(seed)
+        check(len(seeds) == count, "seed", seed, f"one number, or {count} of them")
+        anew = mask & np.array([number is not None for number in seeds])
+        for row in np.flatnonzero(anew):
+            self._rows.generators[row] = np_random(seeds[row])[0]
+        for rows, seeded in ((mask & ~anew, False), (anew, True)):
+            if rows.any():
+                self._seen[rows] = self._rows.reset(rows, seeded)
+        self._begun |= mask
+        self._over[mask] = False
+        if self._picture is not None:
+            self._picture.note()
+        return self._seen.copy(), self._info(mask)
+
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One decision in every row, or the start of its next episode."""
+        rows, over = self._rows, self._over
+        if not self._begun.all():
+            rows.body  # noqa: B018 (raises if the environment is closed)
+            raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
+        actions = scale_action(self.task, check_action(self._space, actions, (self.num_envs,)))
+        some = bool(over.any())
+        outcome = rows.step(actions, ~over if some else None)
+        observation, truncated = outcome.observation, outcome.truncated
+        if self._limit is not None:
+            truncated = truncated | ((rows.decisions >= self._limit) & ~over)
+        if some:
+            observation[over] = rows.reset(over)
+        if self._picture is not None:
+            self._picture.note()
+        self._over, self._seen = outcome.terminated | truncated, observation
+        return observation.copy(), outcome.reward, outcome.terminated, truncated, self._info(self._every, outcome)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of every row, each `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
+        return None if self._picture is None else tuple(self._picture.paint(row) for row in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Release threads and graphics."""
+        if self._picture is not None:
+            self._picture.close()
+        self._rows.close()
+        self._begun[:] = False
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generators of the rows."""
+        return tuple(self._rows.generators)
+
+    def _info(self, mask: np.ndarray, outcome: Outcome | None = None) -> dict[str, Any]:
+        """Arrays over the rows; `_name` says in which rows there is a value."""
+        diverged = np.zeros(self.num_envs, bool) if outcome is None else outcome.diverged
+        info: dict[str, Any] = {}
+        found = {"simulated_time": (self._rows.decisions * self._rows.period, mask), "diverged": (diverged, mask)}
+        for name, (value, there) in (found | ({} if outcome is None else outcome.readings)).items():
+            if there.any():
+                info |= {name: np.where(there, value, np.zeros((), value.dtype)), f"_{name}": there.copy()}
+        return info

@@ -1,20 +1,42 @@
-"""Several copies of a task in step, without a learner: what an environment is made of."""
+"""Several copies of a task stepped together, without a learner: the core of an environment."""
 
+import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils.seeding import np_random
 
-from motorgrad._errors import check
+from motorgrad._errors import check_integer
 from motorgrad.bodies import BodyBatch
-from motorgrad.environments._compiled import choose, compiled
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.worlds import World
 
 
+class Functions(NamedTuple):
+    """The compiled functions of a task, for many rows at once.
+
+    `begin(packed, numbers)` and `again(carry, packed, numbers)`, for the first and for further episodes, return the
+    carry and the observation; `decide(carry, packed, action, numbers)` returns the carry and the outcome.
+
+    Rows lead everywhere. `carry` is the task's memory and a world's state; `packed` holds the rows of a `BodyBatch`,
+    with width 0 for a world. `begins` and `decides` say how many numbers from U[0, 1) a row consumes. An outcome is a
+    single vector, because every array that crosses the border of compiled code costs time: observation, reward,
+    `terminated`, `truncated` by the dynamics themselves, and for each reading the value and whether it occurred.
+    """
+
+    begin: Callable[..., Any]
+    again: Callable[..., Any]
+    decide: Callable[..., Any]
+    begins: int
+    decides: int
+
+
 class Outcome(NamedTuple):
-    """What a decision led to, rows leading. `readings` holds, by name, the values and whether each occurred."""
+    """The result of a decision, rows leading. `readings` has for each name the values and whether each occurred."""
 
     observation: np.ndarray
     reward: np.ndarray
@@ -25,14 +47,13 @@ class Outcome(NamedTuple):
 
 
 class Rows:
-    """`count` copies of `task`, each with a random generator of its own, so that no row changes another's numbers.
+    """`count` copies of `task`, each with its own random generator, so that no row affects another's numbers.
 
-    `decisions` counts those of each row's present episode.
+    `decisions` counts those of each row's current episode.
     """
 
     def __init__(self, task: Task, count: int, threads: int = 1):
-        whole = isinstance(count, int | np.integer) and not isinstance(count, bool) and count >= 1
-        check(whole, "num_envs", count, "a whole number >= 1")
+        check_integer("num_envs", count, 1)
         if not isinstance(task.dynamics, World) and not isinstance(task, BodyTask):
             raise ValueError(f"task = {task.name!r}: must be over a world or a body to become an environment")
         self.task, self.period = task, task.period
@@ -42,10 +63,10 @@ class Rows:
         on_body = isinstance(task, BodyTask)
         self._body = task.batch(range(count), threads) if on_body else None
         self.activation = np.zeros((count, 0 if self._body is None else len(self._body.groups)))
-        """What the simulations were told in the decision just made, rows leading; zeros where an episode begins."""
+        """The input of the simulations in the last decision, rows leading; zeros at the start of an episode."""
         self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
         self._every, self._nothing = np.ones(count, bool), np.zeros((count, 0), np.float32)
-        self._functions = compiled(task)
+        self._functions = functions_of(task)
         self._carry: Any = None
         self._closed = False
 
@@ -60,9 +81,9 @@ class Rows:
         return self._body
 
     def reset(self, mask: np.ndarray, anew: bool = False) -> np.ndarray:
-        """Begin new episodes in the rows of `mask`, all of them the first time; what is observed there.
+        """Start new episodes in the rows of `mask` (all of them the first time), and return the observations there.
 
-        `anew`: without what the task's memory keeps from one episode to the next, as the first time.
+        `anew` discards what the task's memory keeps from one episode to the next.
         """
         if self.body is not None:
             self.body.reset(mask)
@@ -73,14 +94,14 @@ class Rows:
         else:
             carry, observation = functions.again(self._carry, self._packed, numbers)
         observation = np.array(observation, np.float32)  # also waits until `packed` has been read
-        self._carry = choose(mask, carry, self._carry)
+        self._carry = select_rows(mask, carry, self._carry)
         self.decisions[mask] = 0
         return observation[mask]
 
     def step(self, action: np.ndarray, live: np.ndarray | None = None) -> Outcome:
-        """One decision in the rows of `live`; in the others nothing counts, and they must be reset.
+        """One decision in the rows of `live`. The others are ignored and must be reset.
 
-        A row that diverges is back at its start. It is truncated, pays 0, and nothing has occurred in it.
+        A diverged row is back at its start: it is truncated, its reward is 0, and none of its readings occurred.
         """
         body, size, limit = self.body, self._size, self._limit
         if body is None:
@@ -110,14 +131,80 @@ class Rows:
         return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, readings)
 
     def close(self) -> None:
-        """Let go of the simulations and their threads."""
+        """Release the simulations and their threads."""
         self._body, self._packed, self._carry, self._closed = None, np.zeros((0, 0)), None, True
 
     def _draw(self, size: int, mask: np.ndarray) -> np.ndarray:
-        """Numbers from U[0, 1) for the rows of `mask`; the others draw nothing."""
+        """Draw numbers from U[0, 1) for the rows of `mask`; the others draw nothing."""
         if not size:
             return self._nothing
         drawn = np.zeros((len(mask), size), np.float32)
         for row in np.flatnonzero(mask):
             drawn[row] = self.generators[row].random(size, np.float32)
         return drawn
+
+
+def functions_of(task: Task) -> Functions:
+    """The functions of `task`, compiled once for all environments of equal tasks."""
+    try:
+        hash(task)
+    except TypeError:  # a task that holds an array
+        return _compile(task)
+    return _once(task)
+
+
+def _compile(task: Task) -> Functions:
+    dynamics = task.dynamics
+    world = dynamics if isinstance(dynamics, World) else None
+    # a separate batch, because the functions outlive the environment, and its threads must not
+    unpack = task.batch([0], threads=1).unpack if isinstance(task, BodyTask) else None
+    reset, step = (world.reset_uniforms, world.uniforms) if world else (0, 0)
+
+    def start(memory: Callable[[Any], Any], packed: Any, numbers: Any) -> Any:
+        fresh, init, look = jnp.split(numbers, (reset, reset + task.init_uniforms))
+        state = world.reset(fresh) if world else ()
+        after, observation = task.observe(memory(init), unpack(packed) if unpack else state, look)
+        return (after, state), observation
+
+    def begin(packed: Any, numbers: Any) -> Any:
+        return start(task.init, packed, numbers)
+
+    def again(carry: Any, packed: Any, numbers: Any) -> Any:
+        return start(lambda init: task.renew(carry[0], init), packed, numbers)
+
+    def decide(carry: Any, packed: Any, action: Any, numbers: Any) -> Any:
+        memory, state = carry
+        chance, look = jnp.split(numbers, (step,))
+        state = world.step(state, action, chance) if world else ()
+        seen = unpack(packed) if unpack else state
+        memory, reward, terminated = task.reward(memory, seen, action)
+        memory, observation = task.observe(memory, seen, look)
+        readings = task.readings(memory, seen)
+        numbers = [
+            reward,
+            terminated,
+            task.truncated(memory, seen),
+            *(part for name in task.reports for part in readings[name]),
+        ]
+        return (memory, state), jnp.concatenate([observation, jnp.stack([jnp.asarray(n, float) for n in numbers])])
+
+    return Functions(
+        jax.jit(jax.vmap(begin)),
+        jax.jit(jax.vmap(again)),
+        jax.jit(jax.vmap(decide)),
+        reset + task.init_uniforms + task.uniforms,
+        step + task.uniforms,
+    )
+
+
+_once = functools.lru_cache(maxsize=32)(_compile)
+
+
+def select_rows(mask: np.ndarray, new: Any, old: Any) -> Any:
+    """`new` in the rows of `mask`, `old` elsewhere."""
+
+    def pick(a: Any, b: Any) -> np.ndarray:
+        a, b = np.asarray(a), np.asarray(b)
+        return np.where(mask.reshape((-1,) + (1,) * (a.ndim - 1)), a, b)
+
+    return new if mask.all() else jax.tree.map(pick, new, old)

@@ -1,4 +1,4 @@
-"""What an environment shows and takes: spaces, metadata, and actions that fit."""
+"""Spaces, metadata and actions of an environment."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium import spaces
 
 from motorgrad._errors import check, choice
-from motorgrad.environments._screen import screen_problem
+from motorgrad.environments._picture import screen_problem
 from motorgrad.tasks import BodyTask, FiniteTask, Task, make
 
 ActionSpace = spaces.Discrete | spaces.MultiBinary | spaces.Box
@@ -24,17 +24,17 @@ def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
 def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     """The observation and the action space of a task.
 
-    **Raises** `ValueError` for a task that takes neither binary nor discrete nor graded actions.
+    **Raises:** `ValueError` for a task that accepts neither binary nor discrete nor graded actions.
     """
     check(
-        task.actions in task.takes,
+        task.actions in task.accepted_actions,
         f"task {task.name!r}",
-        task.takes,
+        task.accepted_actions,
         "one that takes binary, discrete or graded actions",
     )
     most = np.full(task.observation_size, np.finfo(np.float32).max)
     low, high = -most, most
-    # bounds that hold only if the world's own observations are shown as they are
+    # these bounds hold only if the task shows the world's own observations
     if isinstance(task, FiniteTask) and type(task).observe is FiniteTask.observe:
         seen = task.dynamics.observations
         low, high = seen.min(0), seen.max(0)
@@ -47,17 +47,17 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
 
 
 def metadata_of(task: Task, common: dict[str, Any]) -> dict[str, Any]:
-    """An environment's own metadata: of the modes in `common`, those that work for this task and on this computer."""
+    """An environment's metadata: of the render modes in `common`, those that work for this task on this computer."""
     modes = common["render_modes"] if isinstance(task, BodyTask) else []
     if screen_problem():
         modes = [mode for mode in modes if mode != "human"]
     return {**common, "render_modes": list(modes), "render_fps": 1 / task.period}
 
 
-def fitting(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.ndarray:
-    """A copy of an action of `space`, or of one for each of `rows`, as a task takes it.
+def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.ndarray:
+    """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type.
 
-    **Raises:** `ValueError` that names what is wrong: shape, kind of number or range.
+    **Raises:** `ValueError` naming what is wrong: shape, dtype or range.
     """
     array = np.asarray(action)
     shape = (*rows, *(space.shape or ()))
@@ -75,16 +75,16 @@ def fitting(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.n
     return array.astype(np.float32)
 
 
-def stretched(task: Task, action: np.ndarray) -> np.ndarray:
-    """An action as the task takes it: graded ones lie between −1 and 1 in a space, and in their own range in a task."""
+def scale_action(task: Task, action: np.ndarray) -> np.ndarray:
+    """Scale graded actions from −1 … 1 to the task's own range; others are returned unchanged."""
     if task.actions != "graded":
         return action
     low, high = np.asarray(task.action_range, np.float32).T
     return low + (action + 1) / 2 * (high - low)
 
 
-def known_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The options of `reset`, none of them unknown."""
+def check_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Check the options of `reset` and return them."""
     for name in options or {}:
         choice("option of reset", name, known)
     return options or {}

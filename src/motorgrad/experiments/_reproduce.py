@@ -13,9 +13,8 @@ from typing import Any
 import filelock
 import tomli_w
 
-from motorgrad._arrays import read_arrays, write_arrays
 from motorgrad._errors import unknown
-from motorgrad._files import read_json, write_atomically
+from motorgrad._files import read_arrays, read_json, write_arrays, write_atomically
 from motorgrad._settings import table
 from motorgrad.experiments._animate import animate
 from motorgrad.experiments._claim import Claim

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._arrays import read_arrays, write_arrays
+from motorgrad._files import read_arrays, write_arrays
 from motorgrad._settings import table
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task

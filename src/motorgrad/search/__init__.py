@@ -1,16 +1,13 @@
-"""Search for numbers that score well, by functions that are dear, noisy, or fail now and then.
+"""Search for numbers with high scores, by functions that are expensive, noisy, or fail occasionally.
 
-`Space` says what is searched; `Uniform`, `Boltzmann` and `CmaEs` are methods; `search` asks one for candidates, has
-them scored, and tells it. It knows nothing of what the numbers mean.
+`Space` describes the numbers. `Uniform`, `Boltzmann` and `CmaEs` are methods. `search` asks a method for candidates,
+has them scored, and tells it the scores. The meaning of the numbers does not matter to it.
 """
 
-from motorgrad.search._boltzmann import Boltzmann
 from motorgrad.search._cma_es import CmaEs
-from motorgrad.search._found import Found
-from motorgrad.search._method import Method, State
-from motorgrad.search._search import Score, search
+from motorgrad.search._methods import Boltzmann, Method, State, Uniform
+from motorgrad.search._search import Found, Score, search
 from motorgrad.search._space import Range, Space, reflected
-from motorgrad.search._uniform import Uniform
 
 __all__ = [
     "Boltzmann",

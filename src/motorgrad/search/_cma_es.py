@@ -1,7 +1,8 @@
-"""CMA-ES, as evosax has it."""
+"""CMA-ES, as implemented in evosax."""
 
 # pyright: reportMissingImports=false
 # (evosax is of the extra `search`)
+
 import dataclasses
 import functools
 import importlib.util
@@ -13,9 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check
-from motorgrad.search._checks import whole
-from motorgrad.search._method import Method, Places, State
+from motorgrad._errors import check, check_integer
+from motorgrad.search._methods import Method, Places, State
 from motorgrad.search._space import reflected
 
 
@@ -23,16 +23,16 @@ from motorgrad.search._space import reflected
 class CmaEs(Method):
     r"""Covariance matrix adaptation (Hansen, *The CMA Evolution Strategy: A Tutorial*, 2016), from the package evosax.
 
-    The candidates of a round are drawn from a Gaussian, whose mean and covariance then move towards the better half
-    and away from the worse. Only the order of the scores counts. Those that failed rank last; a round in which all did
-    changes nothing. The Gaussian knows no bounds: where a candidate is beyond one, it is reflected into the range, and
-    the Gaussian is told of where it was before.
+    The candidates of a round are drawn from a Gaussian, whose mean and covariance then move towards the better half and
+    away from the worse. Only the order of the scores matters. Failed candidates rank last; a round in which all fail
+    changes nothing. The Gaussian is unbounded: a candidate beyond a bound is reflected into the range, and the Gaussian
+    is updated with the original.
 
-    - `population`: candidates of a round, at least 4; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. More
-      stand more noise.
-    - `width`: standard deviation at the start, above 0, in parts of every number's range.
+    - `population`: candidates per round, at least 4; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. A larger
+      population tolerates more noise.
+    - `width`: initial standard deviation, above 0, as a fraction of every number's range.
 
-    **Raises:** `RuntimeError` where evosax is missing (`motorgrad[search]`).
+    **Raises:** `RuntimeError` if evosax is missing (`motorgrad[search]`).
     """
 
     population: int | None = None
@@ -40,7 +40,7 @@ class CmaEs(Method):
 
     def __post_init__(self) -> None:
         if self.population is not None:
-            whole("CmaEs.population", self.population, 4)
+            check_integer("CmaEs.population", self.population, 4)
         check(0.0 < self.width < math.inf, "CmaEs.width", self.width, "a finite number above 0")
         if importlib.util.find_spec("evosax") is None:
             raise RuntimeError("CMA-ES needs the package evosax: pip install 'motorgrad[search]'")
@@ -64,7 +64,7 @@ class CmaEs(Method):
         before = {name: value for name, value in state.items() if name != "drawn"}
         if not np.isfinite(scores).any():
             return before
-        # evosax minimises, and gives equal scores a rank between theirs, so that its weights would not add up
+        # evosax minimises, and gives equal scores an average rank, so that its weights would not sum up correctly
         worse = np.where(np.isfinite(scores), -np.asarray(scores, float), np.inf)
         rank = worse.argsort(kind="stable").argsort()
         strategy, params = self._strategy(drawn.shape[1])
@@ -84,7 +84,7 @@ class CmaEs(Method):
 
 @functools.lru_cache
 def _compiled(population: int, size: int) -> tuple[Any, Any]:
-    """evosax compiles anew for every instance, so there is one for each shape."""
+    """One strategy per shape, because evosax compiles every instance anew."""
     from evosax.algorithms import CMA_ES
 
     strategy = CMA_ES(population_size=population, solution=jnp.zeros(size))

@@ -1,5 +1,6 @@
-"""The loop of a search: ask, score, tell; stored after every round."""
+"""The search loop (ask, score, tell), stored after every round, and its result."""
 
+import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Sequence
@@ -9,21 +10,62 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._arrays import read_arrays, write_arrays
-from motorgrad._errors import check
-from motorgrad._files import check_writable
+from motorgrad._errors import check, check_integer
+from motorgrad._files import check_writable, read_arrays, write_arrays
 from motorgrad._progress import Progress
-from motorgrad.search._checks import whole
 from motorgrad.search._cma_es import CmaEs
-from motorgrad.search._found import Found
-from motorgrad.search._method import Method, State
+from motorgrad.search._methods import Method, State
 from motorgrad.search._space import Space
 
 Score = Callable[[list[dict[str, float]], np.random.Generator], Sequence[float] | Float[np.ndarray, " batch"]]
-"""Scores of a batch of candidates, each its numbers by name: the greater the better, NaN for one that failed. If scores
-are noisy, their noise comes from the generator, so that the search can be done again."""
+"""The scores of a batch of candidates, given by name: greater is better, NaN marks a failure. Noisy scores must draw
+their noise from the generator, so that the search is reproducible."""
+_ASKS, _SCORES = 0, 1  # purposes of a round's random numbers
 
-_ASKS, _SCORES = 0, 1  # what a round's random numbers are for
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Found:
+    """Everything a search has tried, in order.
+
+    - `space`: the search space.
+    - `candidates` (evaluations, size): in the numbers' own units.
+    - `scores` (evaluations,): NaN for a failed candidate.
+    - `batch`: candidates per round.
+    """
+
+    space: Space
+    candidates: Float[np.ndarray, "evaluations size"]
+    scores: Float[np.ndarray, " evaluations"]
+    batch: int
+
+    @property
+    def curve(self) -> Float[np.ndarray, " evaluations"]:
+        """The best score up to each evaluation; NaN before the first success."""
+        return np.fmax.accumulate(self.scores)
+
+    def ranked(self, count: int | None = None) -> list[tuple[dict[str, float], float]]:
+        """The best `count` candidates, or all that did not fail, best first: numbers by name, and the score.
+
+        A candidate tried several times has its mean score. With noisy scores, the best candidates were also lucky:
+        evaluate some of them again before trusting their scores.
+        """
+        known = np.isfinite(self.scores)
+        rows, which = np.unique(self.candidates[known], axis=0, return_inverse=True)
+        mean = np.bincount(which.ravel(), self.scores[known]) / np.bincount(which.ravel())
+        order = np.argsort(-mean, kind="stable")[:count]
+        return [(dict(zip(self.space.names, rows[i].tolist(), strict=True)), float(mean[i])) for i in order]
+
+    @property
+    def best(self) -> dict[str, float]:
+        """The numbers of the best candidate, by name. **Raises** `ValueError` if all failed."""
+        ranked = self.ranked(1)
+        check(ranked, "candidates that did not fail", len(ranked), "at least one")
+        return ranked[0][0]
+
+    def __repr__(self) -> str:
+        failed = int(np.isnan(self.scores).sum())
+        said = f", best score {self.ranked(1)[0][1]:.4g}" if failed < len(self.scores) else ""
+        return f"Found({len(self.scores)} evaluations of {self.space.size} numbers, {failed} failed{said})"
 
 
 def search(
@@ -36,28 +78,33 @@ def search(
     out: Path | str | None = None,
     progress: bool = True,
 ) -> Found:
-    """Look for numbers with a great score.
+    """Search for numbers with a high score.
 
     **Arguments:**
 
-    - `score`: a function of a batch of candidates and a generator of random numbers (`Score`).
+    - `score`: a function of a batch of candidates and a random generator (`Score`).
     - `space`: the numbers and their bounds.
     - `method`: by default `CmaEs()`.
-    - `evaluations`: candidates that are scored, at most: only whole rounds are, and at least one.
-    - `seed`: of all chance, at least 0. The same search with the same seed finds the same.
-    - `out`: a file that keeps the search after every round. Where it is there already, the search goes on from it, and
-      what follows is the same to the last bit; with more `evaluations` it can be made longer. None keeps nothing.
-    - `progress`: whether to show it.
+    - `evaluations`: the greatest number of candidates to score, at least one round; only whole rounds are made.
+    - `seed`: of all randomness, at least 0. The same search with the same seed gives the same result.
+    - `out`: a file that stores the search after every round. If it exists, the search continues from it bit for bit;
+      more `evaluations` extend it. None stores nothing.
+    - `progress`: whether to show progress.
 
-    **Returns** all that was tried.
+    **Returns:** everything that was tried.
 
-    **Raises:** `ValueError` for a bad argument, for scores of another number than there are candidates, or where `out`
-    is of another search.
+    **Raises:** `ValueError` for a bad argument, for a wrong number of scores, or if `out` belongs to another search.
+
+    ```python
+    space = Space({"x": Range(-1.0, 1.0)})
+    found = search(lambda batch, random: [-(each["x"] ** 2) for each in batch], space, evaluations=60)
+    found.best
+    ```
     """
     method = CmaEs() if method is None else method
-    whole("seed", seed, 0)
+    check_integer("seed", seed, 0)
     batch = method.batch(space.size)
-    whole("evaluations", evaluations, batch)
+    check_integer("evaluations", evaluations, batch)
     file = None if out is None else Path(out)
     mark = _mark(space, method, seed)
     if file is not None:
@@ -92,7 +139,7 @@ def _read(file: Path, mark: str, space: Space) -> tuple[State, np.ndarray, np.nd
 
 
 def _mark(space: Space, method: Method, seed: int) -> str:
-    """What a stored search must have in common with this one to go on."""
+    """A fingerprint of what a stored search must have in common with this one to be continued."""
     asked: dict[str, Any] = {"space": repr(dict(space.ranges)), "method": repr(method), "seed": int(seed)}
     return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:16]
 

@@ -1,4 +1,4 @@
-"""What is searched: named numbers, each within bounds."""
+"""The search space: named numbers, each within bounds."""
 
 import dataclasses
 import math
@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check
+from motorgrad._errors import check, check_finite
 
 
 @dataclasses.dataclass(frozen=True)
 class Range:
-    """What one number may be, in its own unit.
+    """The range of one number, in its own unit.
 
     - `low`, `high`: the bounds, both included.
-    - `start`: where a search begins; by default in the middle.
-    - `log`: whether equal ratios count alike, in place of equal differences; then both bounds are above 0.
+    - `start`: where a search starts; by default in the middle.
+    - `log`: whether the scale is logarithmic; then both bounds are above 0.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
@@ -29,14 +29,13 @@ class Range:
     log: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("low", "high") if self.start is None else ("low", "high", "start"):
+            check_finite(f"Range.{name}", getattr(self, name))
         least = 0.0 if self.log else -math.inf
-        check(_number(self.low) and self.low > least, "Range.low", self.low, f"a finite number above {least:g}")
-        check(
-            _number(self.high) and self.high > self.low, "Range.high", self.high, f"finite and above low = {self.low!r}"
-        )
+        check(self.low > least, "Range.low", self.low, f"a finite number above {least:g}")
+        check(self.high > self.low, "Range.high", self.high, f"finite and above low = {self.low!r}")
         if self.start is not None:
-            inside = _number(self.start) and self.low <= self.start <= self.high
-            check(inside, "Range.start", self.start, f"in {self.low!r} … {self.high!r}")
+            check(self.low <= self.start <= self.high, "Range.start", self.start, f"in {self.low!r} … {self.high!r}")
 
     def number(self, place: Any) -> Any:
         """The numbers at places from 0, the lower bound, to 1, the upper one; of any shape."""
@@ -53,11 +52,15 @@ class Range:
 
 @dataclasses.dataclass(frozen=True)
 class Space:
-    """Named numbers within bounds. Methods of search see *places* from 0 to 1; functions see the numbers themselves.
+    """Named numbers within bounds. Search methods see *places* from 0 to 1, score functions see the numbers themselves.
 
     - `ranges`: a `Range` for every name.
 
     **Raises:** `ValueError` unless there is at least one.
+
+    ```python
+    space = Space({"rate": Range(1e-4, 1e-2, log=True), "decay": Range(0.9, 0.999)})
+    ```
     """
 
     ranges: Mapping[str, Range]
@@ -69,7 +72,7 @@ class Space:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the numbers, in the order of every array."""
+        """The names of the numbers, in the order of all arrays."""
         return tuple(self.ranges)
 
     @property
@@ -79,12 +82,12 @@ class Space:
 
     @property
     def start(self) -> Float[np.ndarray, " size"]:
-        """The places at which a search begins."""
+        """The places at which a search starts."""
         starts = ((each, each.start) for each in self.ranges.values())
         return np.array([0.5 if start is None else each.place(start) for each, start in starts], float)
 
     def numbers(self, places: Any) -> Float[np.ndarray, "*batch size"]:
-        """Places (…, size) as numbers in their own units."""
+        """Convert places (…, size) to numbers in their own units."""
         places = self._of_its_size("places", places)
         return np.stack([each.number(places[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
 
@@ -105,9 +108,5 @@ class Space:
 
 
 def reflected(places: Any) -> Float[np.ndarray, "*batch size"]:
-    """Places anywhere, folded at the bounds into 0 … 1 as light is by two mirrors."""
+    """Reflect arbitrary places at the bounds into 0 … 1."""
     return 1.0 - np.abs(1.0 - np.mod(places, 2.0))
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,29 +1,42 @@
-"""Tasks: an observation, a reward and an episode's rule over a world or a body."""
+"""Tasks: observations, rewards and ends of episodes over a world or a body."""
 
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
-from motorgrad.tasks._body_task import BodyTask
-from motorgrad.tasks._drift import Drift
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
-from motorgrad.tasks._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
-from motorgrad.tasks._gymnasium_batch import EnvironmentBatch, EnvironmentState
-from motorgrad.tasks._hexapod import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, March
-from motorgrad.tasks._hexapod_primitive import HexapodPrimitive, Steps
-from motorgrad.tasks._hexapod_stride import HexapodStride, Stride
-from motorgrad.tasks._hopper import Flight, Hopper
-from motorgrad.tasks._host_task import HostBatch, HostTask
-from motorgrad.tasks._linear_recruitment import LinearRecruitment, spacing_error
-from motorgrad.tasks._mirror import Mirror
-from motorgrad.tasks._outcome import Outcome, outcome
-from motorgrad.tasks._particle import FallingParticle
-from motorgrad.tasks._particle_navigation import ParticleNavigation
-from motorgrad.tasks._particle_orbit import ParticleOrbit
-from motorgrad.tasks._particle_task import ParticleTask, around
-from motorgrad.tasks._recruitment import Pull, Recruitment
-from motorgrad.tasks._regions import LAYOUTS, Region, region_reward
+from motorgrad.tasks._hopper import Hopper, HopperMemory
+from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
+from motorgrad.tasks._particle import (
+    LAYOUTS,
+    FallingParticle,
+    ParticleNavigation,
+    ParticleOrbit,
+    ParticleTask,
+    Region,
+    around,
+    region_reward,
+)
+from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, RecruitmentMemory, spacing_error
 from motorgrad.tasks._registry import TASKS, make
-from motorgrad.tasks._synergies import Synergies, find_synergies, synergy_matrix
-from motorgrad.tasks._task import Reading, Task
-from motorgrad.tasks._timed_body_task import TimedBodyTask
+from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, outcome
+from motorgrad.tasks.gymnasium import (
+    EnvironmentBatch,
+    EnvironmentMemory,
+    EnvironmentState,
+    Gymnasium,
+    from_gymnasium,
+)
+from motorgrad.tasks.hexapod import (
+    TRIPOD_SYNERGIES,
+    Hexapod,
+    HexapodMemory,
+    HexapodPrimitive,
+    HexapodStride,
+    HexapodSynergy,
+    PrimitiveMemory,
+    StrideMemory,
+    Synergies,
+    find_synergies,
+    synergy_matrix,
+)
 
 __all__ = [
     "LAYOUTS",
@@ -39,32 +52,31 @@ __all__ = [
     "EnvironmentState",
     "FallingParticle",
     "FiniteTask",
-    "Flight",
     "Gymnasium",
     "Hexapod",
+    "HexapodMemory",
     "HexapodPrimitive",
     "HexapodStride",
     "HexapodSynergy",
     "Hopper",
+    "HopperMemory",
     "HostBatch",
     "HostTask",
     "LinearRecruitment",
-    "March",
     "Mirror",
     "Outcome",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
-    "Pull",
+    "PrimitiveMemory",
     "Reading",
     "Recruitment",
+    "RecruitmentMemory",
     "Region",
-    "Steps",
-    "Stride",
+    "StrideMemory",
     "Synergies",
     "Task",
     "ThreeState",
-    "TimedBodyTask",
     "around",
     "find_synergies",
     "from_gymnasium",

@@ -10,35 +10,35 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
-from motorgrad.tasks._recruitment import Pull, Recruitment
+from motorgrad.tasks._recruitment import Recruitment, RecruitmentMemory
 from motorgrad.tasks._task import Reading
 from motorgrad.worlds import SweepingLoads
 
-COMPLETE = 0.999  # of the full lift: simulation and table are not nearer to each other
+COMPLETE = 0.999  # of the full lift, the accuracy to which simulation and table agree
 
 
 @dataclasses.dataclass(frozen=True)
 class ArmRecruitment(Recruitment):
-    """Lift each load as high as that is worth, with as few units as that takes.
+    """Lift each load as high as it is worth, with as few units as possible (section 4.3.2 of the thesis).
 
-    Observed: the load, in kg; negative ones are no load at all. Actions: each unit of the flexor's pool fires or not.
-    Reward: the height of the lift, from 0 to `scale`, minus `cost` × the part of the pool that fires. An episode is a
-    sweep: the load starts at `low`, grows by U[`least`, `most`], and the sweep ends when it is above `high`.
+    Observed: the load, in kg; negative ones mean no load. Actions: each unit of the flexor's pool fires or not. Reward:
+    the height of the lift, from 0 to `scale`, minus `cost` × the fraction of the pool that fires. An episode is a
+    sweep: the load starts at `low`, grows by U[`least`, `most`], and the sweep ends when it exceeds `high`.
 
-    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as of every recruitment task, and
+    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as for every recruitment task, and
 
-    - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` does not matter.
-    - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 a second).
-    - `paid`: `"height"`, each lift by its height; or `"complete"`, where less than the full lift pays as none at all.
+    - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` is ignored.
+    - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 per second).
+    - `paid`: `"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete counts as none.
     - `scale`: the height of the full lift.
     - `cost`: of the whole pool's firing.
-    - `unloaded`: the height that is paid for loads of 0 and below, whatever fires.
-    - `low` (kg): where a sweep begins.
-    - `high` (kg): above what a sweep ends; at most 20, with what drifts.
-    - `least` (kg): by how much the load grows at least at each decision.
-    - `most` (kg): by how much it grows at most.
+    - `unloaded`: the height credited for loads of 0 and below, whatever fires.
+    - `low` (kg): the load at the start of a sweep.
+    - `high` (kg): the load above which a sweep ends; at most 20, including drift.
+    - `least` (kg): the least increase of the load per decision.
+    - `most` (kg): the greatest increase.
     """
 
     name: ClassVar[str] = "arm-recruitment"
@@ -65,8 +65,7 @@ class ArmRecruitment(Recruitment):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        choice("height", self.height, ("table", "direct"))
-        choice("paid", self.paid, ("height", "complete"))
+
         for name in ("scale", "cost", "unloaded"):
             check(abs(getattr(self, name)) < 1e6, name, getattr(self, name), "a number between -1e6 and 1e6")
         most = LiftTable.heaviest
@@ -86,7 +85,7 @@ class ArmRecruitment(Recruitment):
     def effect(
         self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
     ) -> Float[Array, ""]:
-        """H, the height to which a part of the pool lifts a load; JAX arrays, which broadcast."""
+        """H, the height to which a fraction of the pool lifts a load; JAX arrays, which broadcast."""
         force = self.body.strength * strength * ratio
         lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
         part = lifted(load, force)
@@ -97,13 +96,13 @@ class ArmRecruitment(Recruitment):
     def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
         return effect - self.cost * ratio
 
-    def readings(self, memory: Pull, state: Float[Array, ""]) -> dict[str, Reading]:
-        """`height`: of the lift, where there was a load. `active`: the part of the pool that fired."""
+    def readings(self, memory: RecruitmentMemory, state: Float[Array, ""]) -> dict[str, Reading]:
+        """`height`: of the lift, if there was a load. `active`: the fraction of the pool that fired."""
         return {"height": (memory.effect, memory.at > 0), "active": (memory.ratio, True)}
 
 
 def _simulated(body: Arm, load: Array, force: Array) -> Array:
-    """`motorgrad.bodies.lift` from within compiled code, for all seeds in one call."""
+    """`motorgrad.bodies.lift` called from compiled code, for all seeds at once."""
 
     def host(load: Any, force: Any) -> np.ndarray:
         return lift(body, np.maximum(load, 0.0), force).astype(np.float32)

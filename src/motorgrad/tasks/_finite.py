@@ -1,4 +1,4 @@
-"""Tasks on finite MDPs: the reward and the observation are the MDP's own."""
+"""Tasks on finite MDPs: reward and observation are the MDP's own."""
 
 import abc
 import dataclasses
@@ -9,12 +9,12 @@ from typing import Any, ClassVar, Literal
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, choice
-from motorgrad.tasks._task import Actions, Task
-from motorgrad.worlds import CHAIN_VARIANTS, FiniteMDP, call_admission, chain, three_state
+from motorgrad._errors import check, check_fields
+from motorgrad.tasks._task import Actions, Task, check_time_limit
+from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
 
 MOST = 2000  # a finite MDP is a dense table of all transitions
-# Tasks are equal by their numbers; so are the worlds that they make, each of which is made once.
+# Tasks with equal settings are equal, so each world is made only once.
 _three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
 
 
@@ -24,14 +24,14 @@ class FiniteTask(Task):
 
     **Arguments:**
 
-    - `time_limit`: decisions after which an episode is cut and begins anew; `None` for a continuing task.
+    - `time_limit`: decisions after which an episode is cut and restarts; `None` for a continuing task.
     """
 
     time_limit: int | None = None
 
     def __post_init__(self) -> None:
-        whole = self.time_limit is None or (isinstance(self.time_limit, int) and 1 <= self.time_limit < 2**31)
-        check(whole, "time_limit", self.time_limit, "None, or from 1 to 2147483647 decisions")
+        check_fields(self)
+        check_time_limit(self.time_limit)
 
     @property
     @abc.abstractmethod
@@ -54,7 +54,7 @@ class FiniteTask(Task):
         return self.time_limit
 
     def observe(self, memory: Any, state: Array, uniforms: Float[Array, " 0"]) -> tuple[Any, Array]:
-        # What an action pays may depend on the state in which it was taken: that state is remembered where it does.
+        # If the reward depends on the state in which the action was taken, that state is the memory.
         memory = state if self.dynamics.rewards.ndim == 2 else memory
         return memory, jnp.asarray(self.dynamics.observations, jnp.result_type(float))[state]
 
@@ -67,7 +67,7 @@ class FiniteTask(Task):
 
 @dataclasses.dataclass(frozen=True)
 class ThreeState(FiniteTask):
-    """The three-state MDP of Baxter & Bartlett (2001), on which estimators are compared."""
+    """The three-state MDP of Baxter & Bartlett (2001), on which gradient estimators are compared."""
 
     name: ClassVar[str] = "three-state"
     actions: ClassVar[Actions] = "discrete"
@@ -85,7 +85,7 @@ class Chain(FiniteTask):
     **Arguments:**
 
     - `length`: number of states, from 2 to 2,000.
-    - `variant`: what a wrong move does: `"walk"`, one state back; `"reset"`, back to the start.
+    - `variant`: effect of a wrong move: `"walk"`, one state back; `"reset"`, back to the start.
     """
 
     name: ClassVar[str] = "chain"
@@ -98,7 +98,6 @@ class Chain(FiniteTask):
     def __post_init__(self) -> None:
         super().__post_init__()
         check(2 <= self.length <= MOST, "length", self.length, f"from 2 to {MOST} states")
-        choice("variant", self.variant, CHAIN_VARIANTS)
 
     @property
     def dynamics(self) -> FiniteMDP:
@@ -107,7 +106,7 @@ class Chain(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class CallAdmission(FiniteTask):
-    """Call admission control (Marbach & Tsitsiklis, 1998): accept the call that asks, or keep room for a better one.
+    """Call admission control (Marbach & Tsitsiklis, 1998): accept an arriving call, or keep room for a better one.
 
     **Arguments:**
 

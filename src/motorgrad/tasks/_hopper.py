@@ -1,8 +1,7 @@
-"""The hopper's task: jump high, with as few muscles as that takes (section 5.2 of the thesis)."""
+"""The hopper's task: jump high with as few muscles as possible (section 5.2 of the thesis)."""
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -10,19 +9,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import (
+    check,
+    check_fields,
+    check_not_negative,
+    check_positive,
+)
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
+from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Reading
-from motorgrad.tasks._timed_body_task import TimedBodyTask
 
 MOST = 10_000  # units
 FASTEST = 50.0  # rad/s
 
 
-class Flight(NamedTuple):
-    """What the hopper's task remembers: the flight's greatest foot height so far, its first apex (0 before it), and the
-    greatest height of a flight that has just ended (else 0)."""
+class HopperMemory(NamedTuple):
+    """The memory of the hopper's task: the greatest foot `height` of the current flight, its `first` apex (0 before
+    it), and the greatest height of a flight that has just `landed` (else 0)."""
 
     height: Float[Array, ""]
     first: Float[Array, ""]
@@ -30,34 +34,36 @@ class Flight(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Hopper(TimedBodyTask):
+class Hopper(BodyTask):
     """Hop as high as possible.
 
-    Observed: foot contact (±1), knee angle about `centre` in rad, knee velocity × `velocity_scale` (rad/s).
-    Actions: the flexor pair, the extensor pair, or units that drive these. Reward: `reward_scale` × the height (m) of a
-    hop, a flight above `hop_height`, minus `penalty` for each active muscle at each decision.
+    Observed: foot contact (±1), knee angle relative to `centre` in rad, knee velocity × `velocity_scale` (rad/s).
+    Actions: the flexor pair and the extensor pair, or units that drive these. Reward: `reward_scale` × the height (m)
+    of a hop, a flight above `hop_height`, minus `penalty` for each active muscle per decision.
 
     **Arguments:**
 
     - `body`: the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`.
-    - `paid`: `"landing"` pays the flight's greatest foot height when it is over; `"apex"` pays its first apex when that
-      is reached, which is sooner after the push and learnt sooner, but may pay less than the flight was worth.
+    - `paid`: `"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the flight's first
+      apex when it is reached, which is sooner after the push and learnt sooner, but may be less than the flight was
+      worth.
     - `reward_scale`: reward per metre.
-    - `penalty`: cost of a muscle that is active for one decision.
-    - `hop_height`: in metres; a lower flight does not count.
-    - `observe_contact`: whether foot contact is observed beside the knee.
-    - `centre`: the interior knee angle, in degrees, that is observed as 0; 0 gives the raw angle.
-    - `velocity_scale`: brings the knee's velocity into the range of the other inputs.
-    - `action_period`: simulated seconds from one decision to the next, a multiple of the body's time step.
-    - `time_limit`: simulated seconds after which an episode is cut; `None` for a continuing task.
-    - `units`: actions, dealt out in turn over the groups of muscles: the first drives the flexors, the second the
-      extensors, the third the flexors again. A group is active while any of its units fires. By default one for each.
+    - `penalty`: cost of an active muscle per decision.
+    - `hop_height` (m): lower flights do not count.
+    - `observe_contact`: whether to observe foot contact in addition to the knee.
+    - `centre` (degrees): the interior knee angle that is observed as 0; 0 gives the raw angle.
+    - `velocity_scale`: scales the knee's velocity to the range of the other inputs.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for a continuing task.
+    - `units`: number of actions, assigned in turn to the groups of muscles: the first drives the flexors, the second
+      the extensors, the third the flexors again. A group is active while any of its units fires. By default one per
+      group.
     """
 
     name: ClassVar[str] = "hopper"
     reports: ClassVar[tuple[str, ...]] = ("apex",)
-    # The thesis's decay of 0.98 forgets two thirds of a push within half a second, about the flight that `"landing"`
-    # waits for; 0.995 remembers it, and learns almost three times as fast (docs/tasks/hopper.md has both measured).
+    # With the thesis's decay of 0.98, two thirds of a push are forgotten within half a second, about the duration of a
+    # flight rewarded at landing. With 0.995 learning is almost three times as fast (measured in docs/tasks/hopper.md).
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "learning_rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
@@ -73,20 +79,14 @@ class Hopper(TimedBodyTask):
     units: int | None = None
 
     def __post_init__(self) -> None:
-        choice("paid", self.paid, ("landing", "apex"))
-        for name in ("reward_scale", "velocity_scale"):
-            check(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
-        check(0 < self.hop_height < math.inf, "hop_height", self.hop_height, "a positive height in m")
+        check_fields(self)
+        check_positive("hop_height", self.hop_height)
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
-        check(0 <= self.penalty < math.inf, "penalty", self.penalty, "a finite number of at least 0")
+        check_not_negative("penalty", self.penalty)
         self.check_times()
         groups = len(self.body.groups)
-        enough = self.units is None or (isinstance(self.units, int) and groups <= self.units <= MOST)
+        enough = self.units is None or groups <= self.units <= MOST
         check(enough, "units", self.units, f"None, or from one for each of the {groups} groups of muscles to {MOST:,}")
-
-    @property
-    def dynamics(self) -> HopperBody:
-        return self.body
 
     @property
     def observation_size(self) -> int:
@@ -99,51 +99,47 @@ class Hopper(TimedBodyTask):
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        """Of the velocity the range that learnt hops have: some 50 rad/s to either side."""
+        """For the velocity, the range of learnt hops, about ±50 rad/s."""
         low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)
         fast = max(FASTEST * abs(self.velocity_scale), 1e-6)
         knee = (low, high), (-fast, fast)
         return ((-1.0, 1.0), *knee) if self.observe_contact else knee
 
-    @property
-    def drives(self) -> np.ndarray | None:
-        return None if self.units is None else self._drives
-
     @functools.cached_property
-    def _drives(self) -> np.ndarray:
+    def drives(self) -> np.ndarray | None:
         groups = len(self.body.groups)
-        return np.eye(groups, dtype=np.float32)[np.arange(self.units or groups) % groups]
+        return None if self.units is None else np.eye(groups, dtype=np.float32)[np.arange(self.units) % groups]
 
     @functools.cached_property
     def _muscles_per_group(self) -> np.ndarray:
         groups = [muscle.group for muscle in self.body.muscles]
         return np.array([groups.count(group) for group in self.body.groups], np.float32)
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Flight:
-        return Flight(*(jnp.zeros(()),) * 3)
+    def init(self, uniforms: Float[Array, " 0"]) -> HopperMemory:
+        return HopperMemory(*(jnp.zeros(()),) * 3)
 
     def observe(
-        self, memory: Flight, state: BodyState, uniforms: Float[Array, " 0"]
-    ) -> tuple[Flight, Float[Array, " inputs"]]:
+        self, memory: HopperMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[HopperMemory, Float[Array, " inputs"]]:
         contact = jnp.where(state.sensors["foot_contact"] > 0, 1.0, -1.0)
         angle = state.sensors["knee_angle"] + np.deg2rad(90.0 - self.centre)
         knee = [angle, self.velocity_scale * state.sensors["knee_velocity"]]
         return memory, jnp.stack([contact, *knee] if self.observe_contact else knee)
 
     def reward(
-        self, memory: Flight, state: BodyState, action: Float[Array, " units"]
-    ) -> tuple[Flight, Float[Array, ""], Bool[Array, ""] | bool]:
+        self, memory: HopperMemory, state: BodyState, action: Float[Array, " units"]
+    ) -> tuple[HopperMemory, Float[Array, ""], Bool[Array, ""] | bool]:
         now = state.sensors["foot_height"]
         down = state.sensors["foot_contact"] > 0
         height = jnp.maximum(memory.height, now)
         landed = jnp.where(down & (height > self.hop_height), height, 0.0)
-        # The first apex is over once the foot is below where it has been, for the first time in this flight.
+        # The first apex has passed when the foot is below its greatest height for the first time in this flight.
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
         paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
         cost = self.penalty * jnp.sum(self.control(action, memory) * self._muscles_per_group)
-        return Flight(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
+        return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
 
-    def readings(self, memory: Flight, state: BodyState) -> dict[str, Reading]:
-        """`apex`: the greatest foot height (m) of the flight that has just ended in a landing."""
+    def readings(self, memory: HopperMemory, state: BodyState) -> dict[str, Reading]:
+        """`apex`: the greatest foot height (m) of a flight that has just ended."""
         return {"apex": (memory.landed, memory.landed > 0)}

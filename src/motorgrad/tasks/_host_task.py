@@ -1,46 +1,51 @@
-"""Tasks whose dynamics run on the host, for all seeds at once."""
+"""Tasks whose dynamics run on the host, for all seeds at once: bodies and foreign environments."""
 
 import abc
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._errors import check
+from motorgrad.bodies import Body, BodyBatch
 from motorgrad.tasks._task import Task
 
-# On the host every decision is a compiled call, which takes less time than waking another thread for it, as
-# asynchronous dispatch does. The setting is the whole process's, and has no effect where JAX is already at work.
+MOST_SUBSTEPS = 10_000  # physics steps per decision
+# On the host every decision is a compiled call that takes less time than waking another thread, as asynchronous
+# dispatch does. The setting is process-wide, and has no effect if JAX is already in use.
 jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
 class HostBatch(Protocol):
-    """The dynamics of all seeds, moved on the host.
+    """The dynamics of all seeds, stepped on the host.
 
-    - `packed` (seeds, width) float32: all that the task's functions may see, refreshed in place; the last number of a
-      row is 1 where the dynamics broke in the step just made, else 0.
-    - `lost`: whether any row broke in the step just made.
+    - `packed` (seeds, width) float32: everything the task's functions may see, updated in place. The last number of a
+      row is 1 if the dynamics diverged in the last step, else 0.
+    - `lost`: whether any row diverged in the last step.
     """
 
     packed: Float[np.ndarray, "seeds width"]
     lost: bool
 
     def step(self, actions: Float[np.ndarray, "seeds size"], /) -> None:
-        """Move every seed by one decision."""
+        """Advance every seed by one decision."""
 
     def reset(self, rows: Any = None) -> None:
-        """Begin a new episode in these rows, by default in all."""
+        """Start a new episode in these rows, by default in all."""
 
     def unpack(self, packed: Any) -> Any:
-        """The state that the task's functions see, from one packed row or any array of them."""
+        """The state seen by the task's functions, from one packed row or any array of rows."""
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """All that `restore` needs, copied; seeds lead."""
+        """Everything `restore` needs, copied; seeds lead."""
         ...
 
     def restore(self, snapshot: Mapping[str, np.ndarray], /) -> None:
-        """Go back to a snapshot."""
+        """Return to a snapshot."""
 
 
 class HostTask(Task):
@@ -48,15 +53,81 @@ class HostTask(Task):
 
     @abc.abstractmethod
     def batch(self, seeds: Sequence[int], threads: int = 0) -> HostBatch:
-        """The dynamics, one row for each seed, at the start of an episode; `threads`, where they can use them."""
+        """The dynamics at the start of an episode, one row per seed; `threads` if they can use them."""
 
     def control(self, action: Any, memory: Any = None) -> Any:
-        """What the dynamics are told of an action, `(…, action_size)`: by default the action itself. `memory` is what
-        the task remembered when it was chosen, with the same leading axes."""
+        """The input of the dynamics for an action, `(…, action_size)`; by default the action itself. `memory` is the
+        task's memory when the action was chosen, with the same leading axes."""
         del memory
         return action
 
     @property
     def no_resume(self) -> str | None:
-        """Why the dynamics cannot be saved and restored; `None` where they can."""
+        """Why the dynamics cannot be saved and restored; `None` if they can."""
         return None
+
+
+class BodyTask(HostTask):
+    """A task on a muscle-driven body. An action is the activation of each group of muscles, or of units that drive
+    several groups each (`drives`).
+
+    Subclasses are dataclasses with the settings `body`, `action_period` (s between two decisions) and `time_limit` (s
+    after which an episode is cut, `None` for a continuing task). The `state` seen by the task's functions is a
+    `motorgrad.bodies.BodyState`.
+    """
+
+    body: Any
+    action_period: float
+    time_limit: float | None
+
+    def check_times(self) -> None:
+        """Refuse a period that is no multiple of the time step, and an episode shorter than it."""
+        ratio = self.action_period / self.body.timestep
+        whole = 0.5 < ratio < MOST_SUBSTEPS + 0.5 and abs(ratio - round(ratio)) < 1e-6
+        allowed = f"a positive multiple of the time step, {self.body.timestep} s, at most {MOST_SUBSTEPS} of them"
+        check(whole, "action_period", self.action_period, allowed)
+        check(
+            self.time_limit is None or 1 <= self.time_limit / self.action_period < 2**31,
+            "time_limit",
+            self.time_limit,
+            f"None or at least one action period, {self.action_period} s, and fewer than 2147483648 of them",
+        )
+
+    @property
+    def dynamics(self) -> Body:
+        return self.body
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps per decision."""
+        return round(self.action_period / self.body.timestep)
+
+    @property
+    def period(self) -> float:
+        return self.action_period
+
+    @property
+    def episode_limit(self) -> int | None:
+        return None if self.time_limit is None else round(self.time_limit / self.action_period)
+
+    @functools.cached_property
+    def drives(self) -> Float[np.ndarray, "units groups"] | None:
+        """Which groups of muscles each unit drives, in zeros and ones; `None` if every group has its own unit.
+
+        A group is active while any of its units fires.
+        """
+        return None
+
+    @property
+    def action_size(self) -> int:
+        drives = self.drives
+        return len(self.dynamics.groups if drives is None else drives)
+
+    def control(self, action: Any, memory: Any = None) -> Any:
+        """The activation of each group of muscles, from `(…, action_size)` to `(…, groups)`."""
+        del memory
+        drives = self.drives
+        return action if drives is None else jnp.minimum(action @ drives, 1.0)
+
+    def batch(self, seeds: Sequence[int], threads: int = 0) -> BodyBatch:
+        return BodyBatch(self.dynamics, len(seeds), substeps=self.substeps, threads=threads)

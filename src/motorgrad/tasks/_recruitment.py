@@ -1,25 +1,81 @@
-"""What the two tasks of chapter 4 have in common: a load is seen, units of a pool fire, and their force is paid."""
+"""Recruitment of motor units for a load, by a linear mapping or an arm (chapter 4 of the thesis)."""
 
 import abc
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad._errors import check
-from motorgrad.tasks._drift import Drift
-from motorgrad.tasks._task import Task
+from motorgrad._errors import check, check_fields, check_integer
+from motorgrad.tasks._task import Reading, Task, check_time_limit
+from motorgrad.worlds import QueriedLoads, UniformLoads
 
 MOST = 10_000  # units
 
 
-class Pull(NamedTuple):
-    """What a recruitment task remembers: the load that is seen before the coming action; of the last action the load
-    that it was `at` (the one that was seen, and what had drifted), its ratio (the part of the pool that fired, by size)
-    and its effect; the clock of the drift, or `None`."""
+@dataclasses.dataclass(frozen=True)
+class Drift:
+    r"""A periodic change over time $t$ of the muscle's strength, or of an unobserved additional load (section 4.4.1 of
+    the thesis).
+
+    **Arguments:**
+
+    - `amount`: $A$, the greatest change; 0 for none. For the strength a fraction above −1, such as −0.3 for a muscle
+      that loses 30 % and regains it; for the load in units of the load.
+    - `period` (decisions): $T$, the period of the change.
+    - `form`: `"sine"`, $A f(t)$ with $f = \tfrac12 (1 - \cos 2\pi t/T)$; `"steps"`, 0 in the first half of each period
+      and $A$ in the second.
+    - `of`: `"strength"`, a factor of the muscle's force, from 1 to $1 + A$; or `"load"`, an additional load from 0 to
+      $A$, which is not observed: the arm has become heavier, or holds a tool.
+    """
+
+    amount: float = 0.0
+    period: int = 1_000_000
+    form: Literal["sine", "steps"] = "sine"
+    of: Literal["strength", "load"] = "strength"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.of == "strength":
+            check(-1 < self.amount < 100, "amount", self.amount, "above -1 and below 100, of the strength")
+        else:
+            check(abs(self.amount) < 1e6, "amount", self.amount, "between -1e6 and 1e6, in units of the load")
+        check_integer("period", self.period, 2, 2**31 - 1)
+
+    def strength(self, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+        """The factor of the muscle's force at a decision of the period, counted from 0; 1 without a clock."""
+        return self._course(1.0, clock) if self.of == "strength" else 1.0
+
+    def load(self, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+        """The additional load at a decision of the period; 0 without a clock."""
+        return self._course(0.0, clock) if self.of == "load" else 0.0
+
+    def start(self) -> Int[Array, ""] | None:
+        """The clock at the first decision; `None` without drift."""
+        return jnp.zeros((), jnp.int32) if self.amount else None
+
+    def tick(self, clock: Int[Array, ""] | None) -> Int[Array, ""] | None:
+        """The clock at the next decision."""
+        return None if clock is None else (clock + 1) % self.period
+
+    def _course(self, start: float, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+        """From `start` to `start` + `amount` and back."""
+        if clock is None:
+            return start
+        if self.form == "steps":
+            return jnp.where(clock < self.period // 2, start, start + self.amount)
+        return start + 0.5 * self.amount * (1.0 - jnp.cos(2.0 * jnp.pi * clock / self.period))
+
+
+class RecruitmentMemory(NamedTuple):
+    """The memory of a recruitment task: the `load` observed before the next action; for the last action the load it
+    acted `at` (the observed one and the drift), its `ratio` (the fraction of the pool that fired, by size) and its
+    `effect`; and the `clock` of the drift, or `None`."""
 
     load: Float[Array, ""]
     at: Float[Array, ""]
@@ -30,14 +86,14 @@ class Pull(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Recruitment(Task):
-    """A pool of motor units that pull together at a load which all motoneurons see.
+    """A pool of motor units that pull together at a load observed by all motoneurons.
 
     **Arguments:**
 
-    - `units`: in the pool, from 1 to 10,000.
-    - `size_ratio`: the largest unit's force by the smallest's; sizes grow exponentially from the first unit to the
-      last. 1 for equal units.
-    - `drift`: how the muscle's strength, or the load beside the observed one, changes over time; by default neither.
+    - `units`: number of units in the pool, from 1 to 10,000.
+    - `size_ratio`: ratio of the largest unit's force to the smallest's; sizes grow exponentially from the first unit to
+      the last. 1 for equal units.
+    - `drift`: how the muscle's strength, or an additional load, changes over time; by default neither does.
     - `time_limit`: decisions after which an episode is cut; `None` for never.
     """
 
@@ -47,10 +103,10 @@ class Recruitment(Task):
     time_limit: int | None = None
 
     def __post_init__(self) -> None:
-        check(isinstance(self.units, int) and 1 <= self.units <= MOST, "units", self.units, f"from 1 to {MOST}")
+        check_fields(self)
+        check_integer("units", self.units, 1, MOST)
         check(1 <= self.size_ratio <= 1e6, "size_ratio", self.size_ratio, "from 1 to 1e6")
-        whole = self.time_limit is None or (isinstance(self.time_limit, int) and 1 <= self.time_limit < 2**31)
-        check(whole, "time_limit", self.time_limit, "None, or from 1 to 2147483647 decisions")
+        check_time_limit(self.time_limit)
 
     @property
     def observation_size(self) -> int:
@@ -61,7 +117,7 @@ class Recruitment(Task):
         return self.units
 
     @property
-    def takes(self) -> tuple[str, ...]:
+    def accepted_actions(self) -> tuple[str, ...]:
         return ("binary", "graded")
 
     @property
@@ -70,7 +126,7 @@ class Recruitment(Task):
 
     @functools.cached_property
     def sizes(self) -> Float[np.ndarray, " units"]:
-        """Each unit's part of the force of the whole pool; they sum to 1."""
+        """Each unit's fraction of the whole pool's force; they sum to 1."""
         grown = self.size_ratio ** (np.arange(self.units) / max(1, self.units - 1))
         return grown / grown.sum()
 
@@ -78,48 +134,156 @@ class Recruitment(Task):
     def effect(
         self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
     ) -> Float[Array, ""]:
-        """What comes of pulling at a load with this part of a pool whose muscle has changed to `strength`."""
+        """The effect of pulling at a load with a fraction `ratio` of the pool, for a muscle whose force has changed by
+        the factor `strength`."""
 
     @abc.abstractmethod
     def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
-        """What that pays."""
+        """The reward for an effect."""
 
     def ratio(self, action: Float[Array, " units"]) -> Float[Array, ""]:
-        """The part of the pool that fires, by size: from 0 to 1. Graded activations are clipped to that, each by
-        itself."""
+        """The fraction of the pool that fires, by size, from 0 to 1. Graded activations are clipped to that range
+        individually."""
         action = jnp.clip(action[: self.units], 0, 1)
         if self.size_ratio == 1:
             return jnp.sum(action) / self.units
         return jnp.sum(action * jnp.asarray(self.sizes, action.dtype))
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Pull:
+    def init(self, uniforms: Float[Array, " 0"]) -> RecruitmentMemory:
         zero = jnp.zeros(())
-        return Pull(zero, zero, zero, zero, self.drift.start())
+        return RecruitmentMemory(zero, zero, zero, zero, self.drift.start())
 
-    def renew(self, memory: Pull, uniforms: Float[Array, " 0"]) -> Pull:
-        """What drifts goes on from one episode to the next."""
+    def renew(self, memory: RecruitmentMemory, uniforms: Float[Array, " 0"]) -> RecruitmentMemory:
+        """The drift continues from one episode to the next."""
         return self.init(uniforms)._replace(clock=memory.clock)
 
     def observe(
-        self, memory: Pull, state: Float[Array, ""], uniforms: Float[Array, " 0"]
-    ) -> tuple[Pull, Float[Array, " 1"]]:
+        self, memory: RecruitmentMemory, state: Float[Array, ""], uniforms: Float[Array, " 0"]
+    ) -> tuple[RecruitmentMemory, Float[Array, " 1"]]:
         return memory._replace(load=state), state[None]
 
     def reward(
-        self, memory: Pull, state: Float[Array, ""], action: Float[Array, " units"]
-    ) -> tuple[Pull, Float[Array, ""], Bool[Array, ""] | bool]:
+        self, memory: RecruitmentMemory, state: Float[Array, ""], action: Float[Array, " units"]
+    ) -> tuple[RecruitmentMemory, Float[Array, ""], Bool[Array, ""] | bool]:
         ratio = self.ratio(action)
         load = memory.load + self.drift.load(memory.clock)
         effect = self.effect(load, ratio, self.drift.strength(memory.clock))
-        memory = Pull(memory.load, load, ratio, effect, self.drift.tick(memory.clock))
+        memory = RecruitmentMemory(memory.load, load, ratio, effect, self.drift.tick(memory.clock))
         return memory, self.pay(load, ratio, effect), self.over(state)
 
     def over(self, state: Float[Array, ""]) -> Bool[Array, ""] | bool:
-        """Whether the episode is over once the next load is `state`."""
+        """Whether the episode ends if the next load is `state`."""
         del state
         return False
 
     def immediate(self, observation: Float[Array, " 1"], action: Any) -> Float[Array, ""]:
-        """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` takes it (without drift)."""
+        """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` expects it (without drift)."""
         ratio = self.ratio(action)
         return self.pay(observation[0], ratio, self.effect(observation[0], ratio))
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearRecruitment(Recruitment):
+    """Recruit as many units as make the force a linear function of the load (section 4.3.1 of the thesis).
+
+    Observed: the load $x$, from U[`low`, `high`]. Actions: each unit fires or not. Reward: $-(a - a^*)^2$ with the
+    target force $a^* = c_1 x + c_2$. The force $a$ is either the number of active units (`output="count"`; then $a^*$
+    is in units too) or their fraction of the pool.
+
+    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as for every recruitment task, and
+
+    - `output`: `"count"` or `"ratio"`. They differ by the factor `units`² in the reward, and so in the step size.
+    - `slope`: $c_1$, for the output as a ratio; above 0.
+    - `intercept`: $c_2$, for the output as a ratio.
+    - `low`: the least load.
+    - `high`: the greatest load.
+    - `loads`: `"uniform"`, as above; or `"queried"`: the action has one more number at its end, the load that the
+      learner asks to observe next (`motorgrad.policies.Querying`).
+    """
+
+    name: ClassVar[str] = "linear-recruitment"
+    reports: ClassVar[tuple[str, ...]] = ("error",)
+
+    output: Literal["count", "ratio"] = "count"
+    slope: float = 1.2
+    intercept: float = -0.1
+    low: float = 0.0
+    high: float = 1.0
+    loads: Literal["uniform", "queried"] = "uniform"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+
+        check(0 < self.slope < 1e6, "slope", self.slope, "above 0 and below 1e6")
+        check(abs(self.intercept) < 1e6, "intercept", self.intercept, "a number between -1e6 and 1e6")
+        check(-1e6 < self.low < self.high < 1e6, "low, high", (self.low, self.high), "an interval, low < high")
+
+    @property
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        policy = "motoneurons" if self.loads == "uniform" else "querying-motoneurons"
+        return {"policy": policy, "decay": 0.0, "learning_rate": 2e-4}
+
+    @property
+    def action_size(self) -> int:
+        return self.units + (self.loads == "queried")
+
+    @property
+    def accepted_actions(self) -> tuple[str, ...]:
+        return super().accepted_actions if self.loads == "uniform" else ("querying",)
+
+    @property
+    def dynamics(self) -> UniformLoads | QueriedLoads:
+        return (UniformLoads if self.loads == "uniform" else QueriedLoads)(self.low, self.high)
+
+    def target(self, load: Any) -> Any:
+        """The target force at a load, as a ratio; arrays of any shape."""
+        return self.slope * load + self.intercept
+
+    def effect(
+        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
+    ) -> Float[Array, ""]:
+        """The force, as a ratio."""
+        return strength * ratio
+
+    def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
+        scale = self.units if self.output == "count" else 1
+        return -jnp.square(scale * (effect - self.target(load)))
+
+    def readings(self, memory: RecruitmentMemory, state: Float[Array, ""]) -> dict[str, Reading]:
+        """`error`: the absolute difference between force and target, as a ratio."""
+        return {"error": (jnp.abs(memory.effect - self.target(memory.at)), True)}
+
+    def ideal_thresholds(self, order: npt.ArrayLike | None = None) -> Float[np.ndarray, " units"]:
+        """The best thresholds for units without noise, $y^*_i = (m_i - c_2)/c_1$.
+
+        $m_i$ is the mean of the ratios before and after unit $i$ fires, $(i - ½)/N$ for equal units.
+
+        **Arguments:** `order`, the units in the order of their recruitment; by default from the smallest to the
+        largest. For uniformly distributed loads every order is equally good: a unit of size $s$ costs $s^3/12$ in any
+        place.
+
+        **Returns:** the threshold of each unit, in the units' own order.
+        """
+        places = np.arange(self.units) if order is None else np.asarray(order)
+        check(sorted(places.tolist()) == list(range(self.units)), "order", places.tolist(), "every unit once")
+        sizes = self.sizes[places]
+        found = np.empty(self.units)
+        found[places] = (np.cumsum(sizes) - sizes / 2 - self.intercept) / self.slope
+        return found
+
+
+def spacing_error(thresholds: npt.ArrayLike, task: LinearRecruitment) -> Float[np.ndarray, "..."]:
+    """The greatest deviation of pools' thresholds from the ideal ones, relative to the spacing of the latter.
+
+    **Arguments:** `thresholds` (..., units), of units with positive gains; the task.
+
+    **Returns:** (...): the greatest distance of a threshold from the ideal one of a unit recruited in its place,
+    divided by the mean spacing 1 / (units × slope). Below 0.25, units count as equally spaced.
+    """
+    pools = np.asarray(thresholds, float)
+    check(pools.shape[-1:] == (task.units,), "thresholds.shape", pools.shape, f"(..., {task.units})")
+    flat = pools.reshape(-1, task.units)
+    order = np.argsort(flat, axis=-1)
+    ideal = np.array([task.ideal_thresholds(row) for row in order]).reshape(flat.shape)
+    away = np.abs(flat - ideal).max(-1) * task.units * task.slope
+    return away.reshape(pools.shape[:-1])

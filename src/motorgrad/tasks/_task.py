@@ -1,32 +1,48 @@
-"""What every task is: what is observed, what is rewarded, when an episode ends; pure functions over dynamics."""
+"""The task interface: observations, rewards and ends of episodes, as pure functions over dynamics."""
 
 import abc
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
+from motorgrad._errors import check_integer
 from motorgrad.bodies import Body
-from motorgrad.tasks._mirror import Mirror
 from motorgrad.worlds import World
 
 Actions = Literal["binary", "discrete", "graded"]
 Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
-"""A quantity that a task reports, and whether it occurred at this decision."""
+"""A reported quantity, and whether it occurred at this decision."""
+
+
+class Mirror(NamedTuple):
+    """The mirror image of a task whose body has a left and a right side.
+
+    In the mirror, observed number `j` is `signs[j]` × number `inputs[j]`, and action `i` is action `outputs[i]`.
+    Mirroring twice gives the original task. An action on the middle of the body is its own image.
+
+    - `inputs` (observation_size): for each observed number, the index of its mirror image.
+    - `signs` (observation_size): 1, or -1 for numbers that change their sign, such as a turn to the left.
+    - `outputs` (action_size): for each action, the index of its mirror image.
+    """
+
+    inputs: tuple[int, ...]
+    signs: tuple[int, ...]
+    outputs: tuple[int, ...]
 
 
 class Task(abc.ABC):
-    """A task over a world (JAX) or a body (MuJoCo). Subclasses are frozen dataclasses of the task's numbers.
+    """A task over a world (JAX) or a body (MuJoCo). Subclasses are frozen dataclasses of the task's settings.
 
-    What a task must remember between decisions (a flight's apex, a delay line) is its `memory`, a pytree handed back
-    and forth explicitly; the functions below are pure, act on one seed, and run inside compiled code.
+    State that a task keeps between decisions (a flight's apex, a delay line) is its `memory`, a pytree passed
+    explicitly. The functions below are pure, act on one seed, and run inside compiled code.
     """
 
     name: ClassVar[str]
     """The name in the registry."""
     learner: ClassVar[Mapping[str, Any]] = {}
-    """Settings of the learner that go with the task, as in `motorgrad.training.AgentSettings`."""
+    """Learner settings suited to the task, as in `motorgrad.training.AgentSettings`."""
     uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
@@ -37,12 +53,12 @@ class Task(abc.ABC):
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
-    """Whether `reward` or `truncated` can report the end of an episode."""
+    """Whether `reward` or `truncated` can end an episode."""
 
     @property
     @abc.abstractmethod
     def dynamics(self) -> World | Body | Any:
-        """What moves."""
+        """The world or body."""
 
     @property
     @abc.abstractmethod
@@ -55,88 +71,135 @@ class Task(abc.ABC):
         """Number of binary or graded actions, or of alternatives."""
 
     @property
-    def takes(self) -> tuple[str, ...]:
-        """The kinds of actions that will do, as `Policy.actions` has them: by default those of `actions` alone."""
+    def accepted_actions(self) -> tuple[str, ...]:
+        """The kinds of actions that the task accepts, as in `Policy.actions`; by default only `actions`."""
         return (self.actions,)
 
     @property
     def period(self) -> float:
-        """Simulated time from one decision to the next, in seconds; 1 where the dynamics know no time."""
+        """Simulated time between two decisions, in seconds; 1 if the dynamics have no time."""
         return 1.0
 
     @property
     def episode_limit(self) -> int | None:
-        """After how many decisions an episode is cut (truncated, not terminated); `None` for never."""
+        """Number of decisions after which an episode is cut (truncated, not terminated); `None` for never."""
         return None
 
     @property
     def has_episodes(self) -> bool:
-        """Whether an episode ever ends, by the task or by its limit."""
+        """Whether episodes end, by the task or by its limit."""
         return self.episodic or self.episode_limit is not None
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        """What each observed number is, for people to read: by default its number."""
+        """Names of the observed numbers, for display; by default their indices."""
         return tuple(f"input {index}" for index in range(self.observation_size))
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...] | None:
-        """Between which values each observed number lies as a rule, for those who spread units over them; `None` where
-        that is not known."""
+        """The usual range of each observed number, over which units can be spread; `None` if unknown."""
         return None
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """Of graded actions: what the ends of an environment's space, −1 and 1, stand for. A policy may go beyond."""
+        """For graded actions: the values that −1 and 1 in an environment's action space stand for. A policy may exceed
+        them."""
         return ((-1.0, 1.0),) * self.action_size
 
     @property
     def mirror(self) -> Mirror | None:
-        """Which inputs and actions are each other's mirror image, on the two sides of a symmetric body; `None` where
-        there are no sides."""
+        """Which inputs and actions are mirror images of each other on a symmetric body; `None` without symmetry."""
         return None
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
-        """The memory at the start of an episode."""
+        """The memory at the start of the first episode."""
         del uniforms
         return ()
 
     def renew(self, memory: Any, uniforms: Float[Array, " init_uniforms"]) -> Any:
-        """The memory at the start of a further episode, `memory` being what the last one left: by default a new one.
+        """The memory at the start of a further episode, given the `memory` at the end of the last one; by default a new
+        one.
 
-        Here a task keeps what outlives an episode, such as running statistics of its senses.
+        Override it to keep what outlives an episode, such as running statistics of observations.
         """
         del memory
         return self.init(uniforms)
 
     def freeze(self, memory: Any) -> Any:
-        """The memory with which an evaluation goes on, in which the task itself must learn nothing more."""
+        """The memory for an evaluation, during which the task itself must not learn."""
         return memory
 
     @abc.abstractmethod
     def observe(
         self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
     ) -> tuple[Any, Float[Array, " observation_size"]]:
-        """What the policy sees of `state`, and the memory afterwards."""
+        """The policy's observation of `state`, and the new memory."""
 
     @abc.abstractmethod
     def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]:
-        """What the step that led to `state` by `action` pays: the memory afterwards, the reward, and `terminated`."""
+        """The new memory, the reward for the step that led to `state` by `action`, and `terminated`."""
 
     def truncated(self, memory: Any, state: Any) -> Bool[Array, ""] | bool:
-        """Whether the dynamics themselves cut the episode at `state`, by a time limit of their own; after `reward`."""
+        """Whether the dynamics themselves cut the episode at `state`, by their own time limit. Called after
+        `reward`."""
         del memory, state
         return False
 
     def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
-        """The quantities named in `reports`, after `reward`: each with whether it occurred at this decision."""
+        """The quantities named in `reports`, each with whether it occurred at this decision. Called after `reward`."""
         del memory, state
         return {}
 
     def measures(self, recorded: Any) -> dict[str, np.ndarray]:
-        """What a recorded motion says of each seed, beside the readings: numbers or words by name, `(seeds,)`.
+        """Measures of a recorded motion for each seed, in addition to the readings: numbers or words by name,
+        `(seeds,)`.
 
-        `recorded` is a `BodyState` of NumPy arrays (seeds, decisions, …); what is too short to measure gives nothing.
+        `recorded` is a `BodyState` of NumPy arrays (seeds, decisions, …). Recordings that are too short return nothing.
         """
         del recorded
         return {}
+
+
+class Outcome(NamedTuple):
+    """The result of a step of the dynamics: the task's `memory`; the `observation`, before any reset; the `reward`;
+    whether the episode `terminated` or was `truncated` (the Python value `False` if it never is); and the number of
+    decisions `elapsed` in it, `None` without a limit."""
+
+    memory: Any
+    observation: Float[Array, " inputs"]
+    reward: Float[Array, ""]
+    terminated: Bool[Array, ""] | bool
+    truncated: Bool[Array, ""] | bool
+    elapsed: Int[Array, ""] | None
+
+
+def outcome(
+    task: Task, memory: Any, state: Any, action: Array, observe: Float[Array, " uniforms"], elapsed: Array | None
+) -> Outcome:
+    """Evaluate a task after a step of the dynamics. This function defines the order in which a task's functions are
+    called.
+
+    **Arguments:** the task and its memory; the state and the action that led to it; `observe`, the U[0, 1) numbers for
+    the observation; `elapsed`, the decisions made in the episode before this one, `None` without a limit.
+
+    **Raises:** `TypeError` if a task ends an episode without being `episodic`.
+    """
+    memory, reward, terminated = task.reward(memory, state, action)
+    truncated: Any = task.truncated(memory, state)
+    for flag, name in ((terminated, "terminated"), (truncated, "truncated")):
+        if flag is not False and not task.episodic:
+            raise TypeError(f"task {task.name!r} reports `{name}`, so its class must say `episodic = True`")
+    memory, observation = task.observe(memory, state, observe)
+    if elapsed is not None:
+        elapsed = elapsed + 1
+        over = elapsed >= (task.episode_limit or 0)
+        truncated = over if truncated is False else truncated | over
+    if terminated is not False and truncated is not False:
+        truncated = truncated & ~terminated
+    return Outcome(memory, observation, reward, terminated, truncated, elapsed)
+
+
+def check_time_limit(limit: int | None) -> None:
+    """Refuse a `time_limit` in decisions that is not positive, or does not fit into 32 bits. `None` means never."""
+    if limit is not None:
+        check_integer("time_limit", limit, 1, 2**31 - 1, "decisions, or None")

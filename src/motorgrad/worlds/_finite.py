@@ -1,31 +1,38 @@
-"""Finite Markov decision processes."""
+"""Finite Markov decision processes: the three-state MDP, the chain, and call admission control."""
 
+import itertools
+from collections.abc import Sequence
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check
+from motorgrad._errors import check, choice
+from motorgrad.policies import SigmoidUnits, fixed
 from motorgrad.worlds._world import World
+
+CHAIN_VARIANTS = ("walk", "reset")
+"""The effect of a wrong move: one state back, or back to the start."""
 
 
 class FiniteMDP(World):
     """A finite MDP whose observation is a function of the state.
 
-    The arrays are NumPy float64, exact to the oracle (see `motorgrad.worlds.oracle`); sampling runs in the learner's
-    precision on the few successors that each state has.
+    The arrays are NumPy float64, exact for the oracle (see `motorgrad.worlds.oracle`). Sampling runs in the learner's
+    precision, on the few possible successors of each state.
 
     **Arguments:**
 
     - `transitions`: `(actions, states, states)`, rows sum to one.
-    - `rewards`: `(states,)`, paid on entering a state; or `(actions, states)`, paid for an action taken in a state.
-    - `observations`: `(states, inputs)`, what the policy sees.
-    - `start`: the state in which an episode begins.
+    - `rewards`: `(states,)`, received on entering a state; or `(actions, states)`, received for an action in a state.
+    - `observations`: `(states, inputs)`, what the policy observes.
+    - `start`: the initial state of an episode.
 
-    **Raises:** `ValueError` for arrays of other shapes, for rows that are not probabilities (to 1e-12), and for a start
-    that is no state.
+    **Raises:** `ValueError` for arrays of other shapes, rows that are not probabilities (to 1e-12), or an invalid
+    start.
     """
 
     uniforms: ClassVar[int] = 1
@@ -66,15 +73,16 @@ class FiniteMDP(World):
         return jnp.asarray(self.start, jnp.int32)
 
     def step(self, state: Int[Array, ""], action: Array, uniforms: Float[Array, " 1"]) -> Int[Array, ""]:
-        """`action` is the action's index, or a vector of bits that spell it (most significant first)."""
+        """The next state. `action` is the action's index, or a vector of bits that spell it (most significant
+        first)."""
         index = action_index(action)
-        # The last successor needs no comparison, and rounding cannot lead outside the list.
+        # The last successor needs no comparison, so rounding cannot lead outside the list.
         row = jnp.asarray(self._cumulative, uniforms.dtype)[index, state, :-1]
         which = jnp.sum(uniforms[0] >= row, dtype=jnp.int32)
         return jnp.asarray(self._successors)[index, state, which]
 
     def reward(self, before: Int[Array, ""], action: Array, after: Int[Array, ""]) -> Float[Array, ""]:
-        """What the step from `before` to `after` by `action` pays."""
+        """The reward for the step from `before` to `after` by `action`."""
         rewards = jnp.asarray(self.rewards, jnp.result_type(float))
         return rewards[after] if rewards.ndim == 1 else rewards[action_index(action), before]
 
@@ -84,8 +92,125 @@ class FiniteMDP(World):
         return self.rewards if self.rewards.ndim == 2 else self.transitions @ self.rewards
 
 
+def three_state() -> FiniteMDP:
+    """The three-state, two-action MDP of Baxter & Bartlett (2001, section 4.1), on which gradient estimators are
+    compared.
+
+    Only state C is rewarded. Action 0 leads towards B from A and C, action 1 towards C. Each state has two features, so
+    the policy cannot distinguish every state freely. The best policy earns 0.8.
+    """
+    first = [[0, 0.8, 0.2], [0.8, 0, 0.2], [0, 0.8, 0.2]]
+    second = [[0, 0.2, 0.8], [0.2, 0, 0.8], [0, 0.2, 0.8]]
+    features = np.array([[12, 6], [6, 12], [5, 5]]) / 18
+    return FiniteMDP([first, second], [0, 0, 1], features)
+
+
+def chain(length: int = 6, variant: str = "walk") -> FiniteMDP:
+    """The chain of figure 4.9: reward only at its far end.
+
+    A line of `length` $= N$ states with actions left (0) and right (1), observed one-hot. Entering its right end is
+    rewarded with 1; from there either action leads back to the start.
+
+    The thesis calls the time to the first reward under random actions exponential. That depends on the effect of a
+    wrong move, so there are two variants:
+
+    - `"walk"`: left is one state back. Random actions take $N(N - 1)$ steps on average (30 for $N = 6$).
+    - `"reset"`: left is back to the start. Random actions take $2^N - 2$ steps (62): exponentially many.
+
+    With episodes cut after $N - 1$ decisions (a task's `time_limit`), the walk takes exponential time as well: one
+    episode in $2^{N - 1}$ reaches the reward.
+
+    **Raises:** `ValueError` for a length below 2 or an unknown variant.
+    """
+    check(isinstance(length, int) and length >= 2, "length", length, "an integer of at least 2")
+    choice("variant", variant, CHAIN_VARIANTS)
+    end = length - 1
+    transitions = np.zeros((2, length, length))
+    for state in range(end):
+        transitions[0, state, max(state - 1, 0) if variant == "walk" else 0] = 1
+        transitions[1, state, state + 1] = 1
+    transitions[:, end, 0] = 1
+    return FiniteMDP(transitions, np.eye(length)[end], np.eye(length))
+
+
+def call_admission(
+    capacity: int = 10,
+    arrivals: Sequence[float] = (1.8, 1.6, 1.4),
+    departures: Sequence[float] = (0.6, 0.5, 0.4),
+    rewards: Sequence[float] = (1.0, 2.0, 4.0),
+) -> FiniteMDP:
+    r"""Call admission control (Marbach & Tsitsiklis, 1998), as in Baxter, Bartlett & Weaver (2001, section 4).
+
+    A link carries at most `capacity` calls. Calls of type $m$ arrive at rate `arrivals[m]`, each leaves at rate
+    `departures[m]`, and accepting one is rewarded with `rewards[m]`. The continuous-time process is uniformised at the
+    rate $\sum_m \text{arrivals}_m + \text{capacity}\cdot\max_m \text{departures}_m$, with one step per event or
+    non-event.
+
+    A state consists of the calls in progress per type, and the type of the arriving call, or none. Action 1 accepts the
+    arriving call if there is room. The observation is (one-hot type of the arriving call, calls in progress): `(types +
+    1,)`. A reward belongs to the action in the state in which the call arrives; the average reward is per uniformised
+    step.
+
+    **Raises:** `ValueError` for a capacity below 1, or departures and rewards of other numbers of types.
+    """
+    types = len(arrivals)
+    check(capacity >= 1, "capacity", capacity, "at least 1")
+    same = len(departures) == types == len(rewards)
+    check(same, "departures and rewards", (departures, rewards), f"of {types} types each")
+    busy = [n for n in itertools.product(range(capacity + 1), repeat=types) if sum(n) <= capacity]
+    rate = sum(arrivals) + capacity * max(departures)
+    states = list(itertools.product(busy, range(types + 1)))  # the last value of the arriving type means none
+    index = {state: i for i, state in enumerate(states)}
+    transitions, pay = np.zeros((2, len(states), len(states))), np.zeros((2, len(states)))
+    for (calls, ask), action in itertools.product(states, (0, 1)):
+        accept = action == 1 and ask < types and sum(calls) < capacity
+        after = tuple(n + (accept and m == ask) for m, n in enumerate(calls))
+        pay[action, index[calls, ask]] = rewards[ask] if accept else 0
+        row = transitions[action, index[calls, ask]]
+        for m in range(types):
+            row[index[after, m]] += arrivals[m] / rate
+            if after[m]:
+                fewer = tuple(n - (k == m) for k, n in enumerate(after))
+                row[index[fewer, types]] += after[m] * departures[m] / rate
+        row[index[after, types]] += 1 - row.sum()
+    seen = np.array([[*(float(m == ask) for m in range(types)), float(sum(calls))] for calls, ask in states])
+    return FiniteMDP(transitions, pay, seen, start=index[(0,) * types, types])
+
+
+class AdmissionThresholds(SigmoidUnits):
+    r"""Accept a call of type $m$ with probability $\sigma(s(\theta_m - \text{calls in progress}))$.
+
+    The policy of Baxter, Bartlett & Weaver (2001), with one threshold per type, so three parameters. Without an
+    arriving call, the action has no effect and the score is zero.
+
+    **Arguments:** `threshold` $\theta$, `(types,)`, in calls; `steepness` $s$, a fixed number, 1.5 in the source.
+    """
+
+    threshold: Float[Array, " types"] = eqx.field(converter=jnp.asarray)
+    steepness: Float[Array, ""] = fixed(converter=jnp.asarray, default=1.5)
+
+    def __check_init__(self) -> None:
+        check(self.threshold.ndim == 1, "threshold", self.threshold.shape, "of shape (types,)")
+        check(self.steepness.ndim == 0, "steepness", self.steepness.shape, "one number")
+
+    @property
+    def inputs(self) -> int:
+        return self.threshold.shape[0] + 1
+
+    @property
+    def outputs(self) -> int:
+        return 1
+
+    def potential(self, observation: Float[Array, " inputs"]) -> Float[Array, " 1"]:
+        return self.steepness * (jnp.sum(self.threshold * observation[:-1]) - observation[-1])[None]
+
+    def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
+        # All thresholds belong to a single unit, so the gradient has no axis of units.
+        return {"threshold": self.steepness * observation[:-1]}
+
+
 def action_index(action: Array) -> Int[Array, ""]:
-    """The index of an action: itself if it is an integer scalar, or the number that a vector of bits spells."""
+    """The index of an action: itself if it is an integer scalar, else the number spelt by a vector of bits."""
     if action.ndim == 0:
         return action.astype(jnp.int32)
     weights = 2 ** jnp.arange(action.shape[0] - 1, -1, -1)
@@ -93,7 +218,7 @@ def action_index(action: Array) -> Int[Array, ""]:
 
 
 def _compact(transitions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each row's possible successors first, padded by repeating the last, and their cumulative probabilities."""
+    """Each row's possible successors first, padded by repeating the last one, and their cumulative probabilities."""
     possible = transitions > 0
     most = int(possible.sum(-1).max())
     order = np.argsort(~possible, axis=-1, kind="stable")[..., :most]

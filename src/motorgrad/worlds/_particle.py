@@ -8,21 +8,105 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check
-from motorgrad._normals import normals
-from motorgrad.worlds._particle_physics import ParticlePhysics
-from motorgrad.worlds._world import World
+from motorgrad._errors import check, check_integer
+from motorgrad._random import normals
+from motorgrad.worlds._particle_forces import CircularField, Components, Flags, Walls
+from motorgrad.worlds._world import World, runge_kutta
 
-MOST = 10_000  # forces
-FEW = 1_024  # forces that are added one after the other; beyond, a product of matrices is faster
-UNROLLED = 4  # steps of integration that are compiled one after the other; more run in a loop
-
+MOST_FORCES = 10_000
+MOST_SUBSTEPS = 10_000
+STABLE = 2.78  # stability limit of the fourth-order Runge–Kutta method on the negative real axis
+FEW = 1_024  # forces summed elementwise; beyond, a matrix product is faster
+UNROLLED = 4  # integration steps that are unrolled; more run in a loop
+Motion = tuple[Components, Components]
+"""Position and velocity."""
 Pair = Float[Array, " 2"]
 Span = tuple[float, float]
 
 
+@dataclasses.dataclass(frozen=True)
+class ParticlePhysics:
+    r"""Everything that moves a particle except the forces of actions.
+
+    $m\ddot x = m g - k_d \dot x + f(x) + \ldots$, integrated by the fourth-order Runge–Kutta method.
+
+    **Arguments:**
+
+    - `mass`: mass of the particle, positive.
+    - `gravity`: acceleration, x and y.
+    - `drag`: $k_d$, force per speed, at least 0.
+    - `noise`: standard deviation of a random force per axis, drawn at every time step; 0 for none.
+    - `timestep` (s): time step of the integration.
+    - `substeps`: time steps per decision, during which the action is held.
+    - `walls`: the box (`motorgrad.worlds.Walls`).
+    - `field`: a field of force (`motorgrad.worlds.CircularField`); by default none.
+
+    **Raises:** `ValueError` naming the field and what it may be; also for a circular field without a stable orbit.
+    """
+
+    mass: float = 1.0
+    gravity: tuple[float, float] = (0.0, -0.25)
+    drag: float = 1.0
+    noise: float = 0.0
+    timestep: float = 0.1
+    substeps: int = 2
+    walls: Walls = dataclasses.field(default_factory=Walls)
+    field: CircularField = dataclasses.field(default_factory=CircularField)
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "timestep"):
+            check(1e-6 < getattr(self, name) < 1e6, name, getattr(self, name), "between 1e-6 and 1e6")
+        check(np.abs(self.gravity).max() < 1e6, "gravity", self.gravity, "two numbers between -1e6 and 1e6")
+        for name in ("drag", "noise"):
+            check(0 <= getattr(self, name) < 1e6, name, getattr(self, name), "from 0 to 1e6")
+        check_integer("substeps", self.substeps, 1, MOST_SUBSTEPS)
+        most = STABLE * self.mass / max(self.drag, 1e-12)
+        check(self.timestep < most, "timestep", self.timestep, f"below {most:.4g}, where drag is integrated stably")
+        bent = self.mass * self.field.tangential**2
+        if self.field.tangential:
+            words = "above mass × tangential² / drag²: the orbit's radius would be unbounded"
+            check(self.field.radial * self.drag**2 > bent, "field.radial", self.field.radial, words)
+
+    @property
+    def orbit_radius(self) -> float:
+        """Radius of the orbit in the circular field without gravity, walls and forces: $k_2 r^* / (k_2 - m k_1^2 /
+        k_d^2)$."""
+        field = self.field
+        check(field.radial > 0, "field.radial", field.radial, "positive, for there to be an orbit")
+        bent = self.mass * (field.tangential / self.drag) ** 2 if field.tangential else 0.0
+        return field.radial * field.radius / (field.radial - bent)
+
+    @property
+    def period(self) -> float:
+        """Seconds for which an action is held."""
+        return self.timestep * self.substeps
+
+    def step(self, motion: Motion, push: Components) -> tuple[Motion, tuple[Flags, Flags]]:
+        """One time step under a constant `push`: the new motion, and the sides that were reached."""
+        resting = self.walls.resting(*motion)
+
+        def rate(motion: Motion) -> Motion:
+            fx, fy = self.walls.bear(self._force(motion, push), motion[1], resting)
+            return motion[1], (fx / self.mass, fy / self.mass)
+
+        moved = runge_kutta(rate, motion, self.timestep)
+        fx, fy = self._force(moved, push)
+        part = self.timestep / self.mass
+        position, velocity, reached = self.walls.collide(*moved, (part * fx, part * fy))
+        return (position, velocity), reached
+
+    def _force(self, motion: Motion, push: Components) -> Components:
+        (x, y), (vx, vy) = motion
+        fx = push[0] + self.mass * self.gravity[0] - self.drag * vx
+        fy = push[1] + self.mass * self.gravity[1] - self.drag * vy
+        if not self.field.acts:
+            return fx, fy
+        field = self.field.force(x, y)
+        return fx + field[0], fy + field[1]
+
+
 class ParticleState(NamedTuple):
-    """Where a particle is and how it moves; and which sides of the box it reached in the last step of the world: left,
+    """Position and velocity of a particle, and which sides of the box it `reached` in the last step of the world: left,
     bottom, right, top."""
 
     position: Pair
@@ -32,12 +116,12 @@ class ParticleState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ParticleStart:
-    """Where an episode begins: every number is drawn by itself from U[low, high].
+    """The initial state of an episode: every number is drawn independently from U[low, high].
 
-    **Arguments:** low and high of each; both the same for a number that is fixed.
+    **Arguments:** low and high of each; equal values for a fixed number.
 
-    - `x`: where it begins, from left to right.
-    - `y`: where it begins, from below upwards.
+    - `x`: position from left to right.
+    - `y`: position upwards.
     - `velocity_x`: speed to the right, per second.
     - `velocity_y`: speed upwards, per second.
     """
@@ -57,7 +141,7 @@ class ParticleStart:
         return sum(low < high for low, high in self._spans().values())
 
     def draw(self, uniforms: Float[Array, " uniforms"]) -> ParticleState:
-        """The state in which an episode begins."""
+        """Draw an initial state."""
         numbers = iter(uniforms)
         drawn = [
             low + (high - low) * next(numbers) if low < high else jnp.asarray(low, uniforms.dtype)
@@ -75,11 +159,11 @@ class Particle(World):
 
     **Arguments:**
 
-    - `forces` (x, y): one for each action. Actions multiply them, so they may be graded too.
-    - `physics`: what else moves the particle (`motorgrad.worlds.ParticlePhysics`).
-    - `start`: where an episode begins (`motorgrad.worlds.ParticleStart`).
+    - `forces` (x, y): one per action. Actions multiply them, so they may be graded too.
+    - `physics`: everything else that moves the particle (`motorgrad.worlds.ParticlePhysics`).
+    - `start`: the initial state of an episode (`motorgrad.worlds.ParticleStart`).
 
-    **Raises:** `ValueError` naming what is wrong; for a start beyond a wall.
+    **Raises:** `ValueError` naming the invalid number; also for a start beyond a wall.
     """
 
     forces: tuple[tuple[float, float], ...]
@@ -87,7 +171,7 @@ class Particle(World):
     start: ParticleStart = dataclasses.field(default_factory=ParticleStart)
 
     def __post_init__(self) -> None:
-        check(1 <= len(self.forces) <= MOST, "number of forces", len(self.forces), f"from 1 to {MOST}")
+        check(1 <= len(self.forces) <= MOST_FORCES, "number of forces", len(self.forces), f"from 1 to {MOST_FORCES}")
         pairs = np.asarray(self.forces, float)
         shaped = pairs.shape == (len(self.forces), 2) and np.abs(pairs).max() < 1e6
         check(shaped, "forces", self.forces, "pairs of numbers between -1e6 and 1e6")

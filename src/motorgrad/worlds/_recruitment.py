@@ -1,17 +1,35 @@
-"""The loads that a pool of motoneurons is asked to lift: independent ones, those it asks for itself, and a sweep from
-light to heavy."""
+"""The loads of chapter 4, and exact answers for rewards that depend only on the present input and action.
 
-from typing import ClassVar
+Such a task is a contextual bandit. The expectation is over given inputs with given weights (a quadrature), and over all
+actions of the policy, so it is exact for any reward; a policy of $N$ binary units has $2^N$ actions. Everything is in
+double precision. The policy's log-probability is differentiated automatically, independently of the analytic scores
+that the learner uses.
+"""
 
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, TypeVar
+
+import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
+import numpy.typing as npt
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
+from scipy.integrate import solve_ivp
 
 from motorgrad._errors import check
+from motorgrad._groups import by_group, check_groups
+from motorgrad.policies import Policy, split
 from motorgrad.worlds._world import World
+from motorgrad.worlds.oracle import to_float64
+
+P = TypeVar("P", bound=Policy)
+Reward = Callable[[Float[Array, " inputs"], Array], Float[Array, ""]]
 
 
 class UniformLoads(World):
-    """Each load is drawn from U[`low`, `high`] by itself (section 4.3.1 of the thesis). The state is the load."""
+    """Independent loads from U[`low`, `high`] (section 4.3.1 of the thesis). The state is the load."""
 
     uniforms: ClassVar[int] = 1
     reset_uniforms: ClassVar[int] = 1
@@ -28,7 +46,7 @@ class UniformLoads(World):
 
 
 class QueriedLoads(UniformLoads):
-    """Each load is the one that was asked for: the last number of the action, as far as it is within [`low`, `high`].
+    """Loads chosen by the learner: the last number of the action, clipped to [`low`, `high`].
 
     The first load is drawn from U[`low`, `high`]. The state is the load.
     """
@@ -40,9 +58,9 @@ class QueriedLoads(UniformLoads):
 
 
 class SweepingLoads(World):
-    """The load starts at `low` and grows by U[`least`, `most`] at every step (section 4.3.2 of the thesis).
+    """The load starts at `low` and grows by U[`least`, `most`] per step (section 4.3.2 of the thesis).
 
-    The state is the load. It grows without end; where a sweep is over is a matter of the task.
+    The state is the load. It grows without bound; the task decides where a sweep ends.
     """
 
     uniforms: ClassVar[int] = 1
@@ -56,3 +74,90 @@ class SweepingLoads(World):
 
     def step(self, state: Float[Array, ""], action: Array, uniforms: Float[Array, " 1"]) -> Float[Array, ""]:
         return state + self.least + (self.most - self.least) * uniforms[0]
+
+
+def immediate_reward(policy: Policy, inputs: npt.ArrayLike, weights: npt.ArrayLike, reward: Reward) -> float:
+    r"""$\eta = \sum_x w_x \sum_a \pi(a \mid x)\, r(x, a)$.
+
+    **Arguments:** the policy; `inputs` (points, inputs) and their `weights` (points,), which sum to one; `reward`, a
+    JAX function of an input and an action.
+    """
+    with jax.enable_x64(True):
+        total, vector, _ = _expectation(policy, inputs, weights, reward)
+        return float(total(vector))
+
+
+def immediate_gradient(policy: P, inputs: npt.ArrayLike, weights: npt.ArrayLike, reward: Reward) -> P:
+    r"""$\nabla\eta$ in the structure of the policy's trainable part, as float64 NumPy arrays. Arguments as in
+    `immediate_reward`."""
+    with jax.enable_x64(True):
+        total, vector, build = _expectation(policy, inputs, weights, reward)
+        return jax.tree.map(np.asarray, build(jax.grad(total)(vector)))
+
+
+def mean_field(
+    policy: P,
+    inputs: npt.ArrayLike,
+    weights: npt.ArrayLike,
+    reward: Reward,
+    rate: float | Mapping[str, float],
+    decisions: npt.ArrayLike,
+) -> P:
+    r"""Follow steepest ascent on average: the solution of $d\theta/dt = \alpha\,\nabla\eta(\theta)$.
+
+    Online learning with an unbiased estimate converges to it as the step size goes to zero; $t$ counts decisions.
+
+    **Arguments:**
+
+    - `policy`: the initial policy.
+    - `inputs`, `weights`, `reward`: as in `immediate_reward`.
+    - `rate`: the step size $\alpha$ of all parameters, or of each field by name.
+    - `decisions` (times,): at which to return the policy, ascending, from 0 or more.
+
+    **Returns:** the policy at those times, which lead in every trainable array.
+
+    **Raises:** `ValueError` for times that do not ascend, for a rate that is negative, infinite or not a number, a
+    field without a rate, or a rate without a field.
+    """
+    times = np.asarray(decisions, float)
+    ascending = times.ndim == 1 and len(times) > 0 and times[0] >= 0 and (np.diff(times) > 0).all()
+    check(ascending and np.isfinite(times[-1]), "decisions", times.tolist(), "ascending finite numbers of at least 0")
+    check_groups("step size", "rate", rate)
+    with jax.enable_x64(True):
+        total, vector, build = _expectation(policy, inputs, weights, reward)
+        start = build(vector)
+        given = by_group("step size", "rate", rate, start)
+        rates = np.asarray(ravel_pytree(jax.tree.map(lambda r, p: jnp.broadcast_to(r, p.shape), given, start))[0])
+        slope = jax.jit(jax.grad(total))
+        if times[-1] == 0:  # nothing to integrate
+            return jax.tree.map(np.asarray, jax.vmap(build)(vector[None]))
+        found = solve_ivp(
+            lambda _, theta: rates * np.asarray(slope(theta)),
+            (0.0, times[-1]), np.asarray(vector), method="LSODA", t_eval=times, rtol=1e-7, atol=1e-9,
+        )  # fmt: skip
+        if not found.success:
+            raise RuntimeError(f"the mean field could not be integrated: {found.message}")
+        return jax.tree.map(np.asarray, jax.vmap(build)(jnp.asarray(found.y.T)))
+
+
+def _expectation(
+    policy: P, inputs: npt.ArrayLike, weights: npt.ArrayLike, reward: Reward
+) -> tuple[Callable[[Any], Array], Array, Callable[[Any], P]]:
+    """The expected reward as a function of one vector of all parameters, that vector, and its inverse
+    transformation."""
+    points, mass = jnp.asarray(inputs, jnp.float64), jnp.asarray(weights, jnp.float64)
+    wanted = f"of shape (points, {policy.inputs})"
+    check(points.ndim == 2 and points.shape[1] == policy.inputs, "inputs", points.shape, wanted)
+    check(mass.shape == points.shape[:1], "weights", mass.shape, f"of shape {points.shape[:1]}, as many as inputs")
+    check(abs(float(mass.sum()) - 1) < 1e-9, "weights", float(mass.sum()), "such that they sum to 1")
+    parameters, settings = split(to_float64(policy))
+    actions = policy.enumerate()
+    worth = mass[:, None] * jax.vmap(jax.vmap(reward, (None, 0)), (0, None))(points, actions)
+    vector, build = ravel_pytree(parameters)
+
+    def total(theta: Any) -> Array:
+        acting = eqx.combine(build(theta), settings)
+        log_prob = jax.vmap(jax.vmap(acting.log_prob, (None, 0)), (0, None))(points, actions)
+        return jnp.sum(worth * jnp.exp(log_prob))
+
+    return total, vector, build

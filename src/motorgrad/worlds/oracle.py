@@ -1,15 +1,21 @@
 r"""Exact answers for finite MDPs, by linear algebra in double precision.
 
-For a policy on a finite MDP, with transition matrix $P$, stationary distribution $\pi$ and reward vector $r$,
-everything an estimator estimates has a closed form (Baxter & Bartlett, 2001). Each function takes any `FiniteMDP` and
-any `Policy` over as many actions: a discrete one, or one of binary units whose bits spell the action. Gradients come
-back in the structure of the policy's trainable part, as float64 NumPy arrays; `flat` makes one vector of them.
+For a policy on a finite MDP, with transition matrix $P$, stationary distribution $\pi$ and reward vector $r$, every
+quantity that an estimator estimates has a closed form (Baxter & Bartlett, 2001). Each function takes any `FiniteMDP`
+and any `Policy` with as many actions: a discrete one, or one of binary units whose bits spell the action. Gradients
+have the structure of the policy's trainable part, with float64 NumPy arrays; `flat` concatenates them into one vector.
 
 The derivative of $P$ is taken by automatic differentiation of the policy's log-probability, so the oracle is
 independent of the analytic scores that the learner uses.
 
-**Raises:** `ValueError` for a policy over another number of actions, for a chain with several recurrent classes where
-a stationary distribution is needed, and for a decay or discount outside [0, 1).
+**Raises:** `ValueError` for a policy with another number of actions, for a chain with several recurrent classes where a
+stationary distribution is needed, and for a decay or discount outside [0, 1).
+
+```python
+mdp = mg.worlds.three_state()
+policy = mg.policies.Softmax(np.zeros((2, 2)))
+mg.worlds.oracle.average_reward(mdp, policy)
+```
 """
 
 from typing import Any, TypeVar
@@ -24,16 +30,20 @@ from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
 from motorgrad.policies import Policy, split
-from motorgrad.worlds._double import double
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
 
 
+def to_float64(policy: P) -> P:
+    """The policy with its real numbers in double precision. Call it within `jax.enable_x64`."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf, policy)
+
+
 def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions"]:
     r"""$\pi(a \mid y(s))$ of every action in every state."""
     with jax.enable_x64(True):
-        return np.asarray(_probabilities(mdp, double(policy)))
+        return np.asarray(_probabilities(mdp, to_float64(policy)))
 
 
 def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states states"]:
@@ -67,8 +77,11 @@ def biased_gradient(mdp: FiniteMDP, policy: P, decay: float) -> P:
 
 
 def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Float[np.ndarray, " states"]:
-    r"""What each state is worth: $(I - \gamma P)^{-1} r$ by `discount` $\gamma \in [0, 1)$; by `None` the differential
-    value of the average reward, $[I - P + e\pi']^{-1} (r - \eta e)$, of which the stationary mean is 0."""
+    r"""The value of each state.
+
+    With a `discount` $\gamma \in [0, 1)$, $(I - \gamma P)^{-1} r$; with `None`, the differential value of the average
+    reward, $[I - P + e\pi']^{-1} (r - \eta e)$, whose stationary mean is 0.
+    """
     matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
     if discount is not None:
         check(0 <= discount < 1, "discount", discount, "in [0, 1)")
@@ -80,13 +93,14 @@ def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Flo
 def critic_gradient(
     mdp: FiniteMDP, policy: P, critic: Float[np.ndarray, " states"], decay: float, discount: float | None = None
 ) -> P:
-    r"""What a trace of `decay` $\beta$ estimates with the temporal differences of a `critic` $v$ for advantages:
+    r"""What a trace of `decay` $\beta$ estimates with the temporal differences of a `critic` $v$ as advantages:
 
     $$\pi'\,\nabla P\,\big[r + \gamma v + \beta\,(I - \beta P)^{-1} \bar\delta\big], \qquad
     \bar\delta = r - \rho + \gamma P v - v$$
 
-    (rewards as a function of where an action leads), by `discount` $\gamma$, or for the average reward with
-    $\gamma = 1$ and $\rho = \eta$. With exact values $\bar\delta = 0$: it is then the same for every decay.
+    (with rewards as a function of the successor state), for a `discount` $\gamma$, or with `None` for the average
+    reward, with $\gamma = 1$ and $\rho = \eta$. With exact values $\bar\delta = 0$, so the result does not depend on
+    the decay.
     """
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     check(discount is None or 0 <= discount <= 1, "discount", discount, "None or in [0, 1]")
@@ -100,12 +114,12 @@ def critic_gradient(
 
 
 def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters parameters"]:
-    r"""The Fisher matrix $\sum_s \pi_s \sum_a \pi(a \mid s)\,\nabla\log\pi\,(\nabla\log\pi)'$, rows as in `flat`.
+    r"""The Fisher matrix $\sum_s \pi_s \sum_a \pi(a \mid s)\,\nabla\log\pi\,(\nabla\log\pi)'$, in the order of `flat`.
 
-    Between parameters of independent units it is zero.
+    Blocks between the parameters of independent units are zero.
     """
     with jax.enable_x64(True):
-        parameters, settings = split(double(policy))
+        parameters, settings = split(to_float64(policy))
         vector, build = ravel_pytree(parameters)
         score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
         weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
@@ -113,9 +127,9 @@ def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters para
 
 
 def natural_gradient(mdp: FiniteMDP, policy: P) -> P:
-    r"""$F^{+}\nabla\eta$: the gradient by the inverse of the `fisher` matrix, its pseudo-inverse where it is singular.
+    r"""$F^{+}\nabla\eta$: the gradient multiplied by the pseudo-inverse of the `fisher` matrix.
 
-    It is the steepest ascent per change of the policy itself (Kakade, 2001), whatever the parameters are.
+    It is the direction of steepest ascent per change of the policy itself (Kakade, 2001), whatever its parametrisation.
     """
     with jax.enable_x64(True):
         vector, build = ravel_pytree(jax.tree.map(jnp.asarray, gradient(mdp, policy)))
@@ -140,11 +154,11 @@ def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
 
 
 def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
-    """The best action in every state (ignoring what the observation hides) and the average reward from the start,
-    good to about 1e-7 of the values of the states.
+    """The best action in every state (ignoring partial observability), and the average reward from the start, accurate
+    to about 1e-7 of the state values.
 
-    Policy iteration (Howard, 1960) at a discount so near to 1 that its optimum is that of the average reward
-    (Blackwell, 1962); it stays defined where a policy splits the states into several recurrent classes.
+    Policy iteration (Howard, 1960) at a discount so close to 1 that its optimum is that of the average reward
+    (Blackwell, 1962); it is defined even where a policy splits the states into several recurrent classes.
     """
     near_one = 1 - 1e-7
     every = np.arange(mdp.states)
@@ -153,7 +167,7 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
         matrix, pay = mdp.transitions[choice, every], mdp.expected_rewards[choice, every]
         value = np.linalg.solve(np.eye(mdp.states) - near_one * matrix, pay)
         quality = mdp.expected_rewards + near_one * mdp.transitions @ value
-        # A change must win by more than rounding, else equal actions would alternate for ever.
+        # A change must improve by more than rounding, else equal actions would alternate for ever.
         better = quality.max(0) > quality[choice, every] + 1e-12 * max(1.0, np.abs(value).max())
         if not better.any():
             break
@@ -162,12 +176,13 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
 
 
 def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
-    """A gradient's numbers in one vector, in the order of the policy's fields."""
+    """The numbers of a gradient as one vector, in the order of the policy's fields."""
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
 
 
 def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
-    r"""Solves $\pi'(I - P + ee') = e'$, which has one solution if and only if one recurrent class has no way out."""
+    r"""Solve $\pi'(I - P + ee') = e'$, which has one solution if and only if there is exactly one closed recurrent
+    class."""
     count, of = connected_components(matrix > 0, connection="strong")
     leaving = {of[i] for i, j in zip(*np.nonzero(matrix), strict=True) if of[i] != of[j]}
     closed = count - len(leaving)
@@ -190,7 +205,7 @@ def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"
 def _quality(
     mdp: FiniteMDP, policy: Policy, matrix: Float[np.ndarray, "states states"], decay: float
 ) -> Float[np.ndarray, "actions states"]:
-    """The discounted value of each action in each state, and of following the policy afterwards."""
+    """The discounted value of each action in each state when the policy is followed afterwards."""
     value = np.linalg.solve(np.eye(mdp.states) - decay * matrix, _mean_rewards(mdp, policy))
     return mdp.expected_rewards + decay * mdp.transitions @ value
 
@@ -198,9 +213,9 @@ def _quality(
 def _contract(
     mdp: FiniteMDP, policy: P, weight: Float[np.ndarray, " states"], quality: Float[np.ndarray, "actions states"]
 ) -> P:
-    r"""$\sum_s w_s \sum_a \nabla\pi(a \mid s)\,Q(s, a)$, the policy's derivative by automatic differentiation."""
+    r"""$\sum_s w_s \sum_a \nabla\pi(a \mid s)\,Q(s, a)$, with the policy's derivative by automatic differentiation."""
     with jax.enable_x64(True):
-        parameters, settings = split(double(policy))
+        parameters, settings = split(to_float64(policy))
         worth = jnp.asarray(weight[:, None] * quality.T)
 
         def total(theta: Any) -> Array:

@@ -7,8 +7,7 @@ import pytest
 from block_driver import drive, of
 
 from motorgrad.bodies import TripodController
-from motorgrad.bodies._hexapod_sensors import LEGS, HexapodReading
-from motorgrad.bodies._tripod import TRIPODS
+from motorgrad.bodies.hexapod import LEGS, TRIPODS, HexapodReading
 from motorgrad.lab import Diagram, Interpreter, Outlet, Run
 
 LOWEST = -0.6

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad._normals import normals
+from motorgrad._random import normals
 from motorgrad.lab._block import Moment, Signals
 from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab.blocks._shaped import Shaped

@@ -168,8 +168,8 @@ def validate(task: Task, policy: Policy) -> None:
                 f"policy {type(policy).__name__}: {name} = {has}, but the task {task.name!r} has "
                 f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
             )
-    if policy.actions not in task.takes:
-        takes = " or ".join(task.takes)
+    if policy.actions not in task.accepted_actions:
+        takes = " or ".join(task.accepted_actions)
         raise ValueError(
             f"policy {type(policy).__name__}: {policy.actions} actions, but the task {task.name!r} takes {takes}"
         )

@@ -127,7 +127,7 @@ class FoundSynergies(MuscleStudy):
         best = np.argsort(-np.nan_to_num(outcome.readings["net"]), kind="stable")[: self.gaits]
         groups, random = self.task().dynamics.groups, np.random.default_rng(0)
         synergies = [find_synergies(outcome.activation[row], UNITS) for row in best]
-        words = [each.words(groups) for each in synergies]
+        words = [each.names(groups) for each in synergies]
         lots = [dict(zip(groups, random.permutation(groups), strict=True)) for _ in words]
         mixed = [
             [" ".join(str(lot[name]) for name in unit.split()) for unit in units]

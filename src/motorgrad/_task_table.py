@@ -1,0 +1,36 @@
+"""The table of tasks: a new task is one file, and one line here. Importing this module loads no task.
+
+The line has the task's name, the place of its class below `motorgrad.tasks`, and its Gymnasium id, from which
+`import motorgrad` registers it as an environment before any task is loaded.
+"""
+
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    """A task in the table.
+
+    - `place`: module and class, below `motorgrad.tasks`.
+    - `env_id`: the id of the task as a Gymnasium environment; `None` if it is not one.
+    """
+
+    place: str
+    env_id: str | None = None
+
+
+TASK_TABLE = {
+    "arm-recruitment": Entry("_arm_recruitment:ArmRecruitment", "motorgrad/ArmRecruitment-v0"),
+    "call-admission": Entry("_finite:CallAdmission", "motorgrad/CallAdmission-v0"),
+    "chain": Entry("_finite:Chain", "motorgrad/Chain-v0"),
+    "particle": Entry("_particle:FallingParticle", "motorgrad/Particle-v0"),
+    "gymnasium": Entry("gymnasium:Gymnasium"),
+    "hexapod": Entry("hexapod:Hexapod", "motorgrad/Hexapod-v0"),
+    "hexapod-primitive": Entry("hexapod:HexapodPrimitive", "motorgrad/HexapodPrimitive-v0"),
+    "hexapod-stride": Entry("hexapod:HexapodStride", "motorgrad/HexapodStride-v0"),
+    "hexapod-synergy": Entry("hexapod:HexapodSynergy", "motorgrad/HexapodSynergy-v0"),
+    "hopper": Entry("_hopper:Hopper", "motorgrad/Hopper-v0"),
+    "linear-recruitment": Entry("_recruitment:LinearRecruitment", "motorgrad/LinearRecruitment-v0"),
+    "particle-navigation": Entry("_particle:ParticleNavigation", "motorgrad/ParticleNavigation-v0"),
+    "particle-orbit": Entry("_particle:ParticleOrbit", "motorgrad/ParticleOrbit-v0"),
+    "three-state": Entry("_finite:ThreeState", "motorgrad/ThreeState-v0"),
+}

@@ -1,0 +1,168 @@
+"""Bodies and environments: learning beside bare physics, and how long the hopper takes to learn."""
+
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
+
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import gymnasium
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+import motorgrad  # noqa: F401 (registers the ids)
+from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.bodies import BodyBatch, compile_model
+from motorgrad.tasks import BodyTask, Hopper, from_gymnasium
+from motorgrad.training import BodyStepper, SideBySide, learner_of, settings_for, stepper_of, train
+
+
+def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """Physics steps per second while learning with the task's own learner, against `mujoco.batch` alone, replaying the
+    learner's actions."""
+
+    def make() -> BodyStepper | SideBySide:
+        found = learner_of(task, settings_for(task).agent(task), range(seeds))
+        assert isinstance(found, BodyStepper | SideBySide)
+        return found
+
+    twin, learner = make(), make()
+    learner.advance(decisions)  # compiles
+    for _ in range(decisions):
+        twin.advance(1)
+    body = task.dynamics
+    group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+    model = compile_model(body)
+    bare = Batch(model, seeds)
+    bare.state[:] = twin.state["physics"]["state"]
+    control = bare.bind("ctrl")
+    actions = np.empty((pairs, decisions, seeds, model.nu))
+    for part in actions:  # the twin learns bit for bit like the learner
+        for action in part:
+            action[:] = twin.activation[:, group_of]
+            twin.advance(1)
+    parts = iter(actions)
+
+    def replay() -> None:
+        for action in next(parts):
+            control[:] = action
+            bare.step(nstep=task.substeps)
+
+    steps = decisions * seeds * task.substeps
+    what = f"{name}, learning ÷ bare physics, {seeds} seed{'s' * (seeds > 1)}"
+    return in_turn(
+        what, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted
+    )
+
+
+def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
+    """Seconds, of all seeds together, that are simulated and learnt from per second, for a `body_row`."""
+    assert row.other is not None
+    ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
+    return Row("   in simulated time", ours, other, "simulated s/s", None, None, wanted)
+
+
+HOPPER = "motorgrad/Hopper-v0"
+
+
+def vector_row(copies: int, decisions: int, pairs: int) -> Row:
+    """Decisions per second of the vector environment, against `BodyBatch` alone on the same actions."""
+    task = Hopper()
+    actions = np.random.default_rng(0).integers(0, 2, (decisions, copies, 2), dtype=np.int8)
+    environment = gymnasium.make_vec(HOPPER, num_envs=copies)
+    environment.reset(seed=0)
+    bare = BodyBatch(task.dynamics, copies, substeps=task.substeps)
+
+    def ours() -> None:
+        for action in actions:
+            environment.step(action)
+
+    def other() -> None:
+        for action in actions.astype(np.float32):
+            bare.step(action)
+
+    ours()  # compiles
+    name = f"{HOPPER}, vector of {copies} ÷ bare physics"
+    return in_turn(name, "decisions/s", decisions * copies, ours, other, pairs=pairs)
+
+
+def single_row(decisions: int, pairs: int) -> Row:
+    """Decisions per second of the single environment from `gymnasium.make`, against `mujoco.mj_step` with the muscle
+    law."""
+    task = Hopper()
+    actions = np.random.default_rng(0).integers(0, 2, (decisions, 2), dtype=np.int8)
+    environment = gymnasium.make(HOPPER)
+    environment.reset(seed=0)
+    body = task.dynamics
+    model, group_of = compile_model(body), [body.groups.index(muscle.group) for muscle in body.muscles]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+
+    def ours() -> None:
+        for action in actions:
+            if any(environment.step(action)[2:4]):
+                environment.reset()
+
+    def other() -> None:
+        for action in actions[:, group_of]:
+            data.ctrl[:] = action
+            mujoco.mj_step(model, data, task.substeps)
+
+    ours()  # compiles
+    return in_turn(f"{HOPPER}, single ÷ mj_step", "decisions/s", decisions, ours, other, pairs=pairs)
+
+
+def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
+    """Decisions per second of learning in CartPole, against stepping the bare environments at random."""
+    task = from_gymnasium("CartPole-v1")
+    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner.advance(decisions)  # compiles
+    bare = [gymnasium.make("CartPole-v1") for _ in range(seeds)]
+    for seed, environment in enumerate(bare):
+        environment.reset(seed=seed)
+    actions = np.random.default_rng(0).integers(0, 2, (decisions, seeds))
+
+    def other() -> None:
+        for row in actions:
+            for environment, action in zip(bare, row, strict=True):
+                if any(environment.step(int(action))[2:4]):
+                    environment.reset()
+
+    name = f"CartPole-v1, learning ÷ bare environments, {seeds} seeds"
+    return in_turn(name, "decisions/s", decisions * seeds, lambda: learner.advance(decisions), other, pairs=pairs)
+
+
+HEIGHT = 0.3  # metres
+
+
+SETTINGS: tuple[tuple[Literal["landing", "apex"], float], ...] = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
+"""What is rewarded, and the decay of the trace: the thesis's decay twice, and the task's own learner."""
+
+
+def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
+    """Time until the median seed's apex, averaged over 25 s windows, exceeds 0.3 m; and the final apex.
+
+    The other column has the figures of an independent model with the same numbers, rewarded at the first apex with a
+    decay of 0.98: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds.
+    """
+    for paid, decay in SETTINGS:
+        start = time.perf_counter()
+        task = Hopper(paid=paid)
+        run = train(
+            task,
+            settings_for(task, decay=decay).agent(task),
+            round(seconds / task.period),
+            seeds,
+            window=round(25 / task.period),
+            progress=False,
+        )
+        wall = time.perf_counter() - start
+        decision, apex = run.curve("apex")
+        each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
+        simulated, last = float(np.median(each)), np.nanmean(apex[:, -8:], axis=1)
+        name = f"hopper paid at {paid}, decay {decay}, {seeds} seeds"
+        yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
+        yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s", None, None)
+        yield Row(f"   apex at {seconds:.0f} s", float(np.median(last)), 0.72, "m", None, (last.min(), last.max()))

@@ -1,0 +1,136 @@
+"""Learners of worlds beside hand-written compiled loops of the same learner."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad.benchmarks._loops import particle_loop, recruitment_loop, three_state_loop
+from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.policies import LocalGaussians
+from motorgrad.tasks import FallingParticle, LinearRecruitment, Task, ThreeState
+from motorgrad.training import settings_for, stepper_of
+
+LOOP_STEPS = 4_000_000
+
+
+def loop_row(
+    name: str, task: Task, loop: Callable[[int], object], seeds: int, decisions: int, pairs: int, wanted: str
+) -> Row:
+    """Updates per second in total of the task's own learner, against those of a loop on one core.
+
+    **Arguments:**
+
+    - `name`: of the row.
+    - `task`: the task.
+    - `loop`: learns for a given number of decisions.
+    - `seeds`: how many learn together.
+    - `decisions`: of each seed.
+    - `pairs`: how many pairs are measured.
+    - `wanted`: the target.
+    """
+    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner.advance(decisions)  # compiles
+    loop(10)  # compiles
+    name = f"{name} ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
+    ours, other = lambda: learner.advance(decisions), lambda: loop(LOOP_STEPS)
+    return in_turn(name, "updates/s", decisions * seeds, ours, other, LOOP_STEPS, pairs, wanted)
+
+
+def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """OLGARB on the three-state MDP: updates per second in total, against the loop's on one core."""
+    task = ThreeState()
+    settings, world, single = settings_for(task), task.dynamics, np.float32
+    inputs = (
+        world.observations.astype(single),
+        world._cumulative.astype(single),
+        world._successors,
+        world.rewards.astype(single),
+        settings.decay,
+        settings.rate,
+    )
+    name = "three-state OLGARB"
+    return loop_row(name, task, lambda steps: three_state_loop(steps, 1, *inputs), seeds, decisions, pairs, wanted)
+
+
+def recruitment_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """OLGARB on linear recruitment: updates per second in total of pools of eight, against the loop's on one core."""
+    task = LinearRecruitment(units=8)
+    numbers = (task.units, task.slope, task.intercept, settings_for(task).rate)
+    name = f"linear recruitment of {task.units}, OLGARB"
+    return loop_row(name, task, lambda steps: recruitment_loop(steps, 1, *numbers), seeds, decisions, pairs, wanted)
+
+
+def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
+    """Updates per second in total of pools of sixteen: the natural step against the plain one."""
+    task = LinearRecruitment(units=16)
+    natural = settings_for(task, metric="fisher", dampings={"threshold": 0.05}, rate=1e-4)
+    learners = [stepper_of(task, settings.agent(task), range(seeds)) for settings in (natural, settings_for(task))]
+    for learner in learners:
+        learner.advance(decisions)  # compiles
+    ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
+    name = f"linear recruitment of {task.units}, natural ÷ plain step, {seeds:,} seed{'s' * (seeds > 1)}"
+    return in_turn(name, "updates/s", decisions * seeds, ours, other, pairs=pairs)
+
+
+EPISODE = 24.5  # decisions on average, for the initial policy
+
+
+def particle_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """OLGARB on the falling particle: updates per second in total of eight local units, against the loop's on one
+    core."""
+    task = FallingParticle()
+    name = f"particle with {task.units} local units, OLGARB"
+    return loop_row(name, task, hand_written(task), seeds, decisions, pairs, wanted)
+
+
+def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[np.ndarray, np.ndarray, Any]]:
+    """The compiled loop for the given task, with the same initial policy and step sizes."""
+    settings = settings_for(task)
+    units = settings.agent(task).policy
+    assert isinstance(units, LocalGaussians)
+    assert settings.rates is not None
+    assert units.log_width_limits is not None
+    centre, log_width = (np.array(part, np.float32) for part in (units.centre, units.log_width))
+    forces = np.array(task.dynamics.forces, np.float32)[:, 0].copy()
+    regions = np.array(task.places, np.float32)
+    physics, single = task.physics, np.float32
+    parts = (physics.timestep, physics.gravity[1], physics.drag, physics.walls.restitution, physics.walls.friction)
+    numbers = tuple(single(part) for part in parts)
+    decay, rates = single(settings.decay), (single(settings.rates["centre"]), single(settings.rates["log_width"]))
+    limits = single(units.log_width_limits[0]), single(units.log_width_limits[1])
+    return lambda steps: particle_loop(steps, seed, centre, log_width, forces, regions, numbers, decay, rates, limits)
+
+
+def local_learning_row(seeds: int, episodes: int, wanted: str) -> Row:
+    """Wall time of the learning behind figure 6.5, including compilation."""
+    jax.clear_caches()
+    task = FallingParticle()
+    start = time.perf_counter()
+    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner.advance(round(episodes * EPISODE))
+    took = time.perf_counter() - start
+    name = f"particle, {seeds} seeds × {episodes:,} episodes, with compilation"
+    return Row(name, took, None, "s", None, None, wanted)
+
+
+WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere does not depend on their total number
+
+
+def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """Decisions per second in total of a falling particle with thousands of local units, with and without the spatial
+    index."""
+    task, width = FallingParticle(units=units), WIDTH / (units / 2) ** 0.5
+    policy = {"copies": 2, "width": width, "least_log_width": -8.0}
+    rates = {"centre": 2e-4 * (width / 0.16) ** 2, "log_width": 8e-4}
+    learners = [
+        stepper_of(task, settings_for(task, policy_settings=policy, rates=rates, index=index).agent(task), range(seeds))
+        for index in (True, False)
+    ]
+    for learner in learners:
+        learner.advance(decisions)  # compiles
+    ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
+    name = f"falling particle of {units:,} units, indexed ÷ all, {seeds:,} seed{'s' * (seeds > 1)}"
+    return in_turn(name, "decisions/s", decisions * seeds, ours, other, pairs=pairs, wanted=wanted)

@@ -1,0 +1,213 @@
+"""Uneven ground and slopes under any body."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check, check_fields, check_not_negative, check_positive
+from motorgrad.bodies._batch import BodyBatch
+from motorgrad.bodies._body import Body, WrappedBody
+
+Kind = Literal["bumps", "slopes", "steps", "waves"]
+LEAST_CELL = 0.1  # m; MuJoCo finds at most 50 contacts per pair, which a finer grid exhausts on the first triangles
+MOST_POINTS = 4_000_000
+_ROCK = (0.74, 0.72, 0.66, 1.0)
+_DROP = 0.01  # m, from the field's lowest point down to the plane around it, so that nothing touches both
+_BLEND = 1.0  # m, over which the ground rises to its full height around the clearing
+_WAVES = 8
+
+Noise = np.random.Generator
+Points = Float[np.ndarray, "rows columns"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Terrain:
+    """Uneven ground, as a grid of heights made from a few numbers and a seed.
+
+    **Arguments:**
+
+    - `kind`: "bumps", a random height at every grid point; "slopes", ramps along x that alternate up and down, each
+      half of `spacing` long, give or take a quarter; "steps", square plateaus at random heights, half of `spacing`
+      wide, with risers one cell wide; "waves", eight sines of random directions and phases, with the wavelength
+      `spacing`.
+    - `height` (m): distance from the lowest to the highest possible point, at full difficulty.
+    - `difficulty`: from 0, level ground, to 1; heights are proportional to it.
+    - `spacing` (m): distance from one ridge, wave or pair of plateaus to the next; without effect on bumps.
+    - `cell` (m): distance between two grid points, at least 0.1.
+    - `size` (m): size of the field along x and y, centred on the origin.
+    - `clearing` (m): radius of the level disc at the origin, on which a body starts; around it the ground rises to its
+      full height within one metre. With 0 the ground is uneven everywhere, with height 0 at the origin.
+    - `seed`: of the random numbers; the same seed gives the same ground at every difficulty.
+
+    **Raises:** `ValueError` naming the field and what it may be.
+    """
+
+    kind: Kind = "bumps"
+    height: float = 0.1
+    difficulty: float = 1.0
+    spacing: float = 1.0
+    cell: float = 0.1
+    size: tuple[float, float] = (24.0, 12.0)
+    clearing: float = 0.6
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name in ("height", "cell", "spacing"):
+            check_positive(name, getattr(self, name))
+        check_not_negative("clearing", self.clearing)
+
+        check(0.0 <= self.difficulty <= 1.0, "difficulty", self.difficulty, "from 0 to 1")
+        check(self.cell >= LEAST_CELL, "cell", self.cell, f"at least {LEAST_CELL} m")
+        check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
+        size = self.size
+        check(min(size) >= 2.0 * self.cell, "size", size, f"two lengths of at least two cells, {2 * self.cell:g} m")
+        points = (size[0] / self.cell + 1) * (size[1] / self.cell + 1)
+        check(points <= MOST_POINTS, "size", size, f"such that there are at most {MOST_POINTS} points")
+        check(self.seed >= 0, "seed", self.seed, "an integer >= 0")
+
+    @property
+    def axes(self) -> tuple[Float[np.ndarray, " columns"], Float[np.ndarray, " rows"]]:
+        """Coordinates x (columns,) and y (rows,) of the grid points in m. Their number is odd, so that one is at 0."""
+        x, y = (self.cell * np.arange(-half, half + 1) for half in (round(s / self.cell / 2.0) for s in self.size))
+        return x, y
+
+    def heights(self) -> Points:
+        """Heights in m, (rows, columns): rows along y, columns along x; 0 at the origin."""
+        x, y = np.meshgrid(*self.axes)
+        raw = _KINDS[self.kind](self, x, y, np.random.default_rng(self.seed))
+        if self.clearing > 0.0:
+            raw = raw * _smooth((np.hypot(x, y) - self.clearing) / _BLEND)
+        rows, columns = raw.shape
+        heights = self.difficulty * self.height * raw
+        return heights - heights[rows // 2, columns // 2]
+
+    def add(self, spec: mujoco.MjSpec) -> None:
+        """Add the ground to a description with a plane "floor", which is lowered and continues around the field."""
+        heights = self.heights()
+        low, tall = float(heights.min()), float(np.ptp(heights))
+        x, y = self.axes
+        field = spec.add_hfield(name="terrain", nrow=len(y), ncol=len(x), userdata=(heights - low).ravel().tolist())
+        field.size = (x[-1], y[-1], max(tall, 1e-6), 0.1)
+        floor = spec.geom("floor")
+        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "such that one is 'floor'")
+        ground = spec.worldbody.add_geom(name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain")
+        ground.pos, ground.rgba = (0.0, 0.0, low), _ROCK
+        for property_ in ("contype", "conaffinity", "friction", "solref", "solimp"):
+            setattr(ground, property_, getattr(floor, property_))
+        floor.pos = (0.0, 0.0, low - _DROP)
+
+
+@dataclasses.dataclass(frozen=True)
+class OnTerrain(WrappedBody):
+    """A body on uneven ground: a body like any other, whose floor is a height field.
+
+    It works with any body that has a geom "floor". For seeds on different ground, pass several such bodies to
+    `BodyBatch`; they differ only in their models. Heights measured by a body are still relative to z = 0.
+
+    **Arguments:**
+
+    - `body`: the body.
+    - `terrain`: the ground under it.
+
+    ```python
+    body = mg.bodies.OnTerrain(mg.bodies.Hexapod(), mg.bodies.Terrain("steps", height=0.05))
+    ```
+    """
+
+    terrain: Terrain = Terrain()
+
+    def spec(self) -> mujoco.MjSpec:
+        """A new, editable `mujoco.MjSpec` of the body on its ground."""
+        spec = self.body.spec()
+        self.terrain.add(spec)
+        return spec
+
+
+def _bumps(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
+    return noise.random(x.shape)
+
+
+def _slopes(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
+    """Ramps between 0 and 1, starting with a rising one at the edge of the clearing on both sides."""
+    reach = float(np.abs(x).max())
+    count = 2 + math.ceil(reach / (0.25 * terrain.spacing))
+    lengths = terrain.spacing / 2.0 * (0.75 + 0.5 * noise.random((2, count)))
+    raw = np.zeros_like(x)
+    for side, sign in zip(lengths, (1.0, -1.0), strict=True):
+        ends = np.concatenate([[0.0], np.cumsum(side)])
+        along = np.clip(sign * x - terrain.clearing, 0.0, None)
+        raw = np.where(sign * x > 0.0, np.interp(along, ends, np.arange(count + 1) % 2), raw)
+    return raw
+
+
+def _steps(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
+    side = max(1, round(terrain.spacing / 2.0 / terrain.cell))
+    rows, columns = (math.ceil(n / side) for n in x.shape)
+    plateaus = noise.random((rows, columns))
+    return plateaus.repeat(side, 0).repeat(side, 1)[: x.shape[0], : x.shape[1]]
+
+
+def _waves(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
+    """The mean of sines, from 0 to 1."""
+    way, phase = 2.0 * np.pi * noise.random((2, _WAVES, 1, 1))
+    number = 2.0 * np.pi / terrain.spacing
+    return 0.5 + 0.5 * np.sin(number * (x * np.cos(way) + y * np.sin(way)) + phase).mean(0)
+
+
+_KINDS: dict[str, Callable[..., Any]] = {"bumps": _bumps, "slopes": _slopes, "steps": _steps, "waves": _waves}
+
+
+def _smooth(share: np.ndarray) -> np.ndarray:
+    """A smooth step from 0 to 1."""
+    share = np.clip(share, 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+class SlopeBatch(BodyBatch):
+    """Simulations on a plane whose slope can change at every decision, independently for each seed.
+
+    Walking up a plane is equivalent to walking on a level one with gravity tilted backwards, so only the direction of
+    gravity changes, and its magnitude remains the model's. Positions, velocities and sensors are relative to the plane,
+    so the trunk's attitude against true gravity is its attitude to the plane combined with the slope.
+
+    **Arguments** and attributes are those of `BodyBatch`, with one body for all seeds.
+    """
+
+    def __init__(self, body: Body, seeds: int, substeps: int = 10, threads: int = 0):
+        check(not isinstance(body, Sequence), "body", body, "one body for all seeds")
+        super().__init__(body, seeds, substeps, threads)
+
+    def _bind(self) -> None:
+        super()._bind()
+        self._gravity = self._batch.expand("opt.gravity")
+        self._level = np.array(self.model.opt.gravity)
+
+    def step(self, activation: Any) -> None:
+        """Advance every simulation by one decision.
+
+        **Arguments:** `activation` (seeds, groups + 2): as in `BodyBatch.step`; the last two columns are the angle in
+        rad at which the plane rises, and the direction in which it does, in rad from x towards y.
+        """
+        activation = np.asarray(activation)
+        shape = (self.seeds, len(self.groups) + 2)
+        check(activation.shape == shape, "activation.shape", activation.shape, f"(seeds, groups + 2) = {shape}")
+        slope, ahead = activation[:, -2].astype(float), activation[:, -1].astype(float)
+        size = np.linalg.norm(self._level)
+        self._gravity[:, 0] = -size * np.sin(slope) * np.cos(ahead)
+        self._gravity[:, 1] = -size * np.sin(slope) * np.sin(ahead)
+        self._gravity[:, 2] = -size * np.cos(slope)
+        super().step(activation[:, :-2])
+
+    def reset(self, rows: Any = None) -> None:
+        """Put simulations into the start pose, on a level plane; as `BodyBatch.reset`."""
+        self._gravity[slice(None) if rows is None else rows] = self._level
+        super().reset(rows)

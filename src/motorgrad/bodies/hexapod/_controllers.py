@@ -1,0 +1,179 @@
+"""Two controllers for a tripod gait: a state machine per leg, and an open-loop clock."""
+
+import dataclasses
+import enum
+import math
+from typing import Any, NamedTuple
+
+from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading
+
+TRIPODS = (("left_front", "right_middle", "left_rear"), ("right_front", "left_middle", "right_rear"))
+"""The legs of the two tripods: front and rear of one side with the middle of the other."""
+
+
+class LegState(enum.IntEnum):
+    """The state of a leg: pushing back on the ground, waiting there, swinging forward in the air, or lowering."""
+
+    STANCE = 0
+    WAIT = 1
+    SWING = 2
+    DROP = 3
+
+
+class Turning(NamedTuple):
+    """Desired velocities of a leg in rad/s: `lateral`, positive forward, and `vertical`, positive up."""
+
+    lateral: float
+    vertical: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TripodController:
+    """A finite-state machine for each leg of a hexapod (thesis, section 5.3.3 and figure 5.7).
+
+    It is deterministic and does not learn. At each decision, a leg changes its state if a condition holds:
+
+    - stance → wait when the leg is behind `back`;
+    - wait → swing when more than one leg of the opposing tripod is in stance;
+    - swing → drop when the leg is ahead of `forward`;
+    - drop → stance when the foot touches the ground with more than `contact`.
+
+    The rules of the source, as above, can deadlock in two ways, which `mended` prevents. First, a leg over a hollow
+    drops for ever while the others wait; so the vertical joint within `margin` of its lower limit also counts as
+    contact. Second, if legs land one by one, each reaching `back` before the next lands, there are never two in stance,
+    until all six wait; then the first tripod swings.
+
+    The state of a leg sets the velocities of its two joints:
+
+    | state | lateral | vertical |
+    |---|---|---|
+    | stance | −`stance` | −`press` |
+    | wait | 0 | −`press` |
+    | swing | `swing` | `lift` |
+    | drop | 0 | −`drop` |
+
+    **Arguments:**
+
+    - `back` (degrees): lateral angle at which stance ends, positive forward.
+    - `forward` (degrees): lateral angle at which swing ends.
+    - `stance` (rad/s): backward velocity in stance.
+    - `swing` (rad/s): forward velocity in swing.
+    - `lift` (rad/s): upward velocity in swing.
+    - `drop` (rad/s): downward velocity while dropping.
+    - `press` (rad/s): downward velocity in stance and wait.
+    - `contact` (N): force above which a foot counts as touching the ground.
+    - `margin` (degrees): distance from the lower limit that counts as contact, if `mended`.
+    - `mended`: whether to prevent the two deadlocks.
+
+    **Raises:** `ValueError` naming the field and what it may be.
+    """
+
+    back: float = -20.0
+    forward: float = 20.0
+    stance: float = 3.0
+    swing: float = 6.0
+    lift: float = 6.0
+    drop: float = 6.0
+    press: float = 1.0
+    contact: float = 0.5
+    margin: float = 1.0
+    mended: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("stance", "swing", "lift", "drop"):
+            check_positive(name, getattr(self, name))
+        for name in ("press", "contact", "margin"):
+            check_not_negative(name, getattr(self, name))
+        right = math.isfinite(self.back) and math.isfinite(self.forward) and self.back < self.forward
+        check(right, "back", self.back, f"a finite angle in degrees below forward = {self.forward!r}")
+
+    @property
+    def turning(self) -> dict[LegState, Turning]:
+        """The velocities that each state sets."""
+        return {
+            LegState.STANCE: Turning(-self.stance, -self.press),
+            LegState.WAIT: Turning(0.0, -self.press),
+            LegState.SWING: Turning(self.swing, self.lift),
+            LegState.DROP: Turning(0.0, -self.drop),
+        }
+
+    def begin(self, reading: HexapodReading) -> Any:
+        """The initial states (..., 6): one tripod in stance, the other in swing."""
+        first = _members(reading.lateral)
+        return _xp(first).where(first, int(LegState.STANCE), int(LegState.SWING))
+
+    def decide(self, states: Any, reading: HexapodReading, lowest: Any) -> Any:
+        """The next states of the legs.
+
+        **Arguments:** `states` (..., 6), integers as in `LegState`; the sensor readings; `lowest` (6,), the lower
+        limits of the vertical joints in rad. NumPy or JAX; legs in the order of `LEGS`.
+        """
+        xp = _xp(states)
+        first = _members(reading.lateral)
+        standing = states == LegState.STANCE
+        in_first = xp.sum(standing & first, axis=-1, keepdims=True)
+        in_second = xp.sum(standing & ~first, axis=-1, keepdims=True)
+        down = reading.contact > self.contact
+        go = xp.where(first, in_second, in_first) > 1
+        if self.mended:
+            go = go | (first & xp.all(states == LegState.WAIT, axis=-1, keepdims=True))
+            down = down | (reading.vertical < xp.asarray(lowest) + math.radians(self.margin))
+        done = {
+            LegState.STANCE: reading.lateral < math.radians(self.back),
+            LegState.WAIT: go,
+            LegState.SWING: reading.lateral > math.radians(self.forward),
+            LegState.DROP: down,
+        }
+        after = states
+        for state, ready in done.items():
+            after = xp.where((states == state) & ready, (state + 1) % len(LegState), after)
+        return after
+
+    def velocities(self, states: Any) -> Any:
+        """The desired velocities (..., 12) in rad/s: of the six lateral joints, then of the six vertical ones."""
+        xp = _xp(states)
+        table = xp.asarray(list(self.turning.values()))
+        return xp.concat([table[states, 0], table[states, 1]], axis=-1)
+
+
+@dataclasses.dataclass(frozen=True)
+class TripodClock:
+    """An open-loop clock by which two tripods alternate between swing and stance, whatever the legs sense (thesis,
+    section 5.4.1).
+
+    A phase from 0 to 1 spans one stride. The first tripod is in stance while the phase is in [0, `duty`), the second
+    half a stride later; each swings for the rest of the stride.
+
+    **Arguments:**
+
+    - `duty`: the fraction of a stride that each tripod spends in stance, in (0, 1).
+
+    **Raises:** `ValueError` for a duty out of range.
+    """
+
+    duty: float = 0.5
+
+    def __post_init__(self) -> None:
+        check(0 < self.duty < 1, "duty", self.duty, "in (0, 1)")
+
+    def advance(self, phase: Any, period: Any, seconds: float) -> Any:
+        """The phase `seconds` later, for a stride of `period` seconds. NumPy or JAX, any shape."""
+        return (phase + seconds / period) % 1.0
+
+    def activation(self, phase: Any) -> Any:
+        """Which synergies are active at phases (...), as zeros and ones (..., 4): swing and stance of the first tripod,
+        then of the second, as in `motorgrad.tasks.TRIPOD_SYNERGIES`."""
+        xp = phase.__array_namespace__()
+        first, second = ((phase + shift) % 1.0 < self.duty for shift in (0.0, 0.5))
+        return xp.stack([~first, first, ~second, second], axis=-1) * 1.0
+
+
+def _members(like: Any) -> Any:
+    """Which legs belong to the first tripod, in the shape of `like` (..., 6)."""
+    xp = _xp(like)
+    return xp.broadcast_to(xp.asarray([leg in TRIPODS[0] for leg in LEGS]), like.shape)
+
+
+def _xp(array: Any) -> Any:
+    return array.__array_namespace__()

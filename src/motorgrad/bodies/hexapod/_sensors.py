@@ -1,0 +1,93 @@
+"""The hexapod's sensors."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import mujoco
+
+from motorgrad.bodies._batch import BodyState
+
+LEGS = tuple(f"{side}_{section}" for side in ("left", "right") for section in ("front", "middle", "rear"))
+"""The names of a hexapod's legs in the order of all arrays: left legs first, front to rear."""
+
+SECTIONS = ("front", "middle", "rear")
+
+
+class HexapodReading(NamedTuple):
+    """A hexapod's sensor readings, as NumPy or JAX arrays with any leading axes. Legs are in the order of `LEGS`.
+
+    - `lateral`, `vertical` (..., 6): angles in rad, positive forward and up; `lateral_velocity`, `vertical_velocity`
+      (..., 6) in rad/s.
+    - `contact` (..., 6), `belly` (...): normal forces on the feet, and on all three sections together, N.
+    - `position` (..., 3): of the middle section's centre, m.
+    - `heading` (...): of the middle section, rad in [−π, π] from x towards y; `yaw_rate` (...) in rad/s.
+    - `speed` (...): horizontal velocity of the middle section along its heading, m/s.
+    - `upright` (...): z component of the middle section's upward axis, from 1, level, to −1, overturned.
+    """
+
+    lateral: Any
+    lateral_velocity: Any
+    vertical: Any
+    vertical_velocity: Any
+    contact: Any
+    belly: Any
+    position: Any
+    heading: Any
+    yaw_rate: Any
+    speed: Any
+    upright: Any
+
+
+def read_hexapod(state: BodyState) -> HexapodReading:
+    """Read a hexapod's state by meaning, with slicing and a little trigonometry only (NumPy, JAX, tracers)."""
+    sensors = state.sensors
+    xp = state.position.__array_namespace__()
+
+    def legs(kind: str, of: Iterable[str] = LEGS, suffix: str = "") -> Any:
+        return xp.stack([sensors[f"{kind}_{leg}{suffix}"] for leg in of], axis=-1)
+
+    ahead, velocity = sensors["forward"], sensors["velocity"]
+    x, y = ahead[..., 0], ahead[..., 1]
+    return HexapodReading(
+        lateral=legs("lateral"),
+        lateral_velocity=legs("lateral", suffix="_velocity"),
+        vertical=legs("vertical"),
+        vertical_velocity=legs("vertical", suffix="_velocity"),
+        contact=legs("contact"),
+        belly=xp.sum(legs("belly", SECTIONS), axis=-1),
+        position=sensors["position"],
+        heading=xp.arctan2(y, x),
+        yaw_rate=sensors["rotation"][..., 2],
+        # a trunk that points straight up has no heading, so no speed along it
+        speed=(velocity[..., 0] * x + velocity[..., 1] * y) / xp.maximum(xp.sqrt(x * x + y * y), 1e-6),
+        upright=sensors["upward"][..., 2],
+    )
+
+
+def add_sensors(spec: mujoco.MjSpec) -> None:
+    """Add all sensors to the skeleton of a hexapod."""
+    kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
+    for freedom in ("lateral", "vertical"):
+        for leg in LEGS:
+            joint = f"{freedom}_{leg}"
+            spec.add_sensor(name=joint, type=kinds.mjSENS_JOINTPOS, objtype=objects.mjOBJ_JOINT, objname=joint)
+        for leg in LEGS:
+            joint = f"{freedom}_{leg}"
+            velocity = f"{joint}_velocity"
+            spec.add_sensor(name=velocity, type=kinds.mjSENS_JOINTVEL, objtype=objects.mjOBJ_JOINT, objname=joint)
+    touched = {f"contact_{leg}": f"foot_{leg}" for leg in LEGS} | {
+        f"belly_{each}": f"belly_{each}" for each in SECTIONS
+    }
+    for name, site in touched.items():
+        spec.add_sensor(name=name, type=kinds.mjSENS_TOUCH, objtype=objects.mjOBJ_SITE, objname=site)
+    for name, kind in (
+        ("position", kinds.mjSENS_FRAMEPOS),
+        ("forward", kinds.mjSENS_FRAMEXAXIS),
+        ("velocity", kinds.mjSENS_FRAMELINVEL),
+        ("rotation", kinds.mjSENS_FRAMEANGVEL),
+        ("upward", kinds.mjSENS_FRAMEZAXIS),
+    ):
+        spec.add_sensor(name=name, type=kind, objtype=objects.mjOBJ_SITE, objname="trunk")

@@ -1,0 +1,197 @@
+"""Muscles and servos: what drives a joint, and the law of its force."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from motorgrad._errors import check, check_not_negative, check_positive
+
+
+def tension(
+    activation: Any,
+    length: Any,
+    velocity: Any,
+    strength: Any,
+    rest_length: Any,
+    shape: Any = 0.5,
+    damping: Any = 0.0,
+) -> Any:
+    r"""The tension of a muscle, positive when it pulls.
+
+    $$F = a\, f_{max} \exp\left(-\frac{(L/r - 1)^2}{k_{CE}}\right) + k_{SE}\, \dot L$$
+
+    The law is written only here: numba compiles this function for the physics (see `install_muscle_callback`), and
+    NumPy evaluates it in tests and figures.
+
+    **Arguments** (floats or NumPy arrays that broadcast together):
+
+    - `activation`: $a$, from 0 to 1.
+    - `length`: $L$, the length of the path in m.
+    - `velocity`: $\dot L$ in m/s, positive while the muscle is stretched.
+    - `strength`: $f_{max}$ in N.
+    - `rest_length`: $r$ in m, where the contractile force is greatest.
+    - `shape`: $k_{CE}$, dimensionless; larger values flatten the force–length curve.
+    - `damping`: $k_{SE}$ in N s/m.
+
+    **Returns:** the tension in N. An inactive muscle that shortens quickly has a negative tension, because the damper
+    pushes, as in the source.
+
+    Source: the lumped-parameter muscle of the thesis behind this library, section 5.1.2.
+    """
+    strain = length / rest_length - 1.0
+    return activation * strength * np.exp(-strain * strain / shape) + damping * velocity
+
+
+@dataclasses.dataclass(frozen=True)
+class Attachment:
+    """A point where a muscle is attached: the name of a body, and (x, y, z) in m in that body's frame."""
+
+    body: str
+    position: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        check(isinstance(self.body, str) and self.body, "Attachment.body", self.body, "the name of a body")
+        point = tuple(float(x) for x in self.position)
+        check(
+            len(point) == 3 and all(map(math.isfinite, point)),
+            "Attachment.position",
+            self.position,
+            "three finite numbers (m)",
+        )
+        object.__setattr__(self, "position", point)
+
+
+@dataclasses.dataclass(frozen=True)
+class Wrap:
+    """An obstacle on a muscle's path: the name of a sphere or cylinder geom, and of the site that tells MuJoCo on which
+    side the path passes. Put the site near the middle of the arc; the page on bodies explains why."""
+
+    geom: str
+    side_site: str
+
+    def __post_init__(self) -> None:
+        check(isinstance(self.geom, str) and self.geom, "Wrap.geom", self.geom, "the name of a sphere or cylinder geom")
+        check(isinstance(self.side_site, str) and self.side_site, "Wrap.side_site", self.side_site, "a site's name")
+
+
+@dataclasses.dataclass(frozen=True)
+class Muscle:
+    """A muscle: its path and its strength. `tension` gives its force.
+
+    **Arguments:**
+
+    - `name`: unique within the body; also the name of the tendon and of the actuator.
+    - `group`: muscles of one group share one component of the action.
+    - `origin`, `insertion`: the two ends; the path is the shortest one between them.
+    - `strength`: greatest contractile force $f_{max}$, N, > 0.
+    - `rest_length`: $r$, m, > 0.
+    - `damping`: $k_{SE}$, N s/m, ≥ 0.
+    - `shape`: $k_{CE}$, > 0; infinite for a contractile force that does not depend on the length.
+    - `wrap`: the joint capsule around which the path wraps, or None for a straight muscle.
+
+    **Raises:** `ValueError` naming the field and its range.
+    """
+
+    name: str
+    group: str
+    origin: Attachment
+    insertion: Attachment
+    strength: float
+    rest_length: float
+    damping: float = 8.0
+    shape: float = 0.5
+    wrap: Wrap | None = None
+
+    def __post_init__(self) -> None:
+        check(isinstance(self.name, str) and self.name, "Muscle.name", self.name, "a name that is not empty")
+        where = f"Muscle {self.name!r} "
+        check(isinstance(self.group, str) and self.group, where + "group", self.group, "a name that is not empty")
+        for field in ("strength", "rest_length"):
+            check_positive(where + field, getattr(self, field))
+        if self.shape != math.inf:
+            check_positive(where + "shape", self.shape)
+        check_not_negative(where + "damping", self.damping)
+
+
+@dataclasses.dataclass(frozen=True)
+class Servo:
+    r"""A motor that turns a joint at a desired velocity: $\tau = \mathrm{clip}(k_v (u - \dot q), \pm\tau_{max})$.
+
+    **Arguments:**
+
+    - `name`: unique within the body.
+    - `group`: servos of one group share one component of the action, the desired velocity $u$ in rad/s.
+    - `joint`: the name of the hinge.
+    - `gain` (N m s/rad): $k_v$.
+    - `limit` (N m): $\tau_{max}$.
+    """
+
+    name: str
+    group: str
+    joint: str
+    gain: float
+    limit: float
+
+    def __post_init__(self) -> None:
+        for field in ("gain", "limit"):
+            check_positive(f"Servo {self.name!r} {field}", getattr(self, field))
+
+
+def groups_of(muscles: Iterable[Muscle]) -> tuple[str, ...]:
+    """The groups of `muscles`, without repeats, in the order of first appearance: the components of an action."""
+    return tuple(dict.fromkeys(muscle.group for muscle in muscles))
+
+
+def add_servos(spec: mujoco.MjSpec, servos: Iterable[Servo]) -> None:
+    """Add servos to a skeleton that has their joints. Their actuators follow those of the muscles."""
+    for servo in servos:
+        actuator = spec.add_actuator(name=servo.name, target=servo.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_velocity(kv=servo.gain)
+        actuator.forcelimited = True
+        actuator.forcerange = (-servo.limit, servo.limit)
+
+
+# Half-width of the native bump in units of √(2 k_CE). Matching the curvature would give 1; this value minimises the
+# greatest deviation from the Gaussian over |L/r − 1| ≤ 0.8 (for k_CE = 0.5), the range of the hopper's muscles.
+_WIDTH = 1.2
+# Flattens the built-in force–velocity curve: full force at any speed that occurs.
+_MAX_VELOCITY = 1e9
+
+
+def set_native_gain(actuator: Any, muscle: Muscle) -> None:
+    """Give an `MjsActuator` MuJoCo's `muscle` gain for `muscle`, without activation dynamics or passive force.
+
+    The built-in force–length curve is a bump of four parabolas between `lmin` and `lmax`, 1 at the rest length and ½
+    half way to either end. Its half-width is the only free number; everything else of the built-in muscle is switched
+    off.
+    """
+    width = _half_width(muscle.shape)
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_MUSCLE
+    # with this length range the normalised length is L / r
+    actuator.lengthrange = (0.0, muscle.rest_length)
+    # range (2), force, scale, lmin, lmax, vmax, fpmax (a matter of the passive bias, which stays off), fvmax
+    actuator.gainprm[:9] = (0.0, 1.0, muscle.strength, 1.0, 1.0 - width, 1.0 + width, _MAX_VELOCITY, 1.0, 1.0)
+
+
+def native_force_length(length: Any, rest_length: Any, shape: Any = 0.5) -> np.ndarray:
+    """The force–length factor that `muscle_model="native"` uses in place of the Gaussian of `tension`.
+
+    **Arguments:** path length and rest length in m, and the Gaussian's $k_{CE}$; arrays broadcast.
+
+    **Returns:** the factor, from 0 to 1.
+
+    Source: MuJoCo's `mju_muscleGainLength`.
+    """
+    strain = np.abs(np.asarray(length) / rest_length - 1.0) / (_half_width(shape) / 2.0)
+    return np.where(strain <= 1.0, 1.0 - 0.5 * strain**2, np.where(strain < 2.0, 0.5 * (2.0 - strain) ** 2, 0.0))
+
+
+def _half_width(shape: Any) -> Any:
+    return _WIDTH * math.sqrt(2.0) * np.sqrt(shape)

@@ -1,0 +1,223 @@
+"""Any Gymnasium environment as a task."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from motorgrad._errors import check, check_fields, check_integer
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad.tasks._host_task import HostTask
+from motorgrad.tasks._task import Reading
+from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, make_environment, why_no_copy
+from motorgrad.tasks.gymnasium._spaces import (
+    ActionCode,
+    Code,
+    ObservationScaling,
+    Scaling,
+    action_code,
+    observation_scaling,
+)
+
+CLIP = 5.0  # standard deviations
+
+
+class EnvironmentMemory(NamedTuple):
+    """The memory of a task on an environment: return and length of the current episode, running mean and variance of
+    the observations (`None` without running scaling), and whether these are frozen."""
+
+    returned: Float[Array, ""]
+    length: Float[Array, ""]
+    mean: RunningMean | None
+    variance: RunningMean | None
+    frozen: Bool[Array, ""]
+
+
+class _Facts(NamedTuple):
+    scaling: ObservationScaling
+    code: ActionCode
+    period: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Gymnasium(HostTask):
+    """A Gymnasium environment with its own observations, rewards, ends of episodes and time limit.
+
+    Observed: the environment's observation, flattened and scaled; with discrete actions also a constant 1, because a
+    softmax has no bias. Reported for each episode: its `return`, the sum of the environment's rewards, and its `length`
+    in steps.
+
+    **Arguments:**
+
+    - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers.
+    - `kwargs`: passed to `gymnasium.make`: numbers, strings, true or false. They may include `max_episode_steps`.
+    - `repeat`: environment steps per decision, during which the action is held and rewards are summed.
+    - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
+      mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
+      within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
+    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for the default of the
+      action space; see `docs/foreign-environments.md`.
+    - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
+      a time limit). If every step has the same reward, only the ends inform an average reward.
+
+    **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
+    setting that does not fit it.
+    """
+
+    name: ClassVar[str] = "gymnasium"
+    reports: ClassVar[tuple[str, ...]] = ("return", "length")
+    episodic: ClassVar[bool] = True
+
+    env_id: str = "CartPole-v1"
+    kwargs: Mapping[str, bool | int | float | str] | None = None
+    repeat: int = 1
+    scaling: Scaling = "auto"
+    code: Code = "auto"
+    end_reward: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in self._kwargs.items():
+            plain = isinstance(value, bool | int | float | str)
+            check(plain, f"kwargs.{name}", value, "a number, a string, true or false, so that the run can be described")
+        check_fields(self)
+        check_integer("repeat", self.repeat, 1)
+        _ = self._facts  # raises for unsupported spaces
+
+    @property
+    def _kwargs(self) -> Mapping[str, Any]:
+        return {} if self.kwargs is None else self.kwargs
+
+    def __reduce__(self) -> tuple[Any, ...]:  # the cached facts hold functions, so they are derived again
+        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    @functools.cached_property
+    def _facts(self) -> _Facts:
+        environment = make_environment(self.env_id, self._kwargs)
+        try:
+            scaling = observation_scaling(environment.observation_space, self.scaling, self.env_id)
+            code = action_code(environment.action_space, self.code, self.env_id)
+            step: Any = getattr(environment.unwrapped, "dt", None)
+        finally:
+            environment.close()
+        timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
+        return _Facts(scaling, code, self.repeat * float(step) if timed else 1.0)
+
+    @property
+    def dynamics(self) -> str:
+        """The environment's id; each batch makes its own environments."""
+        return self.env_id
+
+    @property
+    def actions(self) -> Literal["binary", "discrete"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self._facts.code.actions
+
+    @property
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        policy = "softmax" if self.actions == "discrete" else "hyperplanes"
+        return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
+
+    @property
+    def observation_size(self) -> int:
+        return len(self._facts.scaling.centre) + (self.actions == "discrete")
+
+    @property
+    def action_size(self) -> int:
+        return self._facts.code.size
+
+    @property
+    def period(self) -> float:
+        """Simulated seconds per decision if the environment declares the duration of a step (`dt`), else 1."""
+        return self._facts.period
+
+    @property
+    def no_resume(self) -> str | None:
+        return None if self._no_copy is None else f"{self.env_id}: {self._no_copy}"
+
+    @functools.cached_property
+    def _no_copy(self) -> str | None:
+        return why_no_copy(self.env_id, self._kwargs)
+
+    def batch(self, seeds: Sequence[int], threads: int = 0) -> EnvironmentBatch:
+        del threads
+        size = len(self._facts.scaling.centre)
+        copies = self.no_resume is None
+        return EnvironmentBatch(self.env_id, self._kwargs, seeds, size, self._facts.code, self.repeat, copies)
+
+    def init(self, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
+        scaling, zero = self._facts.scaling, jnp.zeros(())
+        nothing = running_mean(jnp.zeros(scaling.centre.shape)) if scaling.running.any() else None
+        return EnvironmentMemory(zero, zero, nothing, nothing, jnp.zeros((), bool))
+
+    def renew(self, memory: EnvironmentMemory, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
+        return memory._replace(returned=jnp.zeros(()), length=jnp.zeros(()))
+
+    def freeze(self, memory: EnvironmentMemory) -> EnvironmentMemory:
+        return memory._replace(frozen=jnp.ones((), bool))
+
+    def observe(
+        self, memory: EnvironmentMemory, state: EnvironmentState, uniforms: Float[Array, " 0"]
+    ) -> tuple[EnvironmentMemory, Float[Array, " inputs"]]:
+        scaling, seen = self._facts.scaling, state.observation
+        observation = (seen - scaling.centre) / scaling.half
+        if memory.mean is not None and memory.variance is not None:
+            mean, variance = jax.tree.map(
+                lambda old, new: jnp.where(memory.frozen, old, new),
+                (memory.mean, memory.variance),
+                _add_observation(memory.mean, memory.variance, seen),
+            )
+            memory = memory._replace(mean=mean, variance=variance)
+            deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
+            standard = jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)
+            observation = jnp.where(scaling.running, standard, observation)
+        return memory, jnp.append(observation, 1.0) if self.actions == "discrete" else observation
+
+    def reward(
+        self, memory: EnvironmentMemory, state: EnvironmentState, action: Array
+    ) -> tuple[EnvironmentMemory, Float[Array, ""], Bool[Array, ""]]:
+        memory = memory._replace(returned=memory.returned + state.reward, length=memory.length + state.steps)
+        reward = state.reward + self.end_reward * state.terminated if self.end_reward else state.reward
+        return memory, reward, state.terminated
+
+    def truncated(self, memory: EnvironmentMemory, state: EnvironmentState) -> Bool[Array, ""]:
+        return state.truncated
+
+    def readings(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Reading]:
+        """Of an episode that has just ended: `return`, the sum of its rewards, and `length`, its number of steps."""
+        ended = state.terminated | state.truncated
+        return {"return": (memory.returned, ended), "length": (memory.length, ended)}
+
+
+def from_gymnasium(
+    env_id: str,
+    *,
+    repeat: int = 1,
+    scaling: Scaling = "auto",
+    code: Code = "auto",
+    end_reward: float = 0.0,
+    **kwargs: Any,
+) -> Gymnasium:
+    """A Gymnasium environment as a task, for our agents to learn.
+
+    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; `repeat`, `scaling`, `code` and `end_reward`, as in
+    `Gymnasium` (whose `kwargs` also accept an environment's own arguments of these names).
+
+    **Raises:** as `Gymnasium`.
+
+    ```python
+    task = mg.tasks.from_gymnasium("CartPole-v1", end_reward=-1.0)
+    run = mg.train(task, steps=100_000, seeds=4)
+    ```
+    """
+    return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward)
+
+
+def _add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
+    """Update the running mean and variance of observations with one more (Welford, 1962)."""
+    after = add_sample(mean, seen)
+    product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
+    return after, add_sample(variance, product)

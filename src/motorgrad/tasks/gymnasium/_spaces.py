@@ -1,0 +1,148 @@
+"""How a policy's output becomes a Gymnasium action, and how Gymnasium observations are scaled."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from motorgrad._errors import choice, shown
+
+if TYPE_CHECKING:
+    from gymnasium import Space
+    from gymnasium.spaces import Box
+
+
+Code = Literal["auto", "choice", "count", "bits", "each", "antagonists"]
+Scaling = Literal["auto", "bounds", "running", "none"]
+CODES = {  # the first is what "auto" stands for
+    "Discrete": ("choice", "count", "bits"),
+    "MultiDiscrete": ("count", "choice", "bits"),
+    "MultiBinary": ("each",),
+    "Box": ("each", "antagonists"),
+}
+MOST = 4096  # alternatives of one choice
+USABLE = 1e6  # a bound beyond this carries no information about the observations
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ActionCode:
+    """How a policy's numbers become an environment's action: `size` units (binary) or alternatives (discrete)."""
+
+    actions: Literal["binary", "discrete"]
+    size: int
+    decode: Callable[[Float[np.ndarray, "seeds numbers"]], np.ndarray]
+    """Maps the units (0 or 1), or the one alternative, of every seed to the actions of all seeds, along a leading
+    axis."""
+
+
+def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
+    """The code for an action space. **Raises** `ValueError` for an unsupported space, or a code that does not fit
+    it."""
+    from gymnasium import spaces
+
+    name = type(space).__name__
+    if name not in CODES:
+        kinds = ", ".join(CODES)
+        refuse_space(env_id, "actions", space, f"{kinds}; gymnasium.wrappers.TransformAction makes one from another")
+    choice(f"code for the {name} actions of {env_id}", code, ("auto", *CODES[name]))
+    chosen = CODES[name][0] if code == "auto" else code
+    if isinstance(space, spaces.Box):
+        return _bounds(chosen, space, env_id)
+    if isinstance(space, spaces.MultiBinary):
+        shape, kind = space.shape, space.dtype
+        return ActionCode("binary", math.prod(shape), lambda units: units.astype(kind).reshape(-1, *shape))
+    assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
+    counts = [int(space.n)] if isinstance(space, spaces.Discrete) else [int(n) for n in np.ravel(space.nvec)]
+    make = _alternatives if chosen == "choice" else _sums
+    return make(chosen, counts, space, env_id)
+
+
+def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
+    """One alternative per combination of the action's components."""
+    size = math.prod(counts)
+    if size > MOST:
+        raise ValueError(f"code = {code!r}: {env_id} has {size} combined actions, at most {MOST}; use 'count'")
+    combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1) + np.ravel(space.start)
+    table = combined.astype(space.dtype).reshape(size, *space.shape)
+    return ActionCode("discrete", size, lambda numbers: table[numbers[:, 0].astype(np.intp)])
+
+
+def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
+    """Units for every component of the action, whose weights add up to it: 1 each, or powers of two."""
+    if code == "bits" and any(n & (n - 1) for n in counts):
+        raise ValueError(
+            f"code = 'bits': {env_id} has {counts} actions: must be powers of two; use 'count' or 'choice'"
+        )
+    parts = [2 ** np.arange(n.bit_length() - 1)[::-1] if code == "bits" else np.ones(n - 1, int) for n in counts]
+    size, part_of = sum(map(len, parts)), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    if not size:
+        raise ValueError(f"code = {code!r}: {env_id} has a single action, which no unit can choose; use 'choice'")
+    weights = np.zeros((size, len(parts)))
+    weights[np.arange(size), part_of] = np.concatenate(parts)
+    start, shape, kind = np.ravel(space.start), space.shape, space.dtype
+    return ActionCode("binary", size, lambda units: (units @ weights + start).astype(kind).reshape(-1, *shape))
+
+
+def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
+    """Units that drive every number of the action to the bounds of its range."""
+    low, high, shape = np.ravel(space.low), np.ravel(space.high), space.shape
+    if not (np.isfinite(low) & np.isfinite(high)).all():
+        refuse_space(
+            env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
+        )
+    if code == "each":
+        return ActionCode("binary", low.size, lambda units: np.where(units > 0, high, low).reshape(-1, *shape))
+    rest, eye = np.clip(0, low, high).astype(low.dtype), np.eye(low.size)
+    pull = np.concatenate([eye[rest < high], -eye[rest > low]])
+
+    def decode(units: Float[np.ndarray, "seeds numbers"]) -> np.ndarray:
+        net = units @ pull
+        return np.where(net > 0, high, np.where(net < 0, low, rest)).reshape(-1, *shape)
+
+    return ActionCode("binary", len(pull), decode)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ObservationScaling:
+    """Which numbers of an observation are scaled from their bounds to −1 … 1 (`(y - centre) / half`), and which by
+    running statistics; the others are unchanged."""
+
+    centre: Float[np.ndarray, " size"]
+    half: Float[np.ndarray, " size"]
+    running: Bool[np.ndarray, " size"]
+
+
+def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> ObservationScaling:
+    """The scaling for an observation space. **Raises** `ValueError` for an unsupported space or scaling."""
+    from gymnasium import spaces
+
+    if not isinstance(space, spaces.Box):
+        wrapped = isinstance(space, spaces.Dict | spaces.Tuple | spaces.Discrete | spaces.MultiBinary)
+        wrapped = wrapped or isinstance(space, spaces.MultiDiscrete)
+        hint = "gymnasium.wrappers.FlattenObservation" if wrapped else "gymnasium.wrappers.TransformObservation"
+        refuse_space(env_id, "observations", space, f"Box; {hint} makes one of it")
+    low, high = np.ravel(space.low).astype(float), np.ravel(space.high).astype(float)
+    if not low.size:
+        refuse_space(env_id, "observations", space, "Box with at least one number")
+    usable = (np.abs(low) < USABLE) & (np.abs(high) < USABLE) & (low < high)
+    if scaling == "bounds" and not usable.all():
+        which = np.flatnonzero(~usable).tolist()
+        raise ValueError(
+            f"scaling = 'bounds': numbers {which} of the observation of {env_id} have no bounds within ±{USABLE:g}; "
+            "use 'auto' or 'running'"
+        )
+    bounded = usable if scaling in ("auto", "bounds") else np.zeros_like(usable)
+    running = ~bounded if scaling in ("auto", "running") else np.zeros_like(usable)
+    low, high = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
+    centre, half = (low + high) / 2, (high - low) / 2
+    return ObservationScaling(centre.astype(np.float32), half.astype(np.float32), running)
+
+
+def refuse_space(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:
+    """Refuse a space by name."""
+    shape = getattr(space, "shape", None)
+    kind = shown(space) if shape == () else type(space).__name__ + (f"{shape}" if isinstance(shape, tuple) else "")
+    raise ValueError(f"{env_id} has {what} in a {kind} space: must be {wanted}")

@@ -1,0 +1,280 @@
+"""The hexapod's task: walk fast (section 5.3.4 of the thesis), with 24 muscles or with four synergies."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._errors import check, check_integer
+from motorgrad.bodies import (
+    LEGS,
+    Body,
+    BodyState,
+    HexapodReading,
+    OnTerrain,
+    Terrain,
+    measure_gait,
+    read_hexapod,
+)
+from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.tasks._task import Mirror, Reading
+from motorgrad.tasks.hexapod._synergies import synergy_matrix
+from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
+
+Sense = Literal["lateral", "current", "contact", "yaw", "course"]
+SENSES = get_args(Sense)
+SPAN = 20.0  # s, over which a net displacement is measured
+SECOND = 1.0  # s, over which a stall is measured
+STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
+TOUCH = 0.5  # N
+SETTLING = 2.0  # s, excluded from the gait at the start of an evaluation
+MOST_LAG = 1_000
+LEVEL = Terrain(difficulty=0.0)
+BATCH = 160  # decisions per update of the parameters
+UPDATES = 1200  # updates after which annealing ends
+MUSCLE_LEARNER: Mapping[str, Any] = {
+    "policy": "hyperplanes",
+    "estimator": {
+        # generalised advantages: the trace's decay is the critic's discount times 0.95
+        "trace": {"kind": "exponential", "decay": 0.9215},
+        "baseline": {
+            "kind": "critic",
+            "features": {"squares": True, "actions": True},
+            "discount": 0.97,
+            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
+        },
+        "improve": BATCH,
+        "normalization": {"rate": 1 / (10 * BATCH)},
+        "entropy": {"kind": "annealed", "start": 0.05, "end": 0.0, "steps": UPDATES},
+    },
+    "metric": {
+        "kind": "fisher",
+        "rate": 1 / (20 * BATCH),
+        "initial": 0.05,
+        "damping": 0.01,
+        "kl": {"kind": "annealed", "start": 0.03, "end": 0.003, "steps": UPDATES},
+    },
+    # the step's length is that of the KL limit: the natural gradient of a batch this small is longer
+    "optimizer": {"learning_rate": 1.0},
+    "averaging": {"start": UPDATES - 150},
+}
+
+
+class HexapodMemory(NamedTuple):
+    """The memory of the hexapod's task within an episode.
+
+    - `decisions`: made so far, −1 before the first observation.
+    - `past` (lag, 6): lateral angles observed at the last decisions, newest first.
+    - `yaw`: the smoothed yaw rate, rad/s; `course`: the heading at the start of the current course, rad.
+    - `origin` (2,): where the current span started, m; `run`: the sum of speeds in the current second, m/s.
+    - `net` and `stalled`: of the last completed span and second.
+    """
+
+    decisions: Int[Array, ""]
+    past: Float[Array, "lag 6"]
+    yaw: Float[Array, ""]
+    course: Float[Array, ""]
+    origin: Float[Array, " 2"]
+    run: Float[Array, ""]
+    net: Float[Array, ""]
+    stalled: Float[Array, ""]
+
+
+@dataclasses.dataclass(frozen=True)
+class Hexapod(WalkingTask):
+    """Walk as fast as possible, with 24 muscles that fire independently.
+
+    Observed: the six lateral angles divided by `angle_scale`, and the other senses in `observes`. Actions: each muscle
+    fires or not; with `synergies`, each unit drives several muscles. Reward: `reward_scale` × the velocity (m/s) of the
+    middle section along the direction `paid`. An episode ends when the trunk overturns.
+
+    **Arguments:**
+
+    - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
+    - `terrain`: the ground (`motorgrad.bodies.Terrain`), an infinite level plane at difficulty 0.
+    - `synergies`: for each unit the groups of muscles that it drives, names or patterns such as `levator_*`, separated
+      by spaces; by default every muscle has its own unit.
+    - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones;
+      `"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
+      `"course"`, the heading relative to the course's in rad. They are always in this order.
+    - `lag` (decisions): delay of `"lateral"`; 0 in the thesis.
+    - `angle_scale` (degrees): the lateral angle that is observed as 1.
+    - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
+    - `paid`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the start
+      of a course; or the world's `"x"` axis.
+    - `course` (decisions): the length of a course; the batch size of the learner gives a new course per batch.
+    - `reward_scale`: reward per m/s.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
+    """
+
+    name: ClassVar[str] = "hexapod"
+    reports: ClassVar[tuple[str, ...]] = ("speed", "net", "stalls", "falls")
+    episodic: ClassVar[bool] = True
+    learner: ClassVar[Mapping[str, Any]] = MUSCLE_LEARNER
+
+    body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
+    terrain: Terrain = LEVEL
+    synergies: tuple[str, ...] | None = None
+    observes: tuple[Sense, ...] = SENSES
+    lag: int = 1
+    angle_scale: float = 30.0
+    yaw_smoothing: float = 0.1
+    paid: Literal["heading", "course", "x"] = "course"
+    course: int = BATCH
+    reward_scale: float = 4.0
+    action_period: float = 0.02
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        self.check_walking("angle_scale")
+        check(len(self.observes) > 0, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
+        check(len(set(self.observes)) == len(self.observes), "observes", self.observes, "different senses")
+        check_integer("lag", self.lag, 0, MOST_LAG, "decisions")
+        check_integer("course", self.course, 1, 2**31 - 1, "decisions")
+        check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
+        self.drives  # noqa: B018 (raises for unknown synergies)
+
+    @property
+    def dynamics(self) -> Body:
+        return OnTerrain(self.body, self.terrain) if self.terrain.difficulty > 0 else self.body
+
+    @functools.cached_property
+    def drives(self) -> np.ndarray | None:
+        return None if self.synergies is None else synergy_matrix(self.synergies, self.body.groups)
+
+    @property
+    def observation_size(self) -> int:
+        return len(self.observation_range)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        legs = [leg.replace("_", " ") for leg in LEGS]
+        words = {"lateral": "earlier angle" if self.lag else "angle", "current": "present angle", "contact": "contact"}
+        named = {sense: [f"{word} {leg}" for leg in legs] for sense, word in words.items()}
+        return tuple(name for sense in self._seen for name in named.get(sense, [sense]))
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...]:
+        """For lateral angles the range of the joints; for yaw rate and course the range of a curved walk."""
+        lateral = self.lateral_range(self.angle_scale)
+        ranges = {"lateral": lateral, "current": lateral, "contact": [(-1.0, 1.0)] * 6}
+        return tuple(each for sense in self._seen for each in ranges.get(sense, [(-1.0, 1.0)]))
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Legs swap sides, turns change their sign; the ground is ignored. `None` if a synergy has no mirror image."""
+        return hexapod_mirror(self._seen, self.body.groups, self.drives)
+
+    @property
+    def _seen(self) -> list[str]:
+        return [sense for sense in SENSES if sense in self.observes]
+
+    def init(self, uniforms: Float[Array, " 0"]) -> HexapodMemory:
+        zero = jnp.zeros(())
+        past = jnp.zeros((self.lag, len(LEGS)))
+        return HexapodMemory(jnp.full((), -1, jnp.int32), past, zero, zero, jnp.zeros(2), zero, zero, zero)
+
+    def observe(
+        self, memory: HexapodMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[HexapodMemory, Float[Array, " inputs"]]:
+        reading = read_hexapod(state)
+        made = memory.decisions + 1
+        now = reading.lateral / math.radians(self.angle_scale)
+        line = jnp.concatenate([now[None], memory.past])
+        line = jnp.where(made == 0, now, line)  # the delay line starts full of the first observation
+        yaw = memory.yaw + self.yaw_smoothing * (reading.yaw_rate - memory.yaw)
+        course = jnp.where(made % self.course == 0, reading.heading, memory.course)
+        origin = jnp.where(made % self._span == 0, reading.position[:2], memory.origin)
+        away = reading.heading - course
+        seen = {
+            "lateral": line[-1],
+            "current": now,
+            "contact": jnp.where(reading.contact > TOUCH, 1.0, -1.0),
+            "yaw": yaw[None],
+            "course": jnp.arctan2(jnp.sin(away), jnp.cos(away))[None],
+        }
+        after = memory._replace(decisions=made, past=line[:-1], yaw=yaw, course=course, origin=origin)
+        return after, jnp.concatenate([seen[sense] for sense in self._seen])
+
+    def reward(
+        self, memory: HexapodMemory, state: BodyState, action: Float[Array, " units"]
+    ) -> tuple[HexapodMemory, Float[Array, ""], Bool[Array, ""]]:
+        reading, velocity = read_hexapod(state), state.sensors["velocity"]
+        along = {
+            "heading": reading.speed,
+            "course": velocity[0] * jnp.cos(memory.course) + velocity[1] * jnp.sin(memory.course),
+            "x": velocity[0],
+        }
+        made, run = memory.decisions + 1, memory.run + reading.speed
+        second = self._decisions(SECOND)
+        over = made % second == 0
+        after = memory._replace(
+            run=jnp.where(over, 0.0, run),
+            stalled=jnp.where(over, (run / second < STALL) * 1.0, memory.stalled),
+            net=jnp.linalg.norm(reading.position[:2] - memory.origin) / (self._span * self.period),
+        )
+        return after, self.reward_scale * along[self.paid], overturned(reading)
+
+    def readings(self, memory: HexapodMemory, state: BodyState) -> dict[str, Reading]:
+        """Speed, net displacement, stalls and falls.
+
+        - `speed`: along the heading, m/s.
+        - `net`: the net displacement over each 20 s of an episode, or over an episode with a shorter `time_limit`,
+          divided by that time, m/s. If the trunk overturns earlier, the displacement until then, divided by the full
+          time.
+        - `stalls`: the fraction of whole seconds in which the mean speed is below 0.3 m/s.
+        - `falls`: how often the trunk overturns per second.
+        """
+        reading = read_hexapod(state)
+        return {
+            **self.walking_readings(reading),
+            "net": (memory.net, overturned(reading) | (memory.decisions % self._span == 0)),
+            "stalls": (memory.stalled, memory.decisions % self._decisions(SECOND) == 0),
+        }
+
+    def measures(self, recorded: BodyState) -> dict[str, np.ndarray]:
+        """The gait after the first two seconds: its class, `gait`, and the other measures of `motorgrad.bodies.Gait`,
+        except the speeds, which are readings."""
+        reading = read_hexapod(recorded)
+        since = self._decisions(SETTLING)
+        if reading.lateral.shape[1] < since + self._decisions(SECOND):
+            return {}
+        late = HexapodReading(*(np.swapaxes(part, 0, 1)[since:] for part in reading))
+        found = measure_gait(late, self.period)._asdict()
+        return {"gait": found.pop("kind"), **{name: found[name] for name in found if name not in ("speed", "net")}}
+
+    @property
+    def _span(self) -> int:
+        """Decisions per net displacement."""
+        return self._decisions(min(SPAN, self.time_limit or SPAN))
+
+    def _decisions(self, seconds: float) -> int:
+        return max(1, round(seconds / self.period))
+
+
+@dataclasses.dataclass(frozen=True)
+class HexapodSynergy(Hexapod):
+    """Walk as fast as possible, with four units: swing and stance of each tripod of legs.
+
+    As in the thesis, it observes the six lateral angles without a lag, is rewarded for velocity along the heading, and
+    learns by OLGARB. Everything else is as in `Hexapod`.
+
+    **Arguments:** those of `Hexapod`, and
+
+    - `synergies`: for each unit the groups of muscles that it drives; by default swing (lift and protract) and stance
+      (depress and retract) of the first tripod, then of the second.
+    """
+
+    name: ClassVar[str] = "hexapod-synergy"
+    learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "learning_rate": 1e-3}
+
+    synergies: tuple[str, ...] = TRIPOD_SYNERGIES
+    observes: tuple[Sense, ...] = ("lateral",)
+    lag: int = 0
+    paid: Literal["heading", "course", "x"] = "heading"

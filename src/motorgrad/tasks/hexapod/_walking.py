@@ -1,0 +1,101 @@
+"""What all walking tasks share: the muscle-driven hexapod, its mirror image, and the synergies of its tripods."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check, check_fields
+from motorgrad.bodies import LEGS, TRIPODS, HexapodReading
+from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.tasks._host_task import BodyTask
+from motorgrad.tasks._task import Mirror, Reading
+
+
+def _other_side(name: str) -> str:
+    sides = {"left": "right", "right": "left"}
+    return "_".join(sides.get(word, word) for word in name.split("_"))
+
+
+# Angles of legs are positive forward and up on both sides, so they keep their signs.
+_SWAPPED = tuple(LEGS.index(_other_side(leg)) for leg in LEGS)
+_MIRRORED: dict[str, tuple[tuple[int, ...], int]] = {
+    "lateral": (_SWAPPED, 1),
+    "current": (_SWAPPED, 1),
+    "contact": (_SWAPPED, 1),
+    "yaw": ((0,), -1),
+    "course": ((0,), -1),
+}
+TRIPOD_SYNERGIES = tuple(
+    " ".join(f"{muscle}_{leg}" for muscle in muscles for leg in tripod)
+    for tripod in TRIPODS
+    for muscles in (("protractor", "levator"), ("retractor", "depressor"))
+)
+"""Swing (lift and protract) and stance (depress and retract) of the first tripod, then of the second."""
+
+
+class WalkingTask(BodyTask):
+    """A task on a muscle-driven hexapod: rewarded for distance, ended when the trunk overturns."""
+
+    body: HexapodBody
+    reward_scale: float
+
+    def check_walking(self, angle: str) -> None:
+        """Check the settings that all walking tasks share, and the scale named `angle`, in degrees."""
+        check_fields(self)
+        check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
+        self.check_times()
+        value = getattr(self, angle)
+        check(0.01 <= value <= 90, angle, value, "an angle from 0.01 to 90 degrees")
+
+    def check_limits(self, shortest: float, longest: float, **usual: float) -> None:
+        """Check the least and greatest duration in seconds, and that the `usual` durations lie between them."""
+        check(0 < shortest < math.inf, "shortest", shortest, "positive and finite")
+        check(shortest <= longest < math.inf, "longest", longest, f"at least {shortest!r} s")
+        for name, value in usual.items():
+            check(shortest <= value <= longest, name, value, f"from {shortest!r} to {longest!r} s")
+
+    def lateral_range(self, scale: float) -> list[tuple[float, float]]:
+        """The least and greatest lateral angle of each leg, divided by `scale` (degrees)."""
+        joints = [self.body.sections[leg.partition("_")[2]].leg.lateral.range for leg in LEGS]
+        return [(low / scale, high / scale) for low, high in joints]
+
+    def walking_readings(self, reading: HexapodReading) -> dict[str, Reading]:
+        """`speed`: along the heading, m/s. `falls`: how often the trunk overturns per second."""
+        return {"speed": (reading.speed, True), "falls": (overturned(reading) / self.period, True)}
+
+
+def overturned(reading: HexapodReading) -> Any:
+    """Whether the trunk lies on its back or side."""
+    return reading.upright < 0.0
+
+
+def hexapod_mirror(
+    senses: Iterable[str], groups: Sequence[str], drives: Float[np.ndarray, "units groups"] | None
+) -> Mirror | None:
+    """The mirror of a hexapod's task; `None` if a unit has no counterpart for the mirror image of its muscles.
+
+    **Arguments:** the senses in the order of observation; the names of the groups of muscles; which groups each unit
+    drives, `None` for one each.
+    """
+    inputs: list[int] = []
+    signs: list[int] = []
+    for sense in senses:
+        images, sign = _MIRRORED[sense]
+        inputs += [len(inputs) + image for image in images]
+        signs += [sign] * len(images)
+    matrix = np.eye(len(groups)) if drives is None else drives
+    outputs = _match_rows(matrix, matrix[:, [groups.index(_other_side(group)) for group in groups]])
+    return None if outputs is None else Mirror(tuple(inputs), tuple(signs), outputs)
+
+
+def _match_rows(matrix: Any, mirrored: Any) -> tuple[int, ...] | None:
+    """For each row, the index of its mirror image; equal rows are matched in order."""
+    own, image = (_with_repeats([tuple(row) for row in rows.tolist()]) for rows in (matrix, mirrored))
+    return tuple(own.index(each) for each in image) if set(own) == set(image) else None
+
+
+def _with_repeats(rows: list[tuple[float, ...]]) -> list[tuple[tuple[float, ...], int]]:
+    return [(row, rows[:n].count(row)) for n, row in enumerate(rows)]
