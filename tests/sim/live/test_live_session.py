@@ -72,7 +72,7 @@ def test_a_page_is_played_stepped_and_left(page):
         with pytest.raises(ValueError, match=r".") as refused:
             session.order(wrong)
         assert says in str(refused.value)
-    with pytest.raises(ValueError, match=f"port = {page.server.get_port()}: cannot be listened at"):
+    with pytest.raises(ValueError, match=f"port = {page.server.get_port()}: cannot listen on"):
         mg.sim.view("hopper", port=page.server.get_port())
     assert page.url in page._repr_html_()
     page.close()

@@ -24,7 +24,7 @@ def headless(task, seed, decisions):
 @pytest.mark.thinned
 @pytest.mark.parametrize("task", ["hopper", "particle"])
 def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
-    watched = driven(live.learner(task, seed=5))
+    watched = driven(live.setup_of(task, seed=5))
     for decisions in (1, 400, 1, 350):  # with and without looking at each
         watched(live.Step(decisions))
     seen, alone = watched.seen(), headless(task, 5, 752)
@@ -164,13 +164,13 @@ def test_policies_are_saved_and_loaded(hopper, tmp_path, driven):
     assert hopper(live.Save(file)) == [("saved", f"policy saved to {file}")]
     hopper(live.Reset(), live.Load(file))
     assert np.array_equal(hopper.seen()["parameters"][0], learnt)
-    other = driven(live.learner("particle"))
+    other = driven(live.setup_of("particle"))
     ((kind, text),) = other(live.Load(file))
     assert (kind, text) == ("error", f"{file}: holds a policy of the task 'hopper', but this is 'particle'")
     (tmp_path / "broken.npz").write_bytes(b"no")
     ((kind, text),) = hopper(live.Load(str(tmp_path / "broken.npz")))
     assert kind == "error"
-    assert "broken.npz: no policy that was saved here" in text
+    assert "broken.npz: not a saved policy" in text
 
 
 def test_the_curve_is_the_mean_of_the_rewards(hopper):
@@ -189,11 +189,11 @@ def test_the_curve_is_the_mean_of_the_rewards(hopper):
 
 def test_a_run_is_gone_on_with(tmp_path, driven):
     run = mg.train("hopper", steps=300, seeds=[2, 7], out=tmp_path / "run", progress=False)
-    gone_on = driven(live.learner("hopper", seed=7, run=tmp_path / "run"))
+    gone_on = driven(live.setup_of("hopper", seed=7, run=tmp_path / "run"))
     policy = run.policy(7)
     flat = np.concatenate([np.ravel(policy.weights), np.ravel(policy.bias)])
     assert np.array_equal(np.sort(gone_on.seen()["parameters"][0]), np.sort(flat))
-    with pytest.raises(ValueError, match="a run of the task 'hopper', but this is 'chain'"):
-        live.learner("chain", run=tmp_path / "run", seed=7)
+    with pytest.raises(ValueError, match="holds a policy of the task 'hopper', but this is 'chain'"):
+        live.setup_of("chain", run=tmp_path / "run", seed=7)
     with pytest.raises(ValueError, match="seed = 3: must be one of the run's seeds"):
-        live.learner("hopper", run=tmp_path / "run", seed=3)
+        live.setup_of("hopper", run=tmp_path / "run", seed=3)

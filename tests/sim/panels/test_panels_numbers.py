@@ -6,8 +6,8 @@ import io
 import numpy as np
 import pytest
 
-from motorgrad.sim.panels._curves import smoothed
-from motorgrad.sim.panels._numbers import brief, columns_of, csv_of, table
+from motorgrad.sim.panels._charts import smoothed
+from motorgrad.sim.panels._panel import brief, columns_of, csv_of, table
 from motorgrad.sim.panels._settings_form import number_of, words_of
 
 

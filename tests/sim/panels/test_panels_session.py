@@ -10,11 +10,11 @@ import viser
 from panel_studio import until
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
-from motorgrad.sim.live import Edit, Pause, Trail
+from motorgrad.sim.live import Edit, Pause, SnapshotPolicy, Trail
 from motorgrad.sim.panels import Panels
-from motorgrad.sim.panels._numbers import csv_of
-from motorgrad.sim.panels._present_policy import PresentPolicy, weights_of
-from motorgrad.sim.panels._walked import Walked, is_hexapod
+from motorgrad.sim.panels._gait import GaitReader, is_hexapod
+from motorgrad.sim.panels._panel import csv_of
+from motorgrad.sim.panels._policy_diagrams import weights_of
 from motorgrad.sim.scene import Pose
 
 
@@ -63,7 +63,7 @@ def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping
 
 
 def test_the_policy_on_the_page_is_the_one_that_acts(hopping):
-    present, snapshot = PresentPolicy(hopping), hopping.snapshot()
+    present, snapshot = SnapshotPolicy(hopping), hopping.snapshot()
     policy = present.of(snapshot.parameters[0])
     seen = np.asarray(snapshot.observation[0], np.float32)
     np.testing.assert_allclose(policy.prob(seen), snapshot.probability[0], atol=1e-5)
@@ -162,7 +162,7 @@ def test_a_gait_is_what_the_recording_of_the_walk_says(march):
         observation=nothing,
         probability=nothing,
     )
-    walked = Walked(model, recorded.period, feet)
+    walked = GaitReader(model, recorded.period, feet)
     found, expected = walked.gait(trail), measure_gait(reading, recorded.period)
     assert found.kind[0] == expected.kind[0] == "tripod"
     for name in ("phase", "correlation", "duty", "net", "frequency"):
@@ -191,15 +191,15 @@ def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
     assert until(lambda: hopping.snapshot().decision == begin)
     pose.place(hopping.snapshot())
     scene.update(hopping.snapshot(), pose)
-    drag = DragPush(scene.grips)
+    drag = DragPush(scene.draggable)
     drag.build(server, hopping)
     for _ in range(2):  # of which the second finds nothing new
         drag.update(hopping.snapshot(), pose)
-    handles = [handle for handle, _ in scene.grips()]
+    handles = [handle for handle, _ in scene.draggable()]
     assert handles
     assert [len(handle._impl.drag_cb) for handle in handles] == [1] * len(handles)
     free = hopping.model.body_weldid[hopping.model.geom_bodyid] > 0
-    handle, geoms = next((handle, geoms) for handle, geoms in scene.grips() if free[geoms].any())
+    handle, geoms = next((handle, geoms) for handle, geoms in scene.draggable() if free[geoms].any())
     pull, moving = handle._impl.drag_cb[0].callback, int(np.argmax(free[geoms]))
     ends = []
     for phase, copy in (("end", moving), ("update", len(geoms)), ("update", moving)):

@@ -7,16 +7,13 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.learning import IndexedAgent
-from motorgrad.sim.live._body_part import BodyPart
-from motorgrad.sim.live._exploring import explores, hotter
+from motorgrad.sim.live._body import BodyPart, check_number
 from motorgrad.sim.live._learner_settings import EXPLORATION, named_rates, put_rate, rebuilt, with_changes
-from motorgrad.sim.live._looking import Seen, gradient_norm, watch
-from motorgrad.sim.live._muscle_settings import check_number
-from motorgrad.sim.live._policy_file import load_policy, save_policy
-from motorgrad.sim.live._replies import Ready
+from motorgrad.sim.live._messages import Ready
+from motorgrad.sim.live._policy import explores, hotter, load_policy, save_policy
+from motorgrad.sim.live._probe import Seen, gradient_norm, watch
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import Sizes
-from motorgrad.sim.live._subject import Look, Tally
+from motorgrad.sim.live._snapshot import Look, Sizes, Tally
 from motorgrad.training import Stepper, stepper_of
 
 ROOM = 20.0  # simulated seconds of the trail

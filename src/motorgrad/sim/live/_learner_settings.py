@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.learning import Agent, Exponential
-from motorgrad.sim.live._looking import rates_in
+from motorgrad.sim.live._probe import rates_in
 from motorgrad.tasks import Task
 
 RATE, DECAY, EXPLORATION = "agent.rate", "agent.decay", "exploration"

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import viser
+
+from motorgrad.sim.live import Event, Session, Snapshot
 from motorgrad.sim.panels._capture import CapturePanel
 from motorgrad.sim.panels._gait import GaitPanel
 from motorgrad.sim.panels._learning import LearningPanel
@@ -12,12 +15,7 @@ from motorgrad.sim.panels._muscles import MusclesPanel
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
-
-if TYPE_CHECKING:
-    import viser
-
-    from motorgrad.sim.live import Event, Session, Snapshot
-    from motorgrad.sim.scene import Pose
+from motorgrad.sim.scene import Pose
 
 PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
 """In the order of their tabs."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.sim.panels._arrows import draw_arrows
-from motorgrad.sim.panels._numbers import columns_of
-from motorgrad.sim.panels._panel import Numbers, Panel
-from motorgrad.sim.panels._portrait import Field, draw_portrait, limits_of
-from motorgrad.sim.panels._present_policy import PresentPolicy, weights_of
-from motorgrad.sim.panels._units import UnitsPicture, is_local
-
-if TYPE_CHECKING:
-    from motorgrad.sim.live import Session, Snapshot
-    from motorgrad.sim.scene import Pose
+from motorgrad.sim.live import Session, Snapshot, SnapshotPolicy
+from motorgrad.sim.panels._panel import Numbers, Panel, columns_of
+from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, draw_portrait, limits_of, weights_of
+from motorgrad.sim.plane import PlanePicture, has_local_units
+from motorgrad.sim.scene import Pose
 
 ALL = "all"
 MANY = 12  # units beyond which one at a time is shown to begin with
@@ -34,12 +29,12 @@ class PolicyPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
-        self._policy, self._field = PresentPolicy(session), Field()
+        self._policy, self._field = SnapshotPolicy(session), Field()
         policy = self._policy.of(session.snapshot().parameters[0])
         units, senses = (*session.actions,), (*session.observations,)
         self._units = None
-        if is_local(session.task, policy):
-            self._units = UnitsPicture(session.task, policy)
+        if has_local_units(session.task, policy):
+            self._units = PlanePicture(session.task, policy)
             with gui.add_folder("Units in the plane"):
                 self._plane = gui.add_image(self._units.blank, format="png")
         self._arrows: Any = None

@@ -1,14 +1,77 @@
-"""Which tiles to draw: as fine as the cameras want them and the budget of triangles allows."""
+"""Which tiles a browser has, and which of them it shows, so that what is wanted comes without holes on the way."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from motorgrad.sim.planet._culling import Camera, above_horizon, in_frustum, spheres
-from motorgrad.sim.planet._surface import Surface
-from motorgrad.sim.planet._tree import ROOTS, Key, Tiles, quarters
+from motorgrad.sim.planet._elevation import Surface
+from motorgrad.sim.planet._geometry import unit
+from motorgrad.sim.planet._tiles import ROOTS, Key, Tiles, caps, quarters
+
+Spheres = tuple[Float[np.ndarray, "tiles 3"], Float[np.ndarray, " tiles"]]
+
+
+class Camera(NamedTuple):
+    """A camera in the planet's coordinates.
+
+    - `position` (3,) in m.
+    - `rotation` (3, 3): columns to the right, down and ahead.
+    - `fov`: from the lower to the upper edge of the picture, rad; `aspect`: width over height.
+    - `pixels`: height of the picture.
+    """
+
+    position: Float[np.ndarray, " 3"]
+    rotation: Float[np.ndarray, "3 3"]
+    fov: float
+    aspect: float
+    pixels: int
+
+
+def spheres(surface: Surface, level: int, tiles: Tiles) -> Spheres:
+    """Centres (tiles, 3) and radii (tiles,) in m of balls that hold tiles, without their skirts."""
+    middle, angle = caps(level, tiles)
+    return surface.ellipsoid.points(middle), 2.0 * np.sin(angle / 2.0) * surface.ellipsoid.greatest + surface.reach
+
+
+def in_frustum(camera: Camera, balls: Spheres) -> Bool[np.ndarray, " tiles"]:
+    """Whether some of each ball may be in the picture, at any distance: false only for those that are not."""
+    centres, radii = balls
+    right, down, ahead = ((centres - camera.position) @ camera.rotation).T
+    up = np.tan(camera.fov / 2.0)
+    seen = ahead >= -radii
+    for across, slope in ((right, up * camera.aspect), (down, up)):
+        seen &= slope * ahead - np.abs(across) >= -radii * np.hypot(1.0, slope)
+    return seen
+
+
+def above_horizon(
+    camera: Camera, surface: Surface, level: int, tiles: Tiles, slack: float
+) -> Bool[np.ndarray, " tiles"]:
+    """Whether some of each tile may be above the horizon: false only for those that the planet hides.
+
+    What hides them is an ellipsoid within the ground, of the same shape. In units of its radii it is the unit ball, and
+    a point at distance ρ from the middle is seen from one at distance c if the angle between them is at most
+    arccos(1/c) + arccos(1/ρ).
+
+    **Arguments:** `slack` (m): how far drawn ground may lie below the true one.
+    """
+    ellipsoid, middle_angle = surface.ellipsoid, caps(level, tiles)
+    within = 1.0 - (max(0.0, -surface.elevation.least) + slack) / ellipsoid.least
+    eye = camera.position / (within * np.asarray(ellipsoid.radii))
+    far = np.linalg.norm(eye)
+    if within <= 0.0 or far <= 1.0:  # from inside nothing is hidden
+        return np.ones(len(tiles), bool)
+    middle, angle = middle_angle
+    # on an ellipsoid, raising ground along its normal also moves it sideways in these units
+    ratio = (ellipsoid.greatest / ellipsoid.least) ** 2
+    raised = surface.reach / ellipsoid.least
+    sideways = np.arcsin(min(1.0, raised * (ratio - 1.0) / (ratio + 1.0)))
+    top = (1.0 + max(0.0, surface.elevation.greatest) / ellipsoid.least) / within
+    between = 2.0 * np.arcsin(np.clip(np.linalg.norm(middle - unit(eye), axis=1) / 2.0, 0.0, 1.0))
+    return between - angle - sideways <= np.arccos(1.0 / far) + np.arccos(1.0 / top)
+
 
 _NEAR = 1e-3  # m; no nearer is a tile taken to be
 
@@ -22,7 +85,7 @@ class _Level(NamedTuple):
     wanting: Bool[np.ndarray, " tiles"]
 
 
-def select(
+def select_tiles(
     surface: Surface,
     errors: Float[np.ndarray, " levels"],
     cameras: Sequence[Camera],
@@ -85,3 +148,63 @@ def _cut(levels: list[_Level], most: int) -> list[Key]:
     leaves = np.flatnonzero(~divided & ((parent < 0) | divided[parent]))
     leaves = leaves[np.argsort(-urgency[leaves], kind="stable")]
     return [Key(int(depth[n]), *map(int, tiles[n])) for n in leaves]
+
+
+class Plan(NamedTuple):
+    """What to do next: tiles to `send`, the first of them first, to `drop`, and the only ones to `show`."""
+
+    send: list[Key]
+    drop: list[Key]
+    show: set[Key]
+
+
+class Cover:
+    """The tiles that were sent, and a cut through the tree of those that are shown.
+
+    A tile that has not arrived is stood in for by the nearest one around it that has. So the six faces come first, and
+    every tile after the one around it; and what is shown is never more than what is wanted.
+
+    **Arguments:** `cache`: how many tiles beyond those in use are kept; `settle` (s): after how long a sent tile is
+    taken to have arrived.
+    """
+
+    def __init__(self, cache: int, settle: float):
+        self._cache, self._settle = cache, settle
+        self._sent: dict[Key, float] = {}
+        self._used: dict[Key, None] = {}  # in the order of last use
+
+    @property
+    def sent(self) -> set[Key]:
+        """The tiles that were sent and not dropped."""
+        return set(self._sent)
+
+    def plan(self, wanted: Iterable[Key], now: float) -> Plan:
+        """What to do to come to show `wanted`, at the time `now` in s."""
+        wanted = list(wanted)
+        chain = [(*reversed(key.ancestors), key) for key in wanted]
+        needed = dict.fromkeys(key for each in chain for key in each)
+        for key in needed:
+            self._used.pop(key, None)
+            self._used[key] = None
+        missing = sorted((key for key in needed if key not in self._sent), key=lambda key: key.level)
+        idle = [key for key in self._used if key in self._sent and key not in needed]
+        drop = idle[: max(0, len(idle) - self._cache)]
+        for key in drop:
+            del self._used[key]
+        shown = {key for each in chain if (key := self._nearest(each, now)) is not None}
+        return Plan(missing, drop, {key for key in shown if not shown.intersection(key.ancestors)})
+
+    def note(self, sent: Iterable[Key], dropped: Iterable[Key], now: float) -> None:
+        """Take down what was really done."""
+        self._sent |= dict.fromkeys(sent, now)
+        for key in dropped:
+            del self._sent[key]
+
+    def _nearest(self, chain: tuple[Key, ...], now: float) -> Key | None:
+        """The last tile of a chain, from a face down, up to which all have arrived."""
+        found = None
+        for key in chain:
+            if self._sent.get(key, now) > now - self._settle:
+                break
+            found = key
+        return found

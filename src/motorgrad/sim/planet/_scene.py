@@ -1,28 +1,40 @@
 """A planet in the page: its tiles follow the cameras of those who watch."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from motorgrad.sim.planet._body import PLANET, OnPlanet, check_names
-from motorgrad.sim.planet._cover import Cover
-from motorgrad.sim.planet._culling import Camera
-from motorgrad.sim.planet._detail import select
-from motorgrad.sim.planet._ellipsoid import Ellipsoid
-from motorgrad.sim.planet._frame import Frame, quaternion
-from motorgrad.sim.planet._glb import to_glb
-from motorgrad.sim.planet._patch import FIELD
-from motorgrad.sim.planet._planet import Planet
-from motorgrad.sim.planet._tile import TRIANGLES, errors, make_tile
-from motorgrad.sim.planet._tree import CELLS, Key
+from motorgrad.sim.planet._body import PLANET, OnPlanet, has_planet
+from motorgrad.sim.planet._detail import Camera, Cover, select_tiles
+from motorgrad.sim.planet._geometry import Ellipsoid, Frame, quaternion
+from motorgrad.sim.planet._planet import FIELD, Planet
+from motorgrad.sim.planet._tiles import CELLS, TRIANGLES, Key, make_tile, mesh_errors, tile_glb
 
-if TYPE_CHECKING:
-    import viser
+GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def ground_finder(task: Any, model: Any, pose: Any) -> GroundAt | None:
+    """On a planet, the function from a place `(3,)` to the point of the ground under it and the way up there, in the
+    coordinates of the scene; None elsewhere."""
+    body = getattr(task, "dynamics", None)
+    if model is None or not isinstance(body, OnPlanet):
+        return None
+    surface, first = body.planet.surface, int(model.joint(PLANET).qposadr[0])
+
+    def ground_at(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        frame, offset = Frame.of_pose(pose.bodies[0].qpos[first : first + 7]), pose.offset[0]
+        way = surface.ellipsoid.foot(frame.to_planet(np.asarray(place) - offset))
+        ground = frame.to_local(surface.points(way)) + offset
+        return ground, frame.rotation @ surface.ellipsoid.normals(way)
+
+    return ground_at
+
 
 SETTLE = 1.0  # s, from sending a tile to taking it as arrived
 _SAFE = 1.5  # errors are measured at some places; others may be somewhat worse
@@ -49,14 +61,14 @@ class PlanetScene:
         """Whether there is a planet, once it was built."""
         return self._planet is not None
 
-    def build(self, server: viser.ViserServer, session: Any) -> None:
+    def build(self, server: Any, session: Any) -> None:
         """Add the planet's node and a folder "Planet" with what it costs."""
         body = getattr(session.task, "dynamics", None)
-        if session.model is None or not isinstance(body, OnPlanet) or not check_names(session.model):
+        if session.model is None or not isinstance(body, OnPlanet) or not has_planet(session.model):
             return
         planet = body.planet
         self._planet, self._server, self._detail = planet, server, planet.detail
-        self._errors = _SAFE * errors(planet.surface, deepest(planet))
+        self._errors = _SAFE * mesh_errors(planet.surface, deepest(planet))
         self._cover = Cover(planet.detail.cache, SETTLE)
         self._handles: dict[Key, Any] = {}
         self._frame: Frame | None = None
@@ -76,7 +88,7 @@ class PlanetScene:
         address = int(model.joint(PLANET).qposadr[0])
         frame = Frame.of_pose(data.qpos[address : address + 7])
         if self._frame is None or any(np.any(a != b) for a, b in zip(frame, self._frame, strict=True)):
-            self._frame, self._middle = frame, self._planet.ground.lay(model, frame)
+            self._frame, self._middle = frame, self._planet.ground.write(model, frame)
             with self._server.atomic():
                 self._node.position, self._node.wxyz = frame.shift + pose.offset[0], quaternion(frame.rotation)
         # so that contacts that the page works out for itself are those of the ground under the body
@@ -92,7 +104,7 @@ class PlanetScene:
         cameras = [each for client in clients if (each := _camera(client, frame, offset, planet.ellipsoid)) is not None]
         self._cameras = cameras or self._cameras or [_overview(planet)]
         most = detail.triangles // TRIANGLES
-        wanted = select(planet.surface, self._errors, self._cameras, detail.tolerance, most)
+        wanted = select_tiles(planet.surface, self._errors, self._cameras, detail.tolerance, most)
         plan = self._cover.plan(wanted, time.monotonic())
         sent = []
         for key in plan.send[: detail.changes]:
@@ -117,7 +129,7 @@ class PlanetScene:
         name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
         place: Any = tuple(map(float, tile.centre))
         self._handles[key] = self._server.scene.add_glb(
-            name, to_glb(tile), position=place, visible=False, cast_shadow=False, receive_shadow=_SHADOW
+            name, tile_glb(tile), position=place, visible=False, cast_shadow=False, receive_shadow=_SHADOW
         )
 
     def _tell(self) -> None:

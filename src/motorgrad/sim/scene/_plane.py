@@ -4,22 +4,70 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import trimesh
+import viser
 
-from motorgrad.sim.scene import _turns
-from motorgrad.sim.scene._board import FACING, LIFT, Board
-from motorgrad.sim.scene._ground import floor
-from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._pool import Pool
-from motorgrad.sim.scene._shapes import arrow, ball, ring, rod
+from motorgrad.sim.live import Session, SnapshotPolicy
+from motorgrad.sim.plane import direction_colours, draw_reward, shapes_of
+from motorgrad.sim.scene._geometry import arrow, ball, identity_quaternions, quaternions_from_z, ring, rod, textured_glb
+from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._surroundings import floor_glb
+from motorgrad.tasks import ParticleTask
+from motorgrad.worlds import Walls
 
-if TYPE_CHECKING:
-    import viser
+LIFT = 0.05  # m, from the floor to its lower side
+PIXELS = 640
+FACING = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+"""The turn that lays what is flat, seen along z, onto the board: its y becomes the world's z."""
 
-    from motorgrad.sim.live import Session
-    from motorgrad.sim.scene._pose import Pose
+
+class Board:
+    """Takes places in a plane to places in the world: x to the right, y upwards; the viewer stands at negative y.
+
+    **Arguments:** `walls`, of the box that the board shows.
+
+    **Attributes:** `scale`, metres for a unit of the plane; `half`, `(2,)` m, half its sides.
+    """
+
+    def __init__(self, walls: Walls) -> None:
+        (left, right), (bottom, top) = walls.spans
+        self.scale = 1.0 / max(right - left, top - bottom)
+        self._middle, self._bottom = (left + right) / 2, bottom
+        self.half = np.array([right - left, top - bottom]) * self.scale / 2
+
+    def place(self, points: np.ndarray, before: float = 0.0) -> np.ndarray:
+        """Places `(n, 3)` of points `(n, 2)`, so many metres before the board."""
+        points = np.asarray(points, float).reshape(-1, 2)
+        across = (points[:, 0] - self._middle) * self.scale
+        return np.stack([across, np.full(len(points), -before), (points[:, 1] - self._bottom) * self.scale + LIFT], 1)
+
+    def direction(self, ways: np.ndarray) -> np.ndarray:
+        """Directions `(n, 3)` of directions `(n, 2)`, as long."""
+        ways = np.asarray(ways, float).reshape(-1, 2)
+        return np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1)
+
+    def glb(self, task: Any) -> bytes:
+        """The board with the task's reward painted on it, in its own coordinates: flat, seen along z."""
+
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * self.half
+        mesh = trimesh.Trimesh(np.c_[corners, np.zeros(4)], [(0, 1, 2), (0, 2, 3)], process=False)
+        return textured_glb(mesh, (corners / self.half + 1) / 2, self._picture(task), glows=True)
+
+    def _picture(self, task: Any) -> np.ndarray:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        sides = 2 * self.half / self.half.max() / 2
+        figure = Figure(figsize=tuple(PIXELS * sides / 100), dpi=100, facecolor="white")
+        canvas = FigureCanvasAgg(figure)
+        draw_reward(figure.add_axes((0.0, 0.0, 1.0, 1.0)), task)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3] / 255
+
 
 FLOOR = np.array([0.74, 0.77, 0.77])
 WHO = ((0.82, 0.01, 0.11), (0.45, 0.48, 0.52))
@@ -31,7 +79,6 @@ PERIOD = 0.25  # s between two looks at the policy, which cost some milliseconds
 
 
 def _is_particle(session: Session) -> bool:
-    from motorgrad.tasks import ParticleTask
 
     return session.model is None and isinstance(session.task, ParticleTask)
 
@@ -47,15 +94,15 @@ class Plane(Layer):
         board = self._board = Board(task.physics.walls)
         middle = np.array([0.0, 0.0, board.half[1] + LIFT])
         scene = server.scene
-        scene.add_glb("/plane/floor", floor(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
+        scene.add_glb("/plane/floor", floor_glb(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
         scene.add_glb("/plane/reward", board.glb(task), wxyz=FACING, position=middle)
         back = (2 * board.half[0] + 0.03, 0.02, 2 * board.half[1] + 0.03)
         scene.add_box(
             "/plane/back", color=(64, 68, 76), dimensions=back, position=middle + np.array([0.0, 0.0125, 0.0])
         )
         self.pools = [
-            Pool(scene, "/plane/particle", ball(), 2),
-            Pool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
+            MeshPool(scene, "/plane/particle", ball(), 2),
+            MeshPool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
         ]
         self._trails: list[deque[np.ndarray]] = []
         self._began = -1
@@ -72,14 +119,14 @@ class Plane(Layer):
             trail.append(np.array(place[:2]))
         here = self._board.place(snapshot.position[:, :2], BALL)
         colours = np.array(WHO)[np.arange(count) % len(WHO)]
-        self.pools[0].show(here, _turns.still(count), np.full((count, 3), BALL), colours)
+        self.pools[0].show(here, identity_quaternions(count), np.full((count, 3), BALL), colours)
         paths = [self._board.place(np.array(trail), 2 * LINE) for trail in self._trails]
         along = np.concatenate([np.diff(path, axis=0) for path in paths])
         middle = np.concatenate([(path[1:] + path[:-1]) / 2 for path in paths])
         age = np.concatenate([np.linspace(0.25, 1, TRAIL)[TRAIL - len(path) + 1 :] for path in paths])
         size = np.stack([LINE * age, LINE * age, np.linalg.norm(along, axis=1)], axis=1)
         who = np.repeat(colours, [len(path) - 1 for path in paths], axis=0)
-        self.pools[1].show(middle, _turns.towards(along), size, who)
+        self.pools[1].show(middle, quaternions_from_z(along), size, who)
 
 
 class PlaneUnits(Layer):
@@ -90,10 +137,8 @@ class PlaneUnits(Layer):
     def build(self, server: viser.ViserServer, session: Session) -> None:
         if not _is_particle(session) or session.agent is None:
             return
-        from motorgrad.sim._plane_units import shapes_of
-        from motorgrad.sim.panels._present_policy import PresentPolicy
 
-        self._policy = PresentPolicy(session)
+        self._policy = SnapshotPolicy(session)
         policy = self._policy.of(session.snapshot().parameters[0])
         try:
             shapes_of(policy)  # type: ignore[arg-type]
@@ -105,9 +150,9 @@ class PlaneUnits(Layer):
         self._forces = np.asarray(task.dynamics.forces, float)
         room, scene = min(len(self._forces), MOST), server.scene
         self.pools = [
-            Pool(scene, "/units/rims", ring(), room, shadow=False),
-            Pool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
-            Pool(scene, "/units/forces", arrow(), room, shadow=False),
+            MeshPool(scene, "/units/rims", ring(), room, shadow=False),
+            MeshPool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
+            MeshPool(scene, "/units/forces", arrow(), room, shadow=False),
         ]
         self._due = 0.0
 
@@ -126,13 +171,12 @@ class PlaneUnits(Layer):
 
     def _look(self, parameters: np.ndarray) -> None:
         """Where the units are by now."""
-        from motorgrad.sim._plane_units import direction_colours, shapes_of
 
         policy = self._policy.of(parameters)
         if policy is None:
             return
         shapes = shapes_of(policy)
-        self._there = np.flatnonzero(shapes.there)[:MOST]
+        self._there = np.flatnonzero(shapes.active)[:MOST]
         self._half = shapes.half[self._there] * self._board.scale
         self._at = self._board.place(shapes.centre[self._there])
         # discs in one plane would show in stripes where they overlap
@@ -142,4 +186,4 @@ class PlaneUnits(Layer):
         strength = np.linalg.norm(forces, axis=1)
         long = 0.07 * strength / max(float(strength.max(initial=0.0)), 1e-12)
         size = np.repeat(long[:, None], 3, axis=1) * [2.0, 2.0, 1.0]
-        self.pools[2].show(self._at, _turns.towards(self._board.direction(forces)), size, self._colours)
+        self.pools[2].show(self._at, quaternions_from_z(self._board.direction(forces)), size, self._colours)

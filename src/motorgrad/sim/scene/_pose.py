@@ -1,19 +1,15 @@
 """The bodies in view as a page has them: MuJoCo data of its own, put where a snapshot says."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import mujoco
 import numpy as np
 
-from motorgrad.sim import _framing
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from motorgrad.sim.live import Snapshot
+from motorgrad.bodies import install_muscle_callback
+from motorgrad.sim.film import bounding_box
+from motorgrad.sim.live import Snapshot
 
 APART = 1.6  # bodies side by side stand so many of their widths from each other
 
@@ -42,14 +38,11 @@ class Pose:
         self.snapshot: Snapshot | None = None
         if model is None:
             return
-        import mujoco
-
-        from motorgrad.bodies import install_muscle_callback
 
         if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
             install_muscle_callback()
         start = model.key_qpos[0] if model.nkey else model.qpos0
-        low, high = _framing.box(model, start)
+        low, high = bounding_box(model, start)
         self.size, self.middle = float(np.linalg.norm(high - low)), (low + high) / 2
         self._step = _side_step(model, high - low)
 
@@ -58,7 +51,6 @@ class Pose:
         self.snapshot = snapshot
         if self.model is None:
             return
-        import mujoco
 
         model, count = self.model, len(snapshot.position)
         while len(self.bodies) < count:
@@ -95,7 +87,6 @@ def _activation(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:
     """From one body to the next: across the way that it goes; none on a terrain, which is at one place only."""
-    import mujoco
 
     if np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD):
         return np.zeros(3)

@@ -1,28 +1,22 @@
-"""The whole scene: its layers in order."""
+"""The tab "View": whose eyes to look through, and what to see."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import threading
+from typing import Any, ClassVar
 
 import numpy as np
+import viser
 
-from motorgrad.sim.scene._balance import Balance
-from motorgrad.sim.scene._bodies import Bodies
-from motorgrad.sim.scene._contacts import Contacts
-from motorgrad.sim.scene._ground import Ground
-from motorgrad.sim.scene._labels import Labels
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites
+from motorgrad.sim.scene._cameras import Cameras, GroundAt
+from motorgrad.sim.scene._contacts import Balance, Contacts
 from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._markers import JointAxes, Sites
-from motorgrad.sim.scene._meshes import Meshes
 from motorgrad.sim.scene._muscles import Muscles
 from motorgrad.sim.scene._plane import Plane, PlaneUnits
-from motorgrad.sim.scene._sky import Sky
-
-if TYPE_CHECKING:
-    import viser
-
-    from motorgrad.sim.live import Session, Snapshot
-    from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._surroundings import Ground, Sky
 
 
 class Scene:
@@ -48,9 +42,9 @@ class Scene:
         for layer in self.layers:
             layer.build(server, session)
 
-    def grips(self) -> list[tuple[Any, np.ndarray]]:
+    def draggable(self) -> list[tuple[Any, np.ndarray]]:
         """What of all layers can be taken hold of."""
-        return [grip for layer in self.layers for grip in layer.grips()]
+        return [grip for layer in self.layers for grip in layer.draggable()]
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment: all of it at once, or nothing where nothing has changed."""
@@ -62,3 +56,73 @@ class Scene:
         with self._server.atomic():
             for layer in active:
                 layer.draw(pose)
+
+
+KEYS = {
+    "space": "play or pause",
+    "N": "one step",
+    "P": "push the body",
+    "drag": "turn the camera; on the ground, look around",
+    "right drag": "shift the camera",
+    "wheel": "nearer, farther",
+    "W A S D": "forwards, left, backwards, right",
+    "Q E": "down, up",
+    "← → ↑ ↓": "turn the camera",
+    "O": "camera: orbit",
+    "G": "camera: walk on the ground, at eye height",
+    "F": "camera: follow the body",
+    "1 2 …": "camera: the model's own",
+    "Ctrl K": "search all commands",
+    "?": "this list",
+}
+
+
+def add_help(client: Any) -> None:
+    """Show the list of keys to a browser on `?`, and by a button in the open container."""
+    rows = "\n".join(f"| `{key}` | {said} |" for key, said in KEYS.items())
+
+    def show(_: Any) -> None:
+        with client.gui.add_modal("Keys and mouse") as modal:
+            client.gui.add_markdown(f"| key | what it does |\n|---|---|\n{rows}")
+            client.gui.add_button("Close").on_click(lambda _: modal.close())
+
+    # viser's type lists no "?", its browser side knows it: the character typed, which takes shift on most keyboards
+    hotkey: Any = "?"
+    client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard").on_trigger(show)
+    client.gui.add_button("Keys (?)", icon="keyboard").on_click(show)
+
+
+class View:
+    """Cameras for every browser by itself, and switches of the scene's layers for all.
+
+    **Arguments:** `scene`, built before; `keys`, of other parts of the page, with what they do, for the list on `?`;
+    `ground_at`, as of `Cameras`.
+
+    **Attributes:** `cameras`; `title` and `icon` of the tab.
+    """
+
+    title: ClassVar[str] = "View"
+    icon: ClassVar[str] = "eye"
+
+    def __init__(self, scene: Scene, ground_at: GroundAt | None = None) -> None:
+        self._scene = scene
+        self.cameras = Cameras(ground_at)
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Add the elements, in the container that is open."""
+        self.cameras.build(server, session)
+        with server.gui.add_folder("Show"):
+            for layer in self._scene.layers:
+                if layer.name and layer.applies:
+                    box = server.gui.add_checkbox(layer.name, layer.shown)
+                    box.on_update(lambda event, layer=layer: setattr(layer, "shown", event.target.value))
+        one_at_a_time, folder = threading.Lock(), server.gui.add_folder("Help")
+
+        @server.on_client_connect
+        def _(client: Any) -> None:
+            with one_at_a_time, folder:  # several browsers may connect at once
+                add_help(client)
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Move the cameras."""
+        self.cameras.update(snapshot, pose)

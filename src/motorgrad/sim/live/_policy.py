@@ -1,0 +1,175 @@
+"""Policies of a live run: exploration on a dial, policies in files, and the policy at a snapshot."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from motorgrad._files import check_writable, write_atomically
+from motorgrad.policies import (
+    GradedHyperplanes,
+    GradedMotoneurons,
+    Hyperplanes,
+    Motoneurons,
+    Policy,
+    Softmax,
+    SoftSpheres,
+    describe,
+    split,
+)
+from motorgrad.training import Run, load
+
+if TYPE_CHECKING:
+    from motorgrad.sim.live._session import Session
+
+STRUCTURE = "structure"  # the entry of a file that describes the policy
+
+# The parameters that a temperature divides, and those to which a multiple of its logarithm is added.
+DIVIDED: dict[type, tuple[str, ...]] = {
+    Hyperplanes: ("weights", "bias"),
+    Softmax: ("weights",),
+    Motoneurons: ("gain",),
+}
+ADDED: dict[type, dict[str, float]] = {
+    GradedHyperplanes: {"log_deviation": 1.0},
+    GradedMotoneurons: {"log_deviation": 1.0},
+    SoftSpheres: {"log_hardness": -1.0},
+}
+
+
+def explores(policy: Any) -> bool:
+    """Whether any unit of a policy has a temperature or a noise of its own."""
+    return any(type(part) in DIVIDED or type(part) in ADDED for part in _parts(policy))
+
+
+def hotter(policy: Any, factor: float) -> Any:
+    """Multiply the temperature of a policy's units, or their noise, by `factor`.
+
+    Where a unit fires with probability σ(φ), a temperature divides φ; the noise of graded units and the softness of
+    spheres are parameters of their own. All other parameters stay. Works with any leading axes of seeds.
+    """
+    if isinstance(policy, tuple | list):
+        return type(policy)(hotter(part, factor) for part in policy)
+    if not isinstance(policy, Policy):
+        return policy
+    changed = {}
+    for field in dataclasses.fields(policy):
+        value = getattr(policy, field.name)
+        if field.name in DIVIDED.get(type(policy), ()):
+            changed[field.name] = jax.tree.map(lambda x: x / factor, value)
+        elif field.name in ADDED.get(type(policy), {}):
+            changed[field.name] = value + ADDED[type(policy)][field.name] * jnp.log(factor)
+        else:
+            changed[field.name] = hotter(value, factor)
+    made = object.__new__(type(policy))  # not by the constructor, which would check leading axes
+    for name, value in changed.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def _parts(policy: Any) -> list[Any]:
+    if isinstance(policy, tuple | list):
+        return [found for part in policy for found in _parts(part)]
+    if not isinstance(policy, Policy):
+        return []
+    inner = [_parts(getattr(policy, field.name)) for field in dataclasses.fields(policy)]
+    return [policy, *(found for parts in inner for found in parts)]
+
+
+def save_policy(path: str, policy: Policy, task: str) -> None:
+    """Write one policy of a task to an `.npz` file, atomically."""
+    file = Path(path)
+    check_writable("path", file)
+    leaves = jax.tree_util.tree_leaves_with_path(policy)
+    arrays = {jax.tree_util.keystr(place): np.asarray(leaf) for place, leaf in leaves}
+    about = json.dumps({"task": task, "policy": describe(policy)})
+    content = BytesIO()
+    np.savez(content, **{STRUCTURE: np.array(about)}, **arrays)  # type: ignore[arg-type]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, content.getvalue())
+
+
+def load_policy(path: str, shape: Policy, task: str, seed: int | None = None) -> tuple[Policy, Any]:
+    """Read a policy from a file that `save_policy` wrote, or from a run directory.
+
+    **Arguments:** `shape`: a policy of the structure wanted; `task`: the name of its task; `seed`: of the run, by
+    default its first.
+
+    **Returns** the policy, along a leading axis of one, and the task's memory or None.
+
+    **Raises** `ValueError` for a policy of another task or structure, and for a file without a policy.
+    """
+    if Path(path).is_dir():
+        return policy_of_run(path, shape, task, seed)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        about = json.loads(str(arrays.pop(STRUCTURE)))
+    except (OSError, ValueError, KeyError) as error:
+        raise ValueError(f"{path}: not a saved policy: {error}") from None
+    _check_task(path, about["task"], task)
+    _check_structure(path, about["policy"], shape)
+    named = jax.tree_util.tree_map_with_path(lambda place, _: arrays[jax.tree_util.keystr(place)][None], shape)
+    return named, None
+
+
+def policy_of_run(run: Run | Path | str, shape: Policy, task: str, seed: int | None = None) -> tuple[Policy, Any]:
+    """The policy that a run, or the run of a directory, has learned; as `load_policy`."""
+    run = run if isinstance(run, Run) else load(run)
+    where = run.path or "the run"
+    _check_task(where, run.task.name, task)
+    policy = run.policy(seed)
+    _check_structure(where, describe(policy), shape)
+    row, memory = 0 if seed is None else run.seeds.index(seed), run.memory
+    memory = None if memory is None else jax.tree.map(lambda leaf: leaf[row : row + 1], memory)
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[None], policy), memory
+
+
+def _check_task(where: Any, found: str, task: str) -> None:
+    if found != task:
+        raise ValueError(f"{where}: holds a policy of the task {found!r}, but this is {task!r}")
+
+
+def _check_structure(where: Any, found: Any, shape: Policy) -> None:
+    """Refuse a policy whose description, which may have been read from JSON, is not that of `shape`."""
+    wanted = describe(shape)
+    if found != json.loads(json.dumps(wanted)) and found != wanted:
+        raise ValueError(f"{where}: holds the policy {_short(found)}, but this learner's is {_short(wanted)}")
+
+
+def _short(description: Any) -> str:
+    parts = [f"{name} {value}" for name, value in description.items() if isinstance(value, str) and name != "kind"]
+    return f"{description['kind'].rsplit('.', 1)[-1]}({', '.join(parts)})"
+
+
+class SnapshotPolicy:
+    """Rebuilds the policy of a session from the flat parameters of a snapshot.
+
+    Parameters that are not trained are those of the policy with which the run began.
+    """
+
+    def __init__(self, session: Session) -> None:
+        assert session.agent is not None
+        initial = session.setup.initial
+        if initial is None:
+            whole = session.agent.init(jax.random.key(session.setup.seed)).policy
+        else:
+            whole = jax.tree.map(lambda leaf: leaf[0], initial)
+        trained, self._fixed = split(whole)
+        flat, self._unravel = ravel_pytree(trained)
+        self._size = flat.size
+
+    def of(self, parameters: np.ndarray) -> Policy | None:
+        """The policy with these parameters `(parameters,)`; None where it has grown since the run began."""
+        if parameters.shape != (self._size,):
+            return None
+        return eqx.combine(self._unravel(jnp.asarray(parameters, jnp.result_type(float))), self._fixed)
