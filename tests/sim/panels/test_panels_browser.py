@@ -219,7 +219,7 @@ def test_diagrams_are_drawn(seen):
     seen.locator('svg[aria-label="activation of the muscles over time"]').wait_for()
     seen.locator('svg[aria-label="force against length and against velocity"]').wait_for()
     press(seen, "Policy")
-    seen.locator('svg[aria-label="weights from senses to units"]').wait_for()
+    seen.locator('svg[aria-label="weights from observations to units"]').wait_for()
     seen.locator('svg[aria-label="phase portrait"]').wait_for()
     assert seen.get_by_text("foot contact").count() > 0
 

@@ -1,4 +1,4 @@
-"""Pictures of a body drawn with matplotlib's Agg canvas: one figure, whose artists are moved from frame to frame."""
+"""A body drawn with matplotlib, without OpenGL: outlines of its parts, muscles along their paths, and the ground."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -10,7 +10,9 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.sim.film._appearance import (
+    check_posture,
     geom_colours,
+    height_grid,
     muscle_colour,
     muscle_width,
     set_posture,
@@ -29,15 +31,15 @@ OUTLINE_POINTS = 40
 
 
 def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.ndarray) -> np.ndarray:
-    """The silhouette of a sphere, capsule, ellipsoid, cylinder, box or (convex hull of a) mesh.
+    """The silhouette of a sphere, capsule, ellipsoid, cylinder, box, or the convex hull of a mesh.
 
     **Arguments:** `screen`: `(2, 3)`, the picture's right and up as unit vectors of the world.
 
-    **Returns:** `(OUTLINE_POINTS, 2)`, metres. In each of as many directions of the picture it is the shape's farthest point
-    that way (its support point), which needs no case for how a shape is turned.
+    **Returns:** `(OUTLINE_POINTS, 2)` m: the support point, the farthest of the shape, in each of that many directions
+    of the picture. This works for any orientation.
     """
     turn = data.geom_xmat[geom].reshape(3, 3)
-    # a small turn off the axes: boxes that stand straight then have one farthest corner, not an edge of them
+    # slightly off the axes, so that an upright box has one farthest corner rather than an edge
     angles = 2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS + 1e-3
     ways = np.stack([np.cos(angles), np.sin(angles)], 1) @ screen @ turn  # (OUTLINE_POINTS, 3), in the geom's own axes
     points = _support(model, geom, ways)
@@ -45,7 +47,7 @@ def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.nd
 
 
 def _support(model: mujoco.MjModel, geom: int, ways: np.ndarray) -> np.ndarray:
-    """The farthest point of the geom, in its own axes, in each direction: `(n, 3)` of `(n, 3)`."""
+    """The farthest points of the geom in given directions, in its own axes: `(n, 3)` of `(n, 3)`."""
     import mujoco
 
     kind, size = model.geom_type[geom], model.geom_size[geom]
@@ -66,7 +68,7 @@ def _support(model: mujoco.MjModel, geom: int, ways: np.ndarray) -> np.ndarray:
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return np.sign(ways) * size
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-    return middle + np.sign(ways) * half  # a signed distance field: its box
+    return middle + np.sign(ways) * half  # a signed distance field: its bounding box
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:
@@ -76,12 +78,12 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 def ground_line(
     model: mujoco.MjModel, data: mujoco.MjData, through: np.ndarray, screen: np.ndarray, along: np.ndarray
 ) -> np.ndarray | None:
-    """Where planes and height fields cut the upright plane through a point, seen level.
+    """The line in which planes and height fields cut a vertical plane through a point, seen horizontally.
 
-    **Arguments:** `through`: `(3,)`, a point of the cut; `screen`: `(2, 3)`, right and up; `along`: `(n,)`, metres to
-    the right, where the height is wanted.
+    **Arguments:** `through`: `(3,)`, a point of the plane; `screen`: `(2, 3)`, right and up; `along`: `(n,)` m to the
+    right, where the height is wanted.
 
-    **Returns:** `(n,)` heights, the highest ground counting; None where the model has none, or seen from above.
+    **Returns:** `(n,)` heights of the highest ground; None for a model without ground, or seen from above.
     """
     if abs(screen[1, 2]) < 0.5:
         return None
@@ -89,7 +91,7 @@ def ground_line(
 
 
 def ground_height(model: mujoco.MjModel, data: mujoco.MjData, places: np.ndarray) -> np.ndarray | None:
-    """The height `(n,)` of the highest plane or height field above or below places `(n, 3)`; None without either."""
+    """Heights `(n,)` of the highest plane or height field above or below places `(n, 3)`; None without either."""
     import mujoco
 
     heights = []
@@ -103,11 +105,11 @@ def ground_height(model: mujoco.MjModel, data: mujoco.MjData, places: np.ndarray
 
 
 def _field_height(model: mujoco.MjModel, field: int, places: np.ndarray) -> np.ndarray:
-    """Height of a field above its origin at places in its own axes, bilinear; its edge continues outwards."""
-    rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
-    wide, deep, tall = model.hfield_size[field, :3]
-    first = model.hfield_adr[field]
-    grid = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    """Heights of a field above its origin at places in its own axes, by bilinear interpolation, constant beyond its
+    edge.
+    """
+    grid, (wide, deep, tall) = height_grid(model, field), model.hfield_size[field, :3]
+    rows, columns = grid.shape
     column = np.clip((places[:, 0] / wide + 1) / 2, 0, 1) * (columns - 1)
     row = np.clip((places[:, 1] / deep + 1) / 2, 0, 1) * (rows - 1)
     left, low = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
@@ -122,10 +124,10 @@ MUSCLE_EDGE = "#5c1a1a"
 
 
 class Drawing:
-    """A body on matplotlib axes, as `draw` makes it; `update` moves it without new artists.
+    """A body on matplotlib axes, made by `draw`; `update` moves it without creating new artists.
 
-    `parts` and `muscles` are the matplotlib collections of the body's outlines and of its tendons' paths, in metres to
-    the right and up.
+    `parts` and `muscles` are the matplotlib collections of the body's outlines and tendon paths, in metres to the right
+    and up.
     """
 
     def __init__(
@@ -150,7 +152,7 @@ class Drawing:
         self.muscles = LineCollection([], alpha=alpha, zorder=2.2, **shape)
         for collection in (self.parts, self._rims, self.muscles):
             ax.add_collection(collection, autolim=False)
-        self._rimmed = alpha == 1  # a rim under a muscle that is seen through would colour it
+        self._rimmed = alpha == 1  # a rim under a transparent muscle would colour it
         self._ground: Any = None
         if ground:
             self._ground = PolyCollection([], facecolors=GROUND, edgecolors=SURFACE, linewidths=1.0, zorder=0.5)
@@ -159,13 +161,11 @@ class Drawing:
             ax.add_collection(self._marks, autolim=False)
 
     def update(self, position: np.ndarray, activation: np.ndarray) -> None:
-        """Put the body into the posture `position` `(nq,)` with its muscles at `activation` `(nu,)` in [0, 1]."""
+        """Move the body to the posture `position` `(nq,)`, with its muscles at `activation` `(nu,)` in [0, 1]."""
         model, data = self._model, self._data
-        position, activation = np.asarray(position, float), np.asarray(activation, float)
-        check(position.shape == (model.nq,), "position.shape", position.shape, f"({model.nq},): (nq of the model,)")
-        check(activation.shape == (model.nu,), "activation.shape", activation.shape, f"({model.nu},): (actuators,)")
+        position, activation = check_posture(model, position, activation)
         set_posture(model, data, position)
-        # far ones first, by the face towards the viewer; rounded, as the parts of a planar body are all as far
+        # far ones first, by the face towards the viewer; rounded, as all parts of a planar body are equally far
         turns = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
         middle, half = model.geom_aabb[self._geoms, :3], model.geom_aabb[self._geoms, 3:]
         towards = np.einsum("gij,i->gj", turns, self._forward)
@@ -190,7 +190,7 @@ class Drawing:
             return
         middle = centre @ self._screen[0]
         step = nice_step(size / 2)
-        # whole steps from the origin, so that marks stay where they are in the world while the camera moves
+        # whole steps from the origin, so that marks stay fixed in the world while the camera moves
         first, last = np.floor((middle - reach) / step), np.ceil((middle + reach) / step)
         along = step * np.linspace(first, last, 8 * int(last - first) + 1)
         height = ground_line(self._model, self._data, centre, self._screen, along)
@@ -203,7 +203,7 @@ class Drawing:
         self._marks.set_segments([np.stack([mark, mark - [0, 0.02 * size]]) for mark in marks])
 
     def bounds(self) -> np.ndarray:
-        """Lowest and highest corner of the body with its muscles on the axes: `(2, 2)`, metres."""
+        """The lowest and highest corner of the body with its muscles on the axes: `(2, 2)` m."""
         outlines = [path.vertices for path in self.parts.get_paths()]
         points = np.concatenate([*outlines, *self.muscles.get_segments(), np.empty((0, 2))])
         return np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 2))
@@ -223,15 +223,15 @@ def draw(
 ) -> Drawing:
     """Draw a body with its muscles on matplotlib axes, orthographic, in metres; needs no OpenGL.
 
-    Spheres, capsules, ellipsoids, cylinders, boxes and convex meshes are outlined, far ones first; tendons run along
-    the path on which MuJoCo wraps them, pale pink while silent, strong red and twice as wide while firing; planes and
+    Spheres, capsules, ellipsoids, cylinders, boxes and convex meshes are outlined, far ones first. Tendons run along
+    the path on which MuJoCo wraps them, pale pink while silent, strong red and twice as wide while active. Planes and
     height fields are a line of ground with marks every 1, 2 or 5 times a power of ten metres.
 
     **Arguments:**
 
     - `position`: `(nq,)`; `activation`: `(nu,)` in [0, 1].
-    - `azimuth`, `elevation`: the line of sight in degrees, as of MuJoCo's free camera: at azimuth 90 it looks along
-      +y, with x to the right; at 180 along -x, with y to the right; at elevation -90 it looks straight down.
+    - `azimuth`, `elevation`: the line of sight in degrees, as of MuJoCo's free camera: at azimuth 90 it looks along +y,
+      with x to the right; at 180 along -x, with y to the right; at elevation -90 it looks straight down.
     - `linewidth`: of a silent muscle, in points.
     - `alpha`: of the body, in (0, 1]; low for the older postures of a sequence.
     - `ground`: whether to draw it; False for all but the first of several bodies on the same axes.
@@ -240,7 +240,11 @@ def draw(
 
     **Raises:** `ValueError` for shapes that do not fit the model, or `alpha` or `linewidth` out of range.
 
-    The axes are set to equal scales and, where they did not hold limits of your own, to limits around the body.
+    The axes get equal scales and, unless they have limits of your own, limits around the body.
+
+    ```py
+    draw(axes, model, position[0], activation[0], azimuth=90)
+    ```
     """
     check(0 < alpha <= 1, "alpha", alpha, "in (0, 1]")
     check(linewidth > 0, "linewidth", linewidth, "above 0")
@@ -262,13 +266,16 @@ DOTS_PER_INCH = 100
 
 
 class MatplotlibRenderer:
-    """Draws one body; the same arguments and methods as `_rendered.GlRenderer`."""
+    """Draws pictures of one body with matplotlib; it has the arguments and methods of `GlRenderer`.
+
+    One figure is drawn again and again, with its artists moved from frame to frame.
+    """
 
     def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        # a body is drawn level or from straight above: an orthographic ground seen aslant is no line
+        # horizontally or from straight above: in an oblique orthographic view the ground is not a line
         above = view.elevation < -60
         axes = camera_axes(view.azimuth, -90.0 if above else 0.0)
         figure = Figure((width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=tuple(SKY))
@@ -282,11 +289,10 @@ class MatplotlibRenderer:
         self._drawing = Drawing(self._axes, model, self._screen, line, 1.0, True)
 
     def set_view(self, view: View) -> None:
-        """Take another view, from the same side."""
+        """Change to another view from the same side."""
         self._centres = view.centres[self._which]
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        self._half = np.abs(signs * view.half @ self._screen.T).max(0)
-        # metres from the middle to the sides; the picture's lower and upper halves share what the margins leave
+        self._half = np.abs(self._screen) @ view.half
+        # m from the middle to the sides; the picture's lower and upper halves share what the margins leave
         tall = 2 * self._half[1] / (DOWNWARDS + UPWARDS)
         self._reach = max(self._half[0] / SIDEWAYS, tall * self._aspect)
         self._tall = self._reach / self._aspect
@@ -294,7 +300,7 @@ class MatplotlibRenderer:
         self._size = 2 * float(self._half.max())
 
     def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture; overwritten by the next."""
+        """The picture `(height, width, 3)`, uint8, of one posture; the next call overwrites it."""
         centre = self._centres[frame]
         right, up = self._screen @ centre
         self._axes.set_xlim(right - self._reach, right + self._reach)
@@ -305,4 +311,4 @@ class MatplotlibRenderer:
         return np.asarray(self._canvas.buffer_rgba())[..., :3]
 
     def close(self) -> None:
-        """Nothing is held outside Python; here so that both painters are used alike."""
+        """Do nothing; here because `GlRenderer` has it."""

@@ -1,4 +1,4 @@
-"""Frames into an mp4 file that browsers play, or into a GIF."""
+"""Films and still pictures of recorded motions, and video files for browsers."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ GAP = 4  # pixels between motions side by side
 
 @dataclass(frozen=True)
 class Film:
-    """What `film` made: the file, the renderer that was used ("gl" or "drawn"), its frames and its running time.
+    """The result of `write_film`: the file, the renderer used ("gl" or "drawn"), the number of frames and the running
+    time.
 
-    `note` is empty for a rendered film; for a drawn one it says why, and which system packages give the rendered one.
+    `note` is empty for a rendered film; for a drawn one it tells why, and which system packages enable rendering.
     """
 
     path: Path
@@ -48,26 +49,30 @@ def write_film(
     renderer: Renderer = "auto",
     progress: Callable[[int, int], object] | None = None,
 ) -> Film:
-    """Write a film of one motion, or of several side by side, each with its caption and its running time.
+    """Write a film of one motion, or of several side by side, each with its caption and running time.
 
     **Arguments:**
 
-    - `motions`: shown from left to right at the same scale; where one ends first, its last posture stays.
-    - `path`: ends in ".mp4"; missing folders are made, an older film is replaced.
-    - `fps`: frames a second of the film, above 0; it need not be that of the recording.
-    - `width`, `height`: pixels of each motion's picture, even, at least 64.
-    - `speed`: seconds of motion shown in a second of film, above 0; 0.25 is slow motion.
-    - `camera`: a camera of the model by its name, or the azimuth in degrees of a camera that frames the whole motion
-      (90 looks along +y). None: the model's camera "side" if it has one and the motion stays in its picture, else
-      one that frames the motion, along the hinges of a planar body. A long path is followed.
-      A drawn picture takes only the heading from a named camera, and frames the motion itself.
+    - `motions`: shown from left to right at the same scale; the last posture of a shorter one stays until the end.
+    - `path`: ends in ".mp4"; missing folders are created, an existing film is replaced.
+    - `fps`: frames per second of the film, above 0; it may differ from the recording's.
+    - `width`, `height`: of each motion's picture in pixels, even, at least 64.
+    - `speed`: seconds of motion per second of film, above 0; 0.25 is slow motion.
+    - `camera`: the name of a camera of the model, or the azimuth in degrees of a camera that frames the whole motion
+      (90 looks along +y). None: the model's camera "side" if it has one that contains the motion, else one that frames
+      the motion, along the hinges of a planar body. A long path is followed. A drawn picture takes only the heading
+      from a named camera, and frames the motion itself.
     - `renderer`: "gl" (OpenGL), "drawn" (matplotlib), or "auto": OpenGL where it works.
-    - `progress`: called with the frames done and their total after each.
+    - `progress`: called after each frame with the number of frames done and their total.
 
     **Returns:** a `Film`.
 
-    **Raises:** `ValueError` for input that is out of range, naming it, before any work; `RuntimeError` where
-    `renderer="gl"` and OpenGL does not work here.
+    **Raises:** `ValueError` for input out of range, before any work; `RuntimeError` where `renderer="gl"` and OpenGL
+    does not work here.
+
+    ```py
+    write_film([before, after], "hop.mp4", speed=0.5)
+    ```
     """
     motions = _checked(motions)
     target = output_path(path, ".mp4")
@@ -115,14 +120,14 @@ def still(
     camera: Camera = None,
     renderer: Renderer = "auto",
 ) -> np.ndarray:
-    """One picture of a motion, framed as its film is, with caption and time.
+    """Make one picture of a motion, framed as its film is, with caption and time.
 
     **Arguments:** `frame`: index of the recorded frame, from the end if negative; `path`: a file ending in ".png", or
-    None for no file; the others as of `film`.
+    None for no file; the others as of `write_film`.
 
     **Returns:** `(height, width, 3)`, uint8.
 
-    **Raises:** as `film` does.
+    **Raises:** as `write_film` does.
     """
     _checked(motion)
     target = None if path is None else output_path(path, ".png")
@@ -154,7 +159,7 @@ def _checked(motions: Motion | Sequence[Motion]) -> list[Motion]:
 
 
 def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
-    """The file of a picture or a film. **Raises** `ValueError` for another ending than these, and for a folder."""
+    """The path of a picture or film. **Raises** `ValueError` for another ending than `suffixes`, and for a folder."""
     target = Path(path)
     check(target.suffix.lower() in suffixes, "path", str(path), f"a file name ending in {' or '.join(suffixes)}")
     check(not target.is_dir(), "path", str(path), "a file, not a folder")
@@ -164,7 +169,7 @@ def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
 def _open_renderers(
     motions: Sequence[Motion], positions: Sequence[np.ndarray], width: int, height: int, camera: Camera, kind: str
 ) -> list[Any]:
-    """One painter for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
+    """One renderer for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
     brush = renderer_class(kind)
     models = [motion.model for motion in motions]
     groups: dict[tuple[int, int, int], list[int]] = {}
@@ -179,19 +184,19 @@ def _open_renderers(
 
 
 def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], fps: float) -> None:
-    """Write H.264 with 4:2:0 chroma and the index in front, so that a browser can play it while it loads.
+    """Write H.264 with 4:2:0 chroma and the index in front, so that browsers can play it while it loads.
 
-    **Arguments:** frames `(height, width, 3)`, uint8; `size`: width and height, both even; `fps`: frames a second.
+    **Arguments:** `frames` `(height, width, 3)`, uint8; `size`: width and height, both even; `fps`: frames per second.
 
-    **Raises:** `RuntimeError` with ffmpeg's own words where it fails.
+    **Raises:** `RuntimeError` with ffmpeg's message where it fails.
 
-    The file is written beside its place and moved there when it is whole: a film that was interrupted leaves nothing.
+    The file is written beside its place and moved there when complete, so that an interrupted film leaves nothing.
     """
     part = path.with_name(f".{path.stem}.{os.getpid()}.part.mp4")
     try:
-        # messages go to a file: an unread pipe that fills would stop ffmpeg, and us with it
+        # to a file: an unread pipe would fill and stop ffmpeg, and this process with it
         with tempfile.TemporaryFile() as messages:
-            # not imageio-ffmpeg's own writer, which leaves its pipes for the garbage collector to close, aloud
+            # imageio-ffmpeg's own writer leaves its pipes for the garbage collector to close, with warnings
             with subprocess.Popen(
                 _command(part, size, fps), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages
             ) as ffmpeg:
@@ -201,7 +206,7 @@ def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], f
                         ffmpeg.stdin.write(np.ascontiguousarray(frame).data)
                     ffmpeg.stdin.close()
                 except BrokenPipeError:
-                    pass  # ffmpeg gave up; its exit status and messages say why
+                    pass  # ffmpeg failed; its exit status and messages tell why
                 except BaseException:
                     ffmpeg.kill()
                     raise
@@ -215,10 +220,10 @@ def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], f
 
 
 def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.ndarray) -> None:
-    """Write a GIF that repeats for ever.
+    """Write a GIF that repeats forever.
 
-    **Arguments:** as of `write_mp4`, but that a frame's length is a whole number of hundredths of a second; `like`, a
-    frame whose 256 most useful colours are those of all: where all have the same, only what moves takes bytes.
+    **Arguments:** as of `write_mp4`, but a frame lasts a whole number of hundredths of a second; `like`: a frame whose
+    256 most useful colours are used for all. With one palette, only what moves takes bytes.
     """
     from PIL import Image
 
@@ -233,7 +238,7 @@ def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.nda
 def _command(path: Path, size: tuple[int, int], fps: float) -> list[str]:
     import imageio_ffmpeg
 
-    # a whole path: one that begins with a dash is no option, one with a colon no protocol
+    # absolute and prefixed, so that ffmpeg takes no leading dash for an option and no colon for a protocol
     command = f"""{{}} -y -hide_banner -loglevel error
         -f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -r {fps:.6f} -i -
         -an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart {{}}"""

@@ -1,4 +1,4 @@
-"""Pictures of a body rendered with OpenGL."""
+"""Pictures of a body rendered with OpenGL, off screen, and whether this computer can do so."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 PACKAGES = "libegl1 libopengl0 libgl1-mesa-dri"
-ADVICE = f"On Debian or Ubuntu, `apt-get install {PACKAGES}` gives the rendered picture, also without a graphics card."
-# Run in a process of its own: a broken driver may abort the process that tries it.
+ADVICE = f"On Debian or Ubuntu, `apt-get install {PACKAGES}` enables rendered pictures, even without a graphics card."
+# Run in another process: a broken driver may abort the process that tries it.
 _PROBE = """
 import mujoco
 from motorgrad.sim.film._gl import make_context
@@ -46,10 +46,11 @@ print("ready")
 
 
 def backend() -> str:
-    """The kind of context used here: `MUJOCO_GL` where it names one, else EGL on Linux and the system's own elsewhere.
+    """The kind of context used here: that of `MUJOCO_GL` if it names one, else EGL on Linux and the system's own
+    elsewhere.
 
-    Read at each call and not from MuJoCo's own choice, which is made once, when it is first imported, and would ask
-    for a window where no variable is set.
+    The variable is read at each call. MuJoCo chooses once, when it is first imported, and needs a window where the
+    variable is not set.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in ("disable", "disabled", "off", "false", "0"):
@@ -73,7 +74,7 @@ def make_context(kind: str, width: int, height: int) -> Any:
 
 
 def gl_problem() -> str:
-    """Why no OpenGL picture can be made here, in one line; empty if it can. Tried once, in another process."""
+    """Why OpenGL pictures cannot be made here, in one line; empty if they can. Tried once, in another process."""
     return _problem(backend())
 
 
@@ -106,13 +107,13 @@ def _problem(kind: str) -> str:
     return f"a trial picture with {kind} failed: {lines[-1] if lines else f'exit status {probe.returncode}'}"
 
 
-FIELD_OF_VIEW = 26.0  # degrees; a long lens bends the body less
+FIELD_OF_VIEW = 26.0  # degrees; a long lens distorts less
 
 
 class GlRenderer:
-    """Renders one body: make it, call `paint` for each frame, `close` it.
+    """Renders pictures of one body: call `paint` for each frame, and `close` at the end.
 
-    **Arguments:** `model`; `view`, from `_framing.frame`; which of the view's motions this is; picture size in pixels.
+    **Arguments:** `model`; `view`, from `frame_motions`; `which` of the view's motions this is; picture size in pixels.
     """
 
     def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
@@ -145,11 +146,13 @@ class GlRenderer:
         self._pixels = np.empty((height, width, 3), np.uint8)
 
     def set_view(self, view: View) -> None:
-        """Take another view: where to stand, and what is told in its size: fog, clipping planes, the muscles' width."""
+        """Change to another view: the camera's position, and what depends on its size: fog, clipping planes, muscle
+        width.
+        """
         model, size = self._model, float(np.linalg.norm(view.half))
         self._view = view
         self._distance, self._lift = _stand_back(view, self._size[0] / self._size[1])
-        # distances of fog and clipping planes are told in units of the extent
+        # MuJoCo measures fog and clipping planes in units of the extent
         model.stat.extent = size
         model.vis.map.znear, model.vis.map.zfar = 0.02, 80.0
         model.vis.map.fogstart = self._distance / size + 2.0
@@ -157,32 +160,32 @@ class GlRenderer:
         self._tendon_width = muscle_radius(self._bare, size)
 
     def _style(self) -> None:
-        """Set the copy's looks: size of the picture, light, no markers."""
+        """Set the appearance of the model's copy: picture size, light, no markers."""
         import mujoco
 
         model = self._model
         model.vis.global_.offwidth, model.vis.global_.offheight = self._size
         model.vis.quality.shadowsize = 2048
-        # fewer facets than MuJoCo's own: half the time of a software renderer, and no difference to see
+        # fewer facets than MuJoCo's default halve the time of a software renderer, without a visible difference
         model.vis.quality.numslices, model.vis.quality.numstacks = 20, 10
         model.vis.global_.fovy = FIELD_OF_VIEW
         model.vis.rgba.fog[:] = (*SKY, 1)
-        # the model's lamps and sky give way to a pale studio, into which the ground fades: all bodies in one light
+        # a pale studio replaces the model's lamps and sky, so that all bodies have the same light
         model.light_active[:] = 0
         model.vis.headlight.active = 1
         model.vis.headlight.ambient[:] = 0.50
         model.vis.headlight.diffuse[:] = 0.26
         model.vis.headlight.specular[:] = 0.05
-        # points of muscle paths and touch sensors' volumes are means, not things to look at
+        # hide the sites of muscle paths and the volumes of touch sensors
         markers = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
         wrapped = np.isin(model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
-        beside = model.wrap_prm[wrapped]  # the site on whose side a muscle passes, -1 for none
+        beside = model.wrap_prm[wrapped]  # the site that tells on which side a muscle passes, or -1
         sensed = model.sensor_objid[model.sensor_objtype == mujoco.mjtObj.mjOBJ_SITE]
         model.site_rgba[np.concatenate([markers, beside[beside >= 0], sensed]).astype(int), 3] = 0
         model.tendon_matid[:] = -1
 
     def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture; overwritten by the next."""
+        """The picture `(height, width, 3)`, uint8, of one posture; the next call overwrites it."""
         import mujoco
 
         model, data, scene = self._model, self._data, self._scene
@@ -220,13 +223,13 @@ class GlRenderer:
             point, normal, rgb, plain = self._ground
             if plain and normal[2] > 0.999:
                 add_marks(scene, centre, point[2], size, np.append(rgb * 0.86, 1.0), 12 * size)
-            # opaque: where transparent shadows overlap they would be darker
+            # opaque, as overlapping transparent shadows would be darker
             shade = np.append(rgb * SHADE, 1.0)
             add_shadows(scene, count, point, normal, size, shade)
         add_backdrop(scene, centre, view.axes, 40 * size)
 
     def close(self) -> None:
-        """Free what the graphics driver holds."""
+        """Free the resources of the graphics driver."""
         if self._gl_context is not None:
             self._gl_context.make_current()
             if self._resources is not None:
@@ -236,7 +239,7 @@ class GlRenderer:
 
 
 def _stand_back(view: View, aspect: float) -> tuple[float, float]:
-    """How far off a free camera stands, and how far above the centre it looks, so that the box stays in the margins."""
+    """A free camera's distance, and how far above the centre it looks, such that the box stays within the margins."""
     right, up, near = view.corners.T
     slope = np.tan(np.radians(FIELD_OF_VIEW) / 2)
     share = (DOWNWARDS - UPWARDS) / (DOWNWARDS + UPWARDS)
@@ -250,7 +253,7 @@ def _stand_back(view: View, aspect: float) -> tuple[float, float]:
 
 
 def _level_ground(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool] | None:
-    """Point, normal, mean colour and whether it is untextured, of the first plane of the world; None without one."""
+    """Point, normal, mean colour and whether it is untextured, of the world's first plane; None without one."""
     import mujoco
 
     data = mujoco.MjData(model)

@@ -22,13 +22,17 @@ class Motion:
     **Arguments:**
 
     - `model`: the MuJoCo model; pictures are made from a copy, it is never changed.
-    - `time`: `(frames,)`, seconds, rising; the steps need not be even.
+    - `time`: `(frames,)` s, increasing; the steps need not be equal.
     - `position`: `(frames, nq)`, the generalised coordinates `qpos`.
     - `activation`: `(frames, nu)` in [0, 1], one for each actuator (muscle).
     - `label`: the caption, such as "before learning"; may be empty.
 
-    **Raises:** `ValueError` where shapes disagree, the motion is empty, time does not rise, or a number is not finite
-    or out of range. `TypeError` where `model` is no `mujoco.MjModel`.
+    **Raises:** `ValueError` where shapes disagree, the motion is empty, time does not increase, or a number is not
+    finite or out of range. `TypeError` where `model` is not a `mujoco.MjModel`.
+
+    ```py
+    Motion(model, time=np.arange(100) / 50, position=position, activation=activation, label="after learning")
+    ```
     """
 
     model: mujoco.MjModel
@@ -58,7 +62,7 @@ class Motion:
             late = int(np.argmax(np.diff(self.time) <= 0)) + 1
             allowed = f"later than time[{late - 1}] = {self.time[late - 1]}"
             check(False, f"time[{late}]", float(self.time[late]), allowed)
-        # a little rounding beyond the ends is no mistake of the user's
+        # rounding may exceed the limits a little
         for end in (self.activation.min(initial=0.0), self.activation.max(initial=0.0)):
             check(-1e-4 <= end <= 1 + 1e-4, "activation", float(end), "in [0, 1]")
         np.clip(self.activation, 0, 1, out=self.activation)
@@ -74,12 +78,12 @@ def _shape(name: str, array: np.ndarray, shape: tuple[int, ...], allowed: str) -
 
 
 def resample(motion: Motion, moments: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The motion at other moments, between the recorded frames.
+    """Interpolate a motion at other moments.
 
-    **Arguments:** `moments`: `(n,)`, seconds after the motion's first frame; past its end the last frame stays.
+    **Arguments:** `moments`: `(n,)` s after the motion's first frame; beyond its end the last frame is repeated.
 
     **Returns:** `time (n,)`, `position (n, nq)`, `activation (n, nu)`. Positions are interpolated along the model's
-    own joints, so that quaternions stay rotations.
+    joints, so that quaternions remain rotations.
     """
     import mujoco
 

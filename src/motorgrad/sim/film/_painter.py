@@ -1,4 +1,4 @@
-"""Pictures of a body as it moves, from a renderer that stays open."""
+"""Painter: pictures of a body as it moves, and the choice of the renderer that makes them."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from motorgrad._errors import check, unknown
+from motorgrad.sim.film._appearance import check_posture
+from motorgrad.sim.film._drawing import MatplotlibRenderer
 from motorgrad.sim.film._framing import View, bounding_box, find_camera, frame_motions
-from motorgrad.sim.film._gl import ADVICE, gl_problem
+from motorgrad.sim.film._gl import ADVICE, GlRenderer, gl_problem
 
 if TYPE_CHECKING:
     import mujoco
@@ -28,14 +30,14 @@ def _font(size: int) -> Any:
     import matplotlib
     from PIL import ImageFont
 
-    # the font that matplotlib brings along: the same letters on every system
+    # matplotlib's own font is the same on every system
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
 
 
 def caption(picture: np.ndarray, left: str, right: str) -> np.ndarray:
-    """The picture `(height, width, 3)` with `left` and `right` written along its upper edge, as a new array.
+    """Write `left` and `right` along the upper edge of a copy of the picture `(height, width, 3)`.
 
-    Letters shrink until both fit beside one another; what does not fit at eight pixels is cut with an ellipsis.
+    The font shrinks until both fit beside each other; text that does not fit at eight pixels is cut with an ellipsis.
     """
     from PIL import Image, ImageDraw
 
@@ -65,30 +67,26 @@ Renderer = Literal["auto", "gl", "drawn"]
 
 
 def choose_renderer(renderer: str) -> tuple[str, str]:
-    """The renderer to use, and the note on why it is the drawn one."""
+    """The renderer to use, and why it is the drawn one."""
     if renderer not in RENDERERS:
         raise unknown("renderer", renderer, RENDERERS)
     if renderer == "drawn":
-        return "drawn", "MatplotlibRenderer with matplotlib, as asked for."
+        return "drawn", "Drawn with matplotlib, as requested."
     problem = gl_problem()
     if not problem:
         return "gl", ""
     if renderer == "gl":
         raise RuntimeError(f"renderer = 'gl' does not work here: {problem}. {ADVICE}")
-    return "drawn", f"MatplotlibRenderer with matplotlib, without OpenGL: {problem}. {ADVICE}"
+    return "drawn", f"Drawn with matplotlib, without OpenGL: {problem}. {ADVICE}"
 
 
 def renderer_class(kind: str) -> Any:
-    """The class that makes the pictures: `GlRenderer` for "gl", `MatplotlibRenderer` for "drawn"."""
-    if kind == "gl":
-        from motorgrad.sim.film._gl import GlRenderer as Brush
-    else:
-        from motorgrad.sim.film._drawing import MatplotlibRenderer as Brush
-    return Brush
+    """The class of the renderer "gl" or "drawn"."""
+    return {"gl": GlRenderer, "drawn": MatplotlibRenderer}[kind]
 
 
 def check_picture(models: Sequence[mujoco.MjModel], width: int, height: int, camera: Camera) -> None:
-    """Refuse a size or a camera that cannot be."""
+    """Refuse impossible picture sizes and cameras. **Raises** `ValueError`."""
     for name, value in (("width", width), ("height", height)):
         whole = isinstance(value, int | np.integer) and value >= 64 and value % 2 == 0
         check(whole, name, value, "an even whole number of pixels, at least 64")
@@ -100,20 +98,26 @@ def check_picture(models: Sequence[mujoco.MjModel], width: int, height: int, cam
         check(number, "camera", camera, "the name of a camera of the model, an azimuth in degrees, or None")
 
 
-ROOM = 1.3  # a view holds so much more than what made it, so that a growing motion seldom asks for another
+ROOM = 1.3  # a view is larger than needed by this factor, so that a growing motion seldom needs another
 
 
 class Painter:
-    """Pictures of one body as it moves, from a renderer that stays open: for a motion that is not over yet.
+    """Paints pictures of one body during a motion that is still going on.
 
-    A film knows the whole motion and frames that. A painter frames what it has seen, and widens its view when the body
-    leaves it; a body that goes far is followed in leaps.
+    A film knows the whole motion and frames it. A painter frames what it has seen so far and widens its view when the
+    body leaves it; a body that goes far is followed in leaps.
 
-    **Arguments:** `model`, of which a copy is painted; `width`, `height`, `camera` and `renderer` as of `film`.
+    **Arguments:** `model`, of which a copy is painted; `width`, `height`, `camera` and `renderer` as of `write_film`.
 
     **Attributes:** `renderer` and `note`, as of a `Film`.
 
-    **Raises:** as `film` does. `paint` raises `RuntimeError` after `close`. Use it from one thread.
+    **Raises:** as `write_film` does. `paint` raises `RuntimeError` after `close`. Use it from one thread only.
+
+    ```py
+    painter = Painter(model, width=320, height=240)
+    picture = painter.paint(data.qpos, activation, left="hopper", right="0.50 s")
+    painter.close()
+    ```
     """
 
     def __init__(
@@ -134,37 +138,34 @@ class Painter:
         self._closed = False
 
     def paint(self, position: np.ndarray, activation: np.ndarray, left: str = "", right: str = "") -> np.ndarray:
-        """One picture.
+        """Paint one picture.
 
-        **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; what to write `left` and `right` above it.
+        **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body.
 
-        **Returns:** `(height, width, 3)`, uint8; yours to keep.
+        **Returns:** `(height, width, 3)`, uint8, a new array.
         """
         if self._closed:
             raise RuntimeError("this painter is closed: make another one")
-        nq, nu = self._model.nq, self._model.nu
-        position, activation = np.asarray(position, float), np.asarray(activation, float)
-        check(position.shape == (nq,), "position.shape", position.shape, f"({nq},): (nq of the model,)")
-        check(activation.shape == (nu,), "activation.shape", activation.shape, f"({nu},): (actuators,)")
+        position, activation = check_posture(self._model, position, activation)
         self._hold(position)
         picture = self._backend.paint(0, position, activation)
         return caption(picture, left, right) if left or right else picture.copy()
 
     def close(self) -> None:
-        """Free what the graphics driver holds; a second time does nothing."""
+        """Free the resources of the graphics driver. A second call does nothing."""
         if self._backend is not None:
             self._backend.close()
         self._backend, self._closed = None, True
 
     def _hold(self, position: np.ndarray) -> None:
-        """Take a view that holds the posture, if the present one does not."""
+        """Change the view if the present one does not contain the posture."""
         low, high = bounding_box(self._model, position)
         view = self._view
         if view is not None and np.all(np.abs(np.stack([low, high]) - view.centres[0][0]) <= view.half):
             return
         self._seen.append(position.copy())
         view = self._frame()
-        if np.ptp(view.centres[0], axis=0).any():  # a long path: begin again from here
+        if np.ptp(view.centres[0], axis=0).any():  # a long path: start again from here
             self._seen = [position.copy()]
             view = self._frame()
         self._view = dataclasses.replace(view, half=view.half * ROOM)

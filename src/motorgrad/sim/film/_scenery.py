@@ -1,4 +1,4 @@
-"""What a rendered picture has besides the model: pale background, lamp, shadows, distance marks on the ground."""
+"""What a rendered picture shows besides the model: pale background, lamp, shadows, distance marks on the ground."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
 
 
 SKY = np.array([0.93, 0.95, 0.97])
-SUN = np.array([0.30, 0.45, -1.0]) / np.linalg.norm([0.30, 0.45, -1.0])  # from above, a little left of the viewer
-SHADE = 0.72  # brightness of shadowed ground
+SUN = np.array([0.30, 0.45, -1.0]) / np.linalg.norm([0.30, 0.45, -1.0])  # from above, slightly left of the viewer
+SHADE = 0.72  # brightness of ground in shadow
 
 
 def add_geom(
     scene: mujoco.MjvScene, kind: int, size: np.ndarray, place: np.ndarray, turn: np.ndarray, rgba: np.ndarray
 ) -> None:
-    """Append a decorative geom; nothing happens when the scene is full. `turn` is `(3, 3)`, any matrix."""
+    """Append a decorative geom, unless the scene is full. `turn` is any matrix `(3, 3)`."""
     import mujoco
 
     if scene.ngeom >= scene.maxgeom:
         return
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), rgba.astype(np.float32))
-    geom.size[:] = size  # the scene's own convention: half lengths along all three axes
+    geom.size[:] = size  # a scene's convention: half lengths along all three axes
     geom.mat[:] = turn
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
     geom.specular = geom.shininess = geom.reflectance = 0.0
@@ -35,7 +35,7 @@ def add_geom(
 
 
 def add_backdrop(scene: mujoco.MjvScene, place: np.ndarray, axes: np.ndarray, reach: float) -> None:
-    """A wall beyond the fog, which takes the fog's colour: MuJoCo itself clears the picture to black."""
+    """Add a wall beyond the fog, in the fog's colour: MuJoCo itself clears the picture to black."""
     import mujoco
 
     wall = np.array([8 * reach, 8 * reach, 0.01 * reach])
@@ -43,15 +43,15 @@ def add_backdrop(scene: mujoco.MjvScene, place: np.ndarray, axes: np.ndarray, re
 
 
 def add_lamp(scene: mujoco.MjvScene, target: np.ndarray, size: float, shadow_map: bool) -> None:
-    """A sun beside the camera's own light; with a shadow map, which is slow, or without."""
+    """Add a sun beside the camera's own light, with or without a shadow map, which is slow."""
     import mujoco
 
     lamp = scene.lights[scene.nlight]
     lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     lamp.headlight, lamp.castshadow = False, shadow_map
-    # steeper over hills: a shadow map stipples slopes that the light only grazes
+    # steeper over hills: at grazing light a shadow map stipples slopes
     ray = np.array([0.08, 0.12, -0.99]) if shadow_map else SUN
-    lamp.pos[:] = target - 4 * size * ray  # what the map covers lies around the ray from here
+    lamp.pos[:] = target - 4 * size * ray  # the map covers the surroundings of the ray from here
     lamp.dir[:] = ray
     lamp.attenuation[:] = (1, 0, 0)
     lamp.ambient[:] = 0
@@ -65,8 +65,8 @@ def add_shadows(
 ) -> None:
     """Flatten the scene's first `count` geoms along the sun onto a plane: a shadow for the price of a geom.
 
-    `size` is the scene's, in metres. A shadow map makes software rendering half as fast, so that it is left to grounds
-    which are no plane.
+    `size` is that of the scene in m. A shadow map halves the speed of software rendering, so it is used only where the
+    ground is not a plane.
     """
     import mujoco
 
@@ -81,7 +81,7 @@ def add_shadows(
         place = np.array(geom.pos, float)
         if (place - point) @ normal <= 0:
             continue
-        # thinner than the gap to the ground: it would dive into it. Without any thickness it had no normals
+        # thinner than its gap to the ground, or it would cut into it; without any thickness it would have no normals
         long = np.sum(geom.size)
         foot = place - fall @ (place - point) + normal * 0.003 * size
         flat = (np.eye(3) - fall + 0.001 * size / long * upright) @ geom.mat
@@ -89,7 +89,7 @@ def add_shadows(
 
 
 def nice_step(length: float) -> float:
-    """The 1, 2 or 5 times a power of ten nearest below `length`: how far apart distance marks stand, in metres."""
+    """The nearest 1, 2 or 5 times a power of ten at or below `length`: the distance between marks in m."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(power * max(step for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
 
@@ -97,7 +97,7 @@ def nice_step(length: float) -> float:
 def add_marks(
     scene: mujoco.MjvScene, centre: np.ndarray, height: float, size: float, rgba: np.ndarray, reach: float
 ) -> None:
-    """Thin lines across a level ground, every 1, 2 or 5 times a power of ten metres."""
+    """Add thin lines across a level ground, every 1, 2 or 5 times a power of ten metres."""
     import mujoco
 
     step = nice_step(size)

@@ -1,4 +1,4 @@
-"""Capture: films, pictures, and the scene as a page of its own."""
+"""Capture: films of a run as it goes on, snapshots, and the scene as an HTML page of its own."""
 
 from __future__ import annotations
 
@@ -29,19 +29,26 @@ FPS, WIDTH, HEIGHT = 30.0, 640, 480
 
 
 class FilmRecorder:
-    """Films what a session does from now on, in the time of the clock, until it is stopped.
+    """Films a session from now on, in wall time, until it is stopped.
 
-    MuJoCo's renderer paints the present moment `fps` times a second, with muscles as in every film of this library, but
-    without multisampling; a moment that took too long to paint is shown the longer, so that a film always lasts as long
-    as what it shows. H.264 (x264), preset "veryfast", constant rate factor 20, 4:2:0. Where an
-    untrained body stands beside at the start, both are filmed. The plane of a particle is filmed too.
+    MuJoCo's renderer paints the present moment `fps` times a second, with muscles as in all films of this library but
+    without multisampling. A moment that takes too long to paint is shown for longer, so that a film lasts as long as
+    what it shows. The video is H.264 (x264), preset "veryfast", constant rate factor 20, 4:2:0. If an untrained body is
+    shown at the start, both bodies are filmed. The plane of a particle can be filmed too.
 
-    **Arguments:** `session`; `path`, ending in ".mp4"; frames a second; `width` and `height` of each body's picture.
+    **Arguments:** `session`; `path`, ending in ".mp4"; `fps`: frames per second; `width` and `height` of each body's
+    picture.
 
-    **Attributes:** `path`; `frames` that the film has; `painted`, those that were painted for it; `busy`, seconds that
-    painting them took.
+    **Attributes:** `path`; `frames` of the film; `painted`: how many of them were painted; `busy`: seconds spent
+    painting.
 
-    **Raises** `ValueError` for what cannot be filmed, or where no file can be written; `stop` raises what went wrong.
+    **Raises** `ValueError` for a session that cannot be filmed, or a file that cannot be written; `stop` raises any
+    later error.
+
+    ```py
+    film = FilmRecorder(session, "run.mp4")
+    film.stop()
+    ```
     """
 
     def __init__(
@@ -68,11 +75,11 @@ class FilmRecorder:
 
     @property
     def running(self) -> bool:
-        """Whether it films."""
+        """Whether it is filming."""
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """End the film and wait until its file is whole. A second time does nothing."""
+        """End the film and wait until its file is complete. A second call does nothing."""
         self._stop.set()
         self._thread.join()
         failed, self._failed = self._failed, None
@@ -80,7 +87,6 @@ class FilmRecorder:
             raise failed
 
     def _run(self) -> None:
-
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             painting = self._make(*self._size, self._session.snapshot())
@@ -90,7 +96,7 @@ class FilmRecorder:
                 write_mp4(self.path, self._pictures(painting), size, self._fps)
             finally:
                 painting.close()
-        except Exception as error:  # told by `stop`, in the thread of whoever asked for the film
+        except Exception as error:  # raised by `stop`, in the caller's thread
             self._failed = error
 
     def _pictures(self, painting: Painting) -> Iterator[np.ndarray]:
@@ -113,25 +119,24 @@ class FilmRecorder:
 
 
 class Painting:
-    """Pictures of a session's moments: `paint` makes one, `close` frees what it holds. One thread alone uses it."""
+    """Pictures of a session's moments: `paint` makes one, `close` frees resources. Use it from one thread only."""
 
     def paint(self, snapshot: Snapshot) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Free what the graphics driver holds."""
+        """Free the resources of the graphics driver."""
 
 
 class _Bodies(Painting):
-    """Bodies, side by side."""
+    """Pictures of the bodies side by side."""
 
     def __init__(self, session: Session, width: int, height: int, snapshot: Snapshot) -> None:
-
         self._pose = Pose(session.model)
         count = len(snapshot.position)
         model: Any = copy.copy(session.model)
-        model.vis.quality.offsamples = 0  # smooth edges would more than double the time of a software renderer
+        model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
         self._painters = [Painter(model, width=width, height=height) for _ in range(count)]
         self._labels = BODY_LABELS if count > 1 else (session.name,)
         self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
@@ -153,10 +158,9 @@ class _Bodies(Painting):
 
 
 class _Plane(Painting):
-    """The plane of a particle, and the units of its policy."""
+    """Pictures of a particle's plane with the units of its policy."""
 
     def __init__(self, session: Session, width: int, height: int, snapshot: Snapshot) -> None:
-
         self._session, self._policy = session, SnapshotPolicy(session)
         side = min(width, height)
         self._picture = PlanePicture(session.task, self._policy.of(snapshot.parameters[0]), side)
@@ -164,7 +168,6 @@ class _Plane(Painting):
         self._corner = (height - side) // 2, (width - side) // 2
 
     def paint(self, snapshot: Snapshot) -> np.ndarray:
-
         policy = self._policy.of(snapshot.parameters[0])
         if policy is not None:
             drawn = self._picture.paint(policy, self._session.trail().position[:, :2])
@@ -174,7 +177,9 @@ class _Plane(Painting):
 
 
 def painting_of(session: Session) -> Callable[[int, int, Snapshot], Painting]:
-    """What paints a session: from width, height and its present moment. **Raises** `ValueError` where nothing can."""
+    """A function that makes the painting of a session, from width, height and its present moment. **Raises**
+    `ValueError` without one.
+    """
     if session.model is not None:
         return lambda width, height, now: _Bodies(session, width, height, now)
     if not can_be_filmed(session):
@@ -184,7 +189,6 @@ def painting_of(session: Session) -> Callable[[int, int, Snapshot], Painting]:
 
 def can_be_filmed(session: Session) -> bool:
     """Whether there is a body, or a particle with local units."""
-
     if session.model is not None:
         return True
     if session.agent is None:
@@ -192,12 +196,13 @@ def can_be_filmed(session: Session) -> bool:
     return has_local_units(session.task, SnapshotPolicy(session).of(session.snapshot().parameters[0]))
 
 
-LONGEST = 120.0
-"""Seconds after which a recording ends by itself: it is kept in memory."""
+LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
 
 
 class SceneRecording:
-    """Records a page's scene from now on; `tick` is to be called once a frame."""
+    """Records a page's scene from now on, as one HTML file: viser's recording in viser's client. Call `tick` once a
+    frame.
+    """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._serializer = server.get_scene_serializer()
@@ -205,27 +210,27 @@ class SceneRecording:
 
     @property
     def seconds(self) -> float:
-        """How long it has recorded."""
+        """The duration so far."""
         return self._last - self._begin
 
     def tick(self) -> None:
-        """Let the recording's time pass as the clock's has."""
+        """Advance the recording's time to the present."""
         now = time.monotonic()
         self._serializer.insert_sleep(now - self._last)
         self._last = now
 
     def html(self) -> bytes:
-        """End it: a page that needs no server and no network."""
+        """End the recording. **Returns** a page that needs neither server nor network."""
         return self._serializer.as_html().encode()
 
 
 SIZES = ("640 × 480", "960 × 720", "1280 × 720")
-PATIENCE = 60.0  # seconds in which a browser must send its picture
+PATIENCE = 60.0  # s in which a browser must send its picture
 FILM, PAGE = ("Record film (MP4)", "Stop film"), ("Record scene (HTML)", "Stop scene")
 
 
 class CapturePanel(Panel):
-    """Film (MP4), snapshot (PNG), scene recording (HTML); each is saved by the browser that asked for it."""
+    """Film (MP4), snapshot (PNG) and scene recording (HTML); the browser that asked for it saves the file."""
 
     title: ClassVar[str] = "Capture"
     icon: ClassVar[str] = "camera"
@@ -243,7 +248,7 @@ class CapturePanel(Panel):
         picture = gui.add_button("Snapshot (PNG)", icon="photo", hint="The scene as this browser shows it.")
         picture.on_click(self.guarded(self._picture))
         self._scene_button = gui.add_button(
-            PAGE[0], icon="world", hint=f"One file, to be opened anywhere; at most {LONGEST:g} s."
+            PAGE[0], icon="world", hint=f"One file that opens in any browser; at most {LONGEST:g} s."
         )
         self._scene_button.on_click(self.guarded(self._toggle_scene))
         self._say()
@@ -262,11 +267,11 @@ class CapturePanel(Panel):
         self._say()
 
     def renew_at_rate(self) -> None:
-        """Time goes on while something is recorded, though the run may stand still."""
+        """Keep updating while something is recorded, even if the run is paused."""
         self._seen = ()
 
     def close(self) -> None:
-        """End what is under way; nothing is sent."""
+        """End recordings without sending them."""
         film, self._film = self._film, None
         if film is not None:
             film.stop()
@@ -280,7 +285,7 @@ class CapturePanel(Panel):
             ("scene", "–" if scene is None else f"{scene.seconds:.1f} s"),
         ]
         if film is not None and film.painted:
-            rows.append(("a frame takes", f"{brief(1e3 * film.busy / film.painted)} ms"))
+            rows.append(("time per frame", f"{brief(1e3 * film.busy / film.painted)} ms"))
         self._said.content = table(rows)
 
     def _toggle_film(self, event: Any) -> None:
@@ -302,7 +307,6 @@ class CapturePanel(Panel):
         notify(self.server, f"{film.path.name}: {film.frames / FPS:.1f} s", "Film", "green", event.client)
 
     def _picture(self, event: Any) -> None:
-
         camera = event.client.camera
         height, width = camera.image_height or HEIGHT, camera.image_width or WIDTH
         pixels = camera.get_render(height, width, transport_format="jpeg", timeout=PATIENCE)

@@ -1,4 +1,4 @@
-"""Live curves, drawn by the browser (uPlot)."""
+"""Charts: SVG diagrams, quick to make and in the page's own colours, and live curves drawn by the browser (uPlot)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy as np
 from PIL import Image
 
 WIDTH = 340.0
-"""Of a diagram, in its own units; on the page it is as wide as the panel."""
+"""Width of a diagram in its own units; on the page it is as wide as the panel."""
 INK = "currentColor"
 SIZE = 10.5
 
 
 def document(width: float, height: float, parts: Sequence[str], label: str) -> str:
-    """An SVG as HTML that fills the width of its panel; `label` says to those who cannot see it what it is."""
+    """Wrap SVG elements in HTML that fills the panel's width; `label` describes the diagram to screen readers."""
     return (
         f'<div style="padding:0 8px 6px"><svg role="img" aria-label="{html.escape(label)}" '
         f'viewBox="0 0 {width:g} {height:g}" style="width:100%;display:block" '
@@ -27,7 +27,7 @@ def document(width: float, height: float, parts: Sequence[str], label: str) -> s
 
 
 def text(x: float, y: float, words: str, anchor: str = "start", extra: str = "") -> str:
-    """Words at a place: `anchor` start, middle or end; `y` is their middle."""
+    """Text at a place: `anchor` is start, middle or end; `y` is the vertical middle."""
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" dy=".34em" text-anchor="{anchor}" stroke="none" {extra}>'
         f"{html.escape(words)}</text>"
@@ -35,8 +35,7 @@ def text(x: float, y: float, words: str, anchor: str = "start", extra: str = "")
 
 
 def picture(pixels: np.ndarray, x: float, y: float, width: float, height: float, smooth: bool = False) -> str:
-    """An array `(rows, columns, 3 or 4)`, uint8, the first row on top."""
-
+    """An image `(rows, columns, 3 or 4)`, uint8, its first row on top."""
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG")
     data = base64.b64encode(buffer.getvalue()).decode()
@@ -48,10 +47,11 @@ def picture(pixels: np.ndarray, x: float, y: float, width: float, height: float,
 
 
 class Chart:
-    """A box with two axes, into which things are drawn in the units of the axes.
+    """A box with two axes, in whose units things are drawn.
 
-    **Arguments:** `across`, `up`: the limits of the axes; their labels; `box`: left, top, right, bottom in the
-    diagram's units; `names`, in place of numbers along the upright axis, from below, with letters of this height.
+    **Arguments:** `across`, `up`: limits of the axes; `label`, `side`: their labels; `box`: left, top, right, bottom in
+    the diagram's units; `names` instead of numbers along the vertical axis, from below, with `letters` as their font
+    size.
     """
 
     def __init__(
@@ -70,30 +70,30 @@ class Chart:
         self._label, self._side, self._names, self._letters = label, side, names, letters
 
     def x(self, value: np.ndarray | float) -> np.ndarray:
-        """Across, in the diagram's units."""
+        """Horizontal positions in the diagram's units."""
         low, high = self.across
         return self.box[0] + (np.asarray(value) - low) / (high - low) * (self.box[2] - self.box[0])
 
     def y(self, value: np.ndarray | float) -> np.ndarray:
-        """Down, in the diagram's units."""
+        """Vertical positions in the diagram's units, downwards."""
         low, high = self.up
         return self.box[3] - (np.asarray(value) - low) / (high - low) * (self.box[3] - self.box[1])
 
     def line(self, x: np.ndarray, y: np.ndarray, colour: str, width: float = 1.4, extra: str = "") -> None:
-        """A line through the points that are finite."""
+        """Draw a line through the finite points."""
         good = np.isfinite(x) & np.isfinite(y)
         places = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(self.x(x)[good], self.y(y)[good], strict=True))
         self.parts.append(f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="{width}" {extra}/>')
 
     def dot(self, x: float, y: float, colour: str, radius: float = 4.0) -> None:
-        """A point, with a rim that sets it off."""
+        """Draw a point with a white rim."""
         if np.isfinite(x) and np.isfinite(y):
             self.parts.append(
                 f'<circle cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="{radius}" fill="{colour}" stroke="white"/>'
             )
 
     def bar(self, x0: float, x1: float, y0: float, y1: float, colour: str) -> None:
-        """A filled rectangle between two places across and two up."""
+        """Draw a filled rectangle."""
         left, right, top, bottom = self.x(x0), self.x(x1), self.y(y1), self.y(y0)
         self.parts.append(
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{max(right - left, 0.4):.1f}" '
@@ -101,12 +101,12 @@ class Chart:
         )
 
     def image(self, pixels: np.ndarray, smooth: bool = False) -> None:
-        """A picture that fills the box, under everything else; its first row on top."""
+        """Fill the box with an image beneath everything else, its first row on top."""
         left, top, right, bottom = self.box
         self.under.append(picture(pixels, left, top, right - left, bottom - top, smooth))
 
     def elements(self) -> list[str]:
-        """Everything, clipped to the box, with its axes."""
+        """All elements, clipped to the box, with its axes."""
         left, top, right, bottom = self.box
         clip = f"c{id(self):x}"
         frame = f'x="{left}" y="{top}" width="{right - left}" height="{bottom - top}"'
@@ -139,7 +139,7 @@ class Chart:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Round values between two."""
+    """Round values between two limits."""
     from matplotlib.ticker import MaxNLocator
 
     values = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)
@@ -148,25 +148,26 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def tick_label(value: float) -> str:
-    """A tick's value."""
+    """The text of a tick."""
     return f"{value:.6g}".replace("-", "−")
 
 
 def _wide(limits: tuple[float, float]) -> tuple[float, float]:
-    """Limits that are numbers and not the same."""
+    """Finite limits that differ."""
     low, high = (float(value) if np.isfinite(value) else 0.0 for value in limits)
     return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
 FAINT, STRONG, SECOND = "#b9c3cf", "#0b6bcb", "#d9730d"
 SMOOTH = 0.04
-"""Of a curve's points over which its strong line is the mean."""
+"""Share of a curve's points over which its strong line is averaged."""
 
 
 class Plot:
-    """A chart whose curves are renewed.
+    """A chart whose curves are updated.
 
-    **Arguments:** viser's GUI; the curves' names and colours; `height` in pixels.
+    **Arguments:** `gui`: viser's; `names` and `colours` of the curves; `height` in pixels; `legend`: whether to show
+    one.
     """
 
     def __init__(self, gui: Any, names: Sequence[str], colours: Sequence[str], height: int, legend: bool) -> None:
@@ -193,7 +194,7 @@ class Plot:
         )
 
     def put(self, x: np.ndarray, curves: Sequence[np.ndarray]) -> None:
-        """Renew the curves; points at which one is not known are left out."""
+        """Update the curves, without points at which one is not finite."""
         known = np.isfinite(x) & np.all([np.isfinite(curve) for curve in curves], axis=0)
         if np.count_nonzero(known) >= 2:
             self._handle.data = tuple(np.ascontiguousarray(row[known], float) for row in (x, *curves))
@@ -207,7 +208,7 @@ class Plot:
 
 
 class CurvePlot(Plot):
-    """A learning curve: every point faint, their mean over a stretch strong."""
+    """A learning curve: every point faint, their running mean strong."""
 
     def __init__(self, gui: Any) -> None:
         super().__init__(gui, ("each", "smoothed"), (FAINT, STRONG), 200, legend=False)
@@ -222,7 +223,7 @@ class CurvePlot(Plot):
 
 
 class TracePlot(Plot):
-    """What happened just now."""
+    """Recent values over time."""
 
     def __init__(self, gui: Any, names: Sequence[str]) -> None:
         colours = (FAINT, STRONG) if len(names) == 2 else (SECOND,)
@@ -233,7 +234,7 @@ class TracePlot(Plot):
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
-    """Running means over a share of all points, shorter at the ends, so that no point is made up."""
+    """Running means over a share of all points, over fewer at the ends."""
     reach = max(1, round(SMOOTH * len(values) / 2))
     total = np.concatenate([[0.0], np.cumsum(values)])
     place = np.arange(len(values))

@@ -1,4 +1,4 @@
-"""How a hexapod walks."""
+"""The gait of a hexapod: footfall diagram, gait class, speed, phases and duty factor."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -29,17 +29,16 @@ from motorgrad.sim.scene import Pose
 
 SECONDS = 4.0
 ROW = 19.0
-FIRST, SECOND = "#3b6fb6", "#c8452f"
-"""Colours of the two tripods."""
+FIRST, SECOND = "#3b6fb6", "#c8452f"  # colours of the two tripods
 
 
 def draw_footfall(
     seconds: np.ndarray, contact: np.ndarray, names: Sequence[str], tripod: Sequence[bool], period: float
 ) -> str:
-    """The last seconds as SVG.
+    """The footfalls of the last seconds as SVG: a bar for each leg while its foot is on the ground.
 
-    **Arguments:** `seconds` `(n,)` at which `contact` `(n, legs)` begins; the legs' names, from above; whether each is
-    of the first tripod; `period` of a decision, s.
+    **Arguments:** `seconds` `(n,)` at which `contact` `(n, legs)` begins; `names` of the legs from above; `tripod`:
+    whether each is in the first tripod; `period` of a decision in s.
     """
     end = (float(seconds[-1]) if len(seconds) else 0.0) + period
     count = len(names)
@@ -61,7 +60,7 @@ def draw_footfall(
 
 
 def _stretches(time: np.ndarray, touching: np.ndarray, period: float) -> list[tuple[float, float]]:
-    """From when to when a foot is on the ground without a break in what is known."""
+    """The intervals in which a foot is on the ground, without gaps in the samples."""
     if not len(time):
         return []
     gap = np.concatenate([[True], np.diff(time) > 1.5 * period])
@@ -73,12 +72,11 @@ def _stretches(time: np.ndarray, touching: np.ndarray, period: float) -> list[tu
     return found
 
 
-LEAST = 2.0  # s, for a gait to be measured
+LEAST = 2.0  # s, the shortest stretch in which a gait is measured
 
 
 def is_hexapod(model: mujoco.MjModel | None) -> bool:
-    """Whether a model has the sensors that a gait is measured with."""
-
+    """Whether a model has the sensors for measuring a gait."""
     if model is None:
         return False
     known = {model.sensor(index).name for index in range(model.nsensor)}
@@ -87,13 +85,12 @@ def is_hexapod(model: mujoco.MjModel | None) -> bool:
 
 
 class GaitReader:
-    """The sensors of the last decisions, computed anew from positions and velocities, each decision once.
+    """Measures the gait of the last decisions; the sensors of each decision are computed once from its state.
 
-    **Arguments:** `model`; `period` of a decision, s; `feet`, the names of a trail's contacts.
+    **Arguments:** `model`; `period` of a decision in s; `feet`: names of a trail's contacts.
     """
 
     def __init__(self, model: mujoco.MjModel, period: float, feet: list[str]) -> None:
-
         if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
             install_muscle_callback()
         self._model, self._data, self._period = model, mujoco.MjData(model), period
@@ -102,12 +99,10 @@ class GaitReader:
 
     def contacts(self, trail: Trail) -> np.ndarray:
         """Which feet are on the ground, `(n, 6)`, legs in the order of `motorgrad.bodies.LEGS`."""
-
         return debounced(trail.contacts[:, self._feet] > TOUCH, self._period)
 
     def gait(self, trail: Trail) -> Gait | None:
-        """The gait of the last unbroken stretch; None where that is too short."""
-
+        """The gait of the last uninterrupted stretch; None where that is too short."""
         breaks = np.flatnonzero((np.diff(trail.decision) != 1) | (np.diff(trail.seconds) <= 0)) + 1
         first = int(breaks[-1]) if len(breaks) else 0
         if (len(trail.decision) - first) * self._period < LEAST:
@@ -115,7 +110,6 @@ class GaitReader:
         return measure_gait(self._reading(trail, first), self._period)
 
     def _reading(self, trail: Trail, first: int) -> HexapodReading:
-
         rows = range(first, len(trail.decision))
         sensed = {row: self._sensed(trail, row) for row in rows}
         self._known = {int(trail.decision[row]): values for row, values in sensed.items()}
@@ -130,7 +124,6 @@ class GaitReader:
 
     def _sensed(self, trail: Trail, row: int) -> np.ndarray:
         """The sensors that positions and velocities determine."""
-
         kept = self._known.get(int(trail.decision[row]))
         if kept is not None:
             return kept
@@ -148,7 +141,6 @@ class GaitPanel(Panel):
 
     @classmethod
     def applies(cls, session: Session) -> bool:
-
         return is_hexapod(session.model) and {f"contact_{leg}" for leg in LEGS} <= set(session.feet)
 
     def fill(self, gui: Any) -> None:
@@ -157,7 +149,6 @@ class GaitPanel(Panel):
         self._reader = GaitReader(self.model, self.session.period, self.session.feet)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
-
         del snapshot, pose
         trail = self.session.trail()
         names = [leg.replace("_", " ") for leg in LEGS]
@@ -166,7 +157,7 @@ class GaitPanel(Panel):
         self._diagram.content = draw_footfall(trail.seconds, contact, names, first, self.session.period)
         gait = self._reader.gait(trail)
         if gait is None:
-            self._said.content = table([("gait", "not yet known: too little in one piece")])
+            self._said.content = table([("gait", "unknown: too few decisions in a row")])
             return
         self._said.content = table(
             [
@@ -180,7 +171,6 @@ class GaitPanel(Panel):
         )
 
     def numbers(self) -> Numbers:
-
         trail = self.session.trail()
         contact = self._reader.contacts(trail)
         touching = {f"on the ground {leg}": column for leg, column in zip(LEGS, contact.astype(int).T, strict=True)}

@@ -1,4 +1,4 @@
-"""The law of an actuator as its model has it: force from activation, length and velocity."""
+"""The force law of an actuator as its model has it: force from activation, length and velocity."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -13,31 +13,30 @@ from motorgrad.bodies import tension
 
 
 class Arm(NamedTuple):
-    """How an actuator acts on a freedom of the body: that joint's name, and the moment arm in m (of a slide: a share);
-    positive where the actuator's force moves the joint forwards."""
+    """The moment arm of an actuator about a joint in m (of a slide: a ratio), positive where its force moves the joint
+    forwards.
+    """
 
     joint: str
     metres: float
 
 
 class Law:
-    """One actuator's force: of a muscle on a path its tension, positive where it pulls.
+    """One actuator's force; of a muscle on a path the tension, positive where it pulls.
 
-    **Arguments:** `model`, as it is at the time of asking; `actuator`, its index.
+    **Arguments:** `model`, read at each call; `actuator`: its index.
     """
 
     def __init__(self, model: mujoco.MjModel, actuator: int) -> None:
-
         self._model, self._row = model, actuator
         self.pulls = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
-        """Whether it is a muscle on a path."""
+        """Whether it is a muscle on a tendon path."""
         self._sign = -1.0 if self.pulls else 1.0
         self._tendon = int(model.actuator_trnid[actuator, 0]) if self.pulls else -1
 
     @property
     def rest_length(self) -> float:
-        """The length at which it is strongest, in m; NaN where the law does not know one."""
-
+        """The length at which it is strongest, in m; NaN where the law has none."""
         model, kind = self._model, self._model.actuator_gaintype[self._row]
         if kind == mujoco.mjtGain.mjGAIN_USER:
             return float(model.actuator_gainprm[self._row, 1])
@@ -48,14 +47,13 @@ class Law:
         return float("nan")
 
     def force_now(self, data: mujoco.MjData) -> float:
-        """The force in the present posture, in N; damper included."""
+        """The force in the present posture in N, including damping."""
         return self._sign * float(data.actuator_force[self._row]) + self.damping * float(
             data.actuator_velocity[self._row]
         )
 
     def force(self, activation: float, length: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """The force in N at these lengths, m, and velocities, m/s, positive while it is stretched; damper included."""
-
+        """The force in N at these lengths in m and velocities in m/s (positive while lengthening), with damping."""
         model, row = self._model, self._row
         length, velocity = np.broadcast_arrays(np.asarray(length, float), np.asarray(velocity, float))
         kind, prm = model.actuator_gaintype[row], model.actuator_gainprm[row]
@@ -80,14 +78,13 @@ class Law:
 
     @property
     def damping(self) -> float:
-        """Of the whole path, in N s/m."""
+        """Damping of the whole path, in N s/m."""
         if self._tendon < 0:
             return 0.0
         return float(np.ravel(self._model.tendon_damping[self._tendon])[0])
 
     def moment_arms(self, data: mujoco.MjData) -> list[Arm]:
         """Every joint that it acts on in the present posture, the longest arm first."""
-
         model = self._model
         dense = np.zeros((model.nu, model.nv))
         mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)

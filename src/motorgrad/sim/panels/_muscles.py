@@ -1,4 +1,4 @@
-"""Muscles: when they fire, and where one of them is on its curves."""
+"""Muscles: their activation over time, and where one of them works on its force–length–velocity curves."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from motorgrad.sim.scene import Pose
 SECONDS = 4.0
 COLUMNS = 320
 ROW, LOW = 15.0, 216.0
-"""The height of a row, and of all rows where they are many, in the diagram's units."""
+"""Height of a row, and of all rows where there are many, in the diagram's units."""
 
 
 def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1) -> str:
-    """The last seconds as SVG: the stronger the red, the more active; nothing where the run was not watched.
+    """The activations of the last seconds as SVG: the stronger the red, the more active; blank where the run was not
+    sampled.
 
-    **Arguments:** `seconds` `(n,)` at which `level` `(n, muscles)`, in [0, 1], begins; `period` of a decision, s;
-    `chosen`, the row to mark.
+    **Arguments:** `seconds` `(n,)` at which `level` `(n, muscles)`, in [0, 1], begins; `names` of the muscles; `period`
+    of a decision in s; `chosen`: the row to mark.
     """
     count = len(names)
     row = min(ROW, max(LOW / count, 2.5))
@@ -35,7 +36,7 @@ def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], pe
     end = (seconds[-1] if len(seconds) else 0.0) + period
     start = end - SECONDS
     box = (left, 6.0, _charts.WIDTH - 8, 6 + row * count)
-    side = "" if named else f"{count} muscles, the first on top"
+    side = "" if named else f"{count} muscles, the first at the top"
     labels = [*reversed(names)] if named else [""]
     chart = _charts.Chart(
         (start - end, 0.0), (0.0, float(count)), "time before now (s)", side, box, labels, min(row, 10.5)
@@ -51,7 +52,7 @@ def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], pe
 
 
 def _pixels(seconds: np.ndarray, level: np.ndarray, start: float, end: float, period: float) -> np.ndarray:
-    """Colours `(muscles, COLUMNS, 4)`: of what began last before each column, if that was not too long before."""
+    """Colours `(muscles, COLUMNS, 4)` of the last level before each column, if that is recent."""
     at = start + (np.arange(COLUMNS) + 0.5) / COLUMNS * (end - start)
     row = np.searchsorted(seconds, at, side="right") - 1
     known = (row >= 0) & (at - seconds[np.maximum(row, 0)] <= 1.5 * period) if len(seconds) else np.zeros(COLUMNS, bool)
@@ -62,31 +63,33 @@ def _pixels(seconds: np.ndarray, level: np.ndarray, start: float, end: float, pe
 
 
 POINTS = 61
-LEAST = 0.1  # m/s, of the velocities that are shown
+LEAST = 0.1  # m/s, the least range of velocities
 HALF = (34.0, 8.0, 164.0, 140.0)
 OTHER = (210.0, 8.0, _charts.WIDTH - 8, 140.0)
 HERE = "#d0021b"
 
 
 class Range(NamedTuple):
-    """The limits of both curves, which follow what the muscle does."""
+    """The limits of both curves, which widen with the muscle's motion."""
 
     length: tuple[float, float]
     speed: float
 
     def holding(self, length: float, velocity: float, rest: float) -> Range:
-        """The range widened to hold a moment."""
+        """The range widened to contain a moment."""
         if np.isfinite(rest):
             low, high = min(self.length[0], 0.4 * rest), max(self.length[1], 1.6 * rest)
         else:
             low, high = self.length
-        room = 0.1 * abs(length) + 1e-3  # what is driven without a path may have a negative length
+        room = 0.1 * abs(length) + 1e-3  # an actuator without a path may have a negative length
         low, high = min(low, length - room), max(high, length + room)
         return Range((low, high), max(self.speed, 1.15 * abs(velocity), LEAST))
 
 
 def draw_operating(law: Law, activation: float, length: float, velocity: float, where: Range) -> str:
-    """Both curves as SVG: at full activation faint, at the present one strong, with the point where the muscle is."""
+    """Force against length and against velocity as SVG: faint at full activation, strong at the present one, with the
+    operating point.
+    """
     lengths = np.linspace(*where.length, POINTS)
     speeds = np.linspace(-where.speed, where.speed, POINTS)
     now = float(law.force(activation, np.array(length), np.array(velocity)))
@@ -107,16 +110,16 @@ def draw_operating(law: Law, activation: float, length: float, velocity: float, 
         chart.line(x, curves[1], STRONG, 2.0)
         chart.dot(here, now, HERE)
         parts += chart.elements()
-    parts.append(_charts.text(46, 180, "— fully active", extra=f'style="fill:{FAINT}"'))
-    parts.append(_charts.text(136, 180, f"— as active as now ({activation:.0%})", extra=f'style="fill:{STRONG}"'))
+    parts.append(_charts.text(46, 180, "— full activation", extra=f'style="fill:{FAINT}"'))
+    parts.append(_charts.text(136, 180, f"— present activation ({activation:.0%})", extra=f'style="fill:{STRONG}"'))
     return _charts.document(_charts.WIDTH, 190, parts, "force against length and against velocity")
 
 
-ARMS = 3  # joints of which the moment arm is told
+ARMS = 3  # joints whose moment arm is shown
 
 
 class MusclesPanel(Panel):
-    """A raster of activations; the chosen muscle's length, velocity, force, moment arms, operating point, settings."""
+    """Activations over time; length, velocity, force, moment arms, operating point and settings of one muscle."""
 
     title: ClassVar[str] = "Muscles"
     icon: ClassVar[str] = "wave-sine"
@@ -133,7 +136,7 @@ class MusclesPanel(Panel):
         self._said = gui.add_html("")
         self._curve = gui.add_html("")
         self._range = _fresh()
-        self._form = SettingsForm(self, "Numbers of this muscle")
+        self._form = SettingsForm(self, "Settings of this muscle")
         self._editable = any(self._settings_of(name) for name in session.muscles)
         if self._editable:
             first = max(session.muscles, key=lambda name: len(self._settings_of(name)))
@@ -190,7 +193,7 @@ class MusclesPanel(Panel):
         return self.session.muscles.index(self._which.value)
 
     def _share(self, activation: np.ndarray) -> np.ndarray:
-        """Activations as shares of the most that each can be."""
+        """Activations as shares of their maximum."""
         model = self.model
         most = np.abs(model.actuator_ctrlrange).max(axis=1)
         return np.abs(activation) / np.where((model.actuator_ctrllimited > 0) & (most > 0), most, 1.0)
@@ -215,7 +218,6 @@ class MusclesPanel(Panel):
         return (low, high) if model.actuator_ctrllimited[row] and high > low else (-1.0, 1.0)
 
     def _control(self, event: Any) -> None:
-
         if event.client is not None:
             self.order(Control(self._chosen, float(self._drive.value)))
 

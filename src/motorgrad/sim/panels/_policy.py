@@ -1,4 +1,4 @@
-"""The policy: its weights, what it does with two of the observations, and where its local units are."""
+"""The policy: its weights, its response to two of the observations, and the positions of its local units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
 ALL = "all"
-MANY = 12  # units beyond which one at a time is shown to begin with
+MANY = 12  # with more units, only one is shown at first
 
 
 class PolicyPanel(Panel):

@@ -1,4 +1,4 @@
-"""A phase portrait (figure 5.4): two observations against each other, over the probability that a unit fires."""
+"""Diagrams of a policy: weights as arrows (figure 5.5), and a phase portrait (figure 5.4)."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._panel import brief
 
 POSITIVE, NEGATIVE = "#c0392b", "#2c5fa8"
-MOST = 60  # arrows; the weakest are left out
-LABELLED = 12  # arrows that carry their number
+MOST = 60  # arrows; the weakest are omitted
+LABELLED = 12  # up to so many weights, arrows carry their value
 WIDEST = 9.0
-LETTER = 5.1  # the width of one, in a node
+LETTER = 5.1  # width of a letter in a node
 NODE = 17.0
-GAP = (7.0, 30.0)  # between nodes, at least and at most
+GAP = (7.0, 30.0)  # between nodes: minimum and maximum
 
 
 def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str], probability: np.ndarray) -> str:
-    """Senses on the left, units on the right, as SVG; a unit is filled as far as it is probable that it fires.
+    """Weights as arrows from observations on the left to units on the right, as SVG: red if positive, blue if negative,
+    the wider the larger. A unit is filled in proportion to its probability of firing.
 
-    **Arguments:** `weights` `(units, senses)`; their names; `probability` `(units,)`.
+    **Arguments:** `weights` `(units, senses)`; names of `senses` and `units`; `probability` `(units,)`.
     """
     count = max(len(senses), len(units))
     step = NODE + np.clip(150 / max(count, 1), *GAP)
@@ -32,7 +33,7 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
     left, right = (_places(len(names), height, step) for names in (senses, units))
     wide = [min(most, 12 + LETTER * max(map(len, names))) for names, most in ((senses, 142.0), (units, 118.0))]
     start, end = 4 + wide[0], _charts.WIDTH - 4 - wide[1]
-    order = np.argsort(-np.abs(weights), axis=None)[:MOST][::-1]  # the strongest on top
+    order = np.argsort(-np.abs(weights), axis=None)[:MOST][::-1]  # the strongest last, on top
     largest = float(np.abs(weights).max()) if weights.size else 0.0
     arrows, labels = [], []
     for flat in order:
@@ -51,7 +52,7 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
     if weights.size > MOST:
         said += f"; the {MOST} strongest of {weights.size:,}"
     parts = [*arrows, *nodes, *labels, _charts.text(4, height + 9, said, extra='opacity=".75" font-size="9"')]
-    return _charts.document(_charts.WIDTH, height + 18, parts, "weights from senses to units")
+    return _charts.document(_charts.WIDTH, height + 18, parts, "weights from observations to units")
 
 
 def _places(count: int, height: float, step: float) -> np.ndarray:
@@ -59,7 +60,7 @@ def _places(count: int, height: float, step: float) -> np.ndarray:
 
 
 def _fan(sense: int, count: int) -> float:
-    """Arrows into one unit end a little apart, in the order in which they come."""
+    """Spread the ends of arrows into one unit, in the order of their origins."""
     return 0.0 if count < 2 else (sense / (count - 1) - 0.5) * NODE * 0.7
 
 
@@ -101,21 +102,23 @@ def _label(x: float, y: float, words: str, colour: str) -> str:
 
 GRID = 41
 PALE = np.array([[255, 255, 255], [223, 234, 247], [141, 184, 226]], float)
-"""From never to always, as in the figure of the experiment."""
+"""Colours of probabilities 0, 1/2 and 1, as in the figure of the experiment."""
 PATH, HERE = "#4a4a4a", "#d0021b"
 BOX = (52.0, 8.0, _charts.WIDTH - 10, 240.0)
 
 
 class Field:
-    """The probability that units fire, over two of the observations, the others held."""
+    """The probability that units fire over two of the observations, with the others fixed."""
 
     def __init__(self) -> None:
         self._compiled: Callable[..., Any] | None = None
 
     def over(self, policy: Policy, seen: np.ndarray, x: int, y: int, limits: np.ndarray) -> np.ndarray:
-        """Probabilities `(GRID, GRID, units)`, rows from the bottom: `seen` `(inputs,)` but for two of them, which
-        take values between `limits` `(2, 2)`."""
+        """Probabilities `(GRID, GRID, units)`, rows from the bottom.
 
+        **Arguments:** `policy`; `seen` `(inputs,)`: the fixed observations; `x`, `y`: the two that vary, between
+        `limits` `(2, 2)`.
+        """
         if self._compiled is None:
             self._compiled = jax.jit(lambda policy, seen: jax.vmap(policy.prob)(seen))
         across, up = np.linspace(limits[:, 0], limits[:, 1], GRID, axis=1)
@@ -126,7 +129,7 @@ class Field:
 
 
 def limits_of(values: np.ndarray) -> np.ndarray:
-    """What nearly all values `(n, 2)` lie between, and a little more, `(2, 2)`: from, to of each."""
+    """Limits `(2, 2)` with a margin that contain nearly all values `(n, 2)`: from, to of each."""
     low, high = np.percentile(values, [0.5, 99.5], axis=0)
     margin = 0.12 * np.maximum(high - low, 1e-3)
     return np.stack([low - margin, high + margin], axis=1)
@@ -135,7 +138,7 @@ def limits_of(values: np.ndarray) -> np.ndarray:
 def draw_portrait(
     path: np.ndarray, probability: np.ndarray | None, limits: np.ndarray, names: tuple[str, str], unit: str
 ) -> str:
-    """The trajectory `(n, 2)` over the probability `(rows, columns)`, if there is one, as SVG."""
+    """The trajectory `(n, 2)` over the probability `(rows, columns)`, if given, as SVG."""
     chart = _charts.Chart(tuple(limits[0]), tuple(limits[1]), names[0], names[1], BOX)
     if probability is not None:
         chart.image(_pale(probability[::-1]), smooth=True)

@@ -1,4 +1,4 @@
-"""The run itself: go on, stop, one step, how fast, and back in time."""
+"""The run: play, pause, single decisions, speed, going back in time, and pushes."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -25,16 +25,15 @@ DIRECTIONS = {
     "up": (0.0, 0.0, 1.0),
     "down": (0.0, 0.0, -1.0),
 }
-PULL = 5.0
-"""Of a drag by the size of the body: so many times its weight."""
-SHARE = 0.5  # of the weight, to begin with
-PULL_SECONDS = 0.1  # seconds that a pull lasts, unless the drag goes on
+PULL = 5.0  # force of a drag by the size of the body, in weights of the body
+SHARE = 0.5  # initial force of a push, in weights of the body
+PULL_SECONDS = 0.1  # duration of a pull, unless the drag goes on
 
 
 class PushFolder:
-    """Which part, which way, how hard and how long.
+    """A folder to push a part of the body: which part, direction, force and duration.
 
-    **Arguments:** the panel that it stands in.
+    **Arguments:** `panel`: that it belongs to.
     """
 
     def __init__(self, panel: Panel) -> None:
@@ -52,7 +51,7 @@ class PushFolder:
         with gui.add_folder("Push"):
             self._body = gui.add_dropdown("Part", moving, initial_value=moving[0])
             first = movable(model, moving[0])
-            self._way = gui.add_dropdown("Direction", (*DIRECTIONS,), initial_value=first, hint="Of the world.")
+            self._way = gui.add_dropdown("Direction", (*DIRECTIONS,), initial_value=first, hint="In world coordinates.")
             strength = float(f"{SHARE * weight:.1g}")
             self._strength = gui.add_number("Force (N)", strength, min=0.0, step=strength / 10)
             self._seconds = gui.add_number("For (s)", 0.1, min=0.01, max=60.0, step=0.01)
@@ -61,14 +60,12 @@ class PushFolder:
         command(gui, "Push", "P", self._panel.guarded(self._push))
 
     def _push(self, _: Any) -> None:
-
         x, y, z = (self._strength.value * part for part in DIRECTIONS[self._way.value])
         self._panel.order(Push(self._body.value, (x, y, z), self._seconds.value))
 
 
 def movable(model: Any, part: str) -> str:
-    """The first direction in which a part can be moved at the start: not every body is free."""
-
+    """The first direction in which a part can move at the start; not every body is free to move in all."""
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -80,17 +77,19 @@ def movable(model: Any, part: str) -> str:
 
 
 def weight_of(model: Any) -> float:
-    """The weight of all that moves, in N; 1 where nothing has any."""
+    """The weight of everything that moves, in N; 1 without mass."""
     moving = np.asarray(model.body_weldid) != 0
     pull = float(np.linalg.norm(model.opt.gravity)) or 9.81
     return float(np.sum(model.body_mass[moving])) * pull or 1.0
 
 
 class DragPush:
-    """Parts of the body that are dragged with Ctrl (or Cmd) held are pulled towards the pointer while they are.
+    """Pulls parts of the body that are dragged with Ctrl (or Cmd) towards the pointer.
 
-    A part of a page, which is renewed after the scene. **Arguments:** `draggable`, a function that gives what can be taken
-    hold of: viser's handles of meshes that have many copies, and of which geom each copy is.
+    It is a part of the page, updated after the scene.
+
+    **Arguments:** `draggable`: a function that returns viser's handles of batched meshes, and the geom of each of their
+    copies.
     """
 
     def __init__(self, draggable: Callable[[], Sequence[tuple[Any, np.ndarray]]]) -> None:
@@ -98,11 +97,11 @@ class DragPush:
         self._held: list[Any] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Remember whom to push."""
+        """Remember the session."""
         self._server, self._session = server, session
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Take hold of meshes that are new."""
+        """Listen to new meshes."""
         del snapshot
         for handle, geoms in self._draggable():
             if not any(handle is known for known in self._held):
@@ -110,14 +109,13 @@ class DragPush:
                 self._hold(handle, geoms, pose.size)
 
     def _hold(self, handle: Any, geoms: np.ndarray, size: float) -> None:
-
         model: Any = self._session.model
         bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
         names = [model.body(body).name if model.body_weldid[body] else "" for body in bodies]
 
         async def pull(event: Any) -> None:
             copy = event.instance_index or 0
-            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond is the untrained one
+            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond: the untrained body
                 return
             force = drag_force(model, event.start_position, event.end_position, size)
             try:
@@ -129,9 +127,10 @@ class DragPush:
 
 
 def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
-    """The force of a drag from a place on the body to another, in N, as of a spring; at most ten times the weight.
+    """The force of a drag in N, as of a spring, at most ten times the weight.
 
-    **Arguments:** the model; where the body was taken hold of and where the pointer is, (3,) in m; the body's size, m.
+    **Arguments:** `model`; `start`: where the body was grabbed, and `end`: where the pointer is, (3,) in m; `size` of
+    the body in m.
     """
     weight = weight_of(model)
     force = PULL * weight * (np.asarray(end, float) - np.asarray(start, float)) / size
@@ -142,22 +141,21 @@ def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, fl
 
 MARKS = (0.05, 0.2, 1.0, 5.0, 20.0)
 FASTEST = 60.0
-"""From here to the right end, which is as fast as possible, the slider has no speed of its own."""
-HELD = 1.0  # seconds for which a slider that the user moved is left alone
+"""The slider's fastest speed; its right end is as fast as possible."""
+HELD = 1.0  # s for which a slider that the user moved is left alone
 
 
 class RunPanel(Panel):
-    """Play, pause, one step, reset, speed, scrubbing, and pushes."""
+    """Play, pause, single decisions, reset, speed, going back in time, and pushes."""
 
     title: ClassVar[str] = "Run"
     icon: ClassVar[str] = "player-play"
     rate: ClassVar[float] = 8.0
 
     def fill(self, gui: Any) -> None:
-
         self._said = gui.add_html("")
         buttons = gui.add_button_group(
-            "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one step."
+            "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one decision."
         )
         buttons.on_click(self.guarded(lambda event: self._press(event.target.value)))
         self._speed = gui.add_multi_slider(
@@ -167,17 +165,17 @@ class RunPanel(Panel):
             step=0.01,
             initial_value=(self._place(1.0),),
             marks=(*((math.log10(mark), f"{mark:g}×") for mark in MARKS), (math.log10(FASTEST), "max")),
-            hint="Simulated seconds per second; at the right end as fast as possible.",
+            hint="Simulated seconds per second; the right end is as fast as possible.",
         )
-        self._speed.on_update(self.guarded(self._hasten))
+        self._speed.on_update(self.guarded(self._set_speed))
         with gui.add_folder("Back in time"):
             self._back = gui.add_slider(
-                "To (s)", min=-1.0, max=0.0, step=self._step, initial_value=0.0, hint="Body and learner as they were."
+                "To (s)", min=-1.0, max=0.0, step=self._step, initial_value=0.0, hint="Restores body and learner."
             )
             self._back.on_update(self._scrub)
             go = gui.add_button("Continue from here", icon="player-play")
             go.on_click(self.guarded(lambda _: self._press("Play")))
-        reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Body and learner as at the start.")
+        reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Returns body and learner to the start.")
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
         self._push = PushFolder(self) if self.model is not None else None
@@ -185,19 +183,19 @@ class RunPanel(Panel):
             self._push.fill(gui)
         for label, key, action in (
             ("Play or pause", "space", lambda _: self._press("Pause" if self.session.snapshot().playing else "Play")),
-            ("One step", "N", lambda _: self.order(Step())),
+            ("One decision", "N", lambda _: self.order(Step())),
         ):
             command(gui, label, key, self.guarded(action))
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        if self._wanted is not None:  # once a frame, however quickly the slider moves
+        if self._wanted is not None:  # at most once a frame, however fast the slider moves
             wanted, self._wanted = self._wanted, None
             self.guarded(lambda _: self._go_to(*wanted))(wanted[1])
         super().update(snapshot, pose)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        doing = "paused" if not snapshot.playing else "acting, frozen" if snapshot.frozen else "running"
+        doing = "paused" if not snapshot.playing else "acting, learning frozen" if snapshot.frozen else "running"
         if snapshot.playing and not snapshot.frozen and self.session.agent is not None:
             doing = "learning"
         rows = [
@@ -232,21 +230,18 @@ class RunPanel(Panel):
         return math.log10(min(speed, FASTEST))
 
     def _press(self, button: str) -> None:
-
         self.order({"Play": Play, "Pause": Pause, "Step": Step, "Reset": Reset}[button]())
 
-    def _hasten(self, event: Any) -> None:
-
+    def _set_speed(self, event: Any) -> None:
         factor = 10 ** event.target.value[0]
         self.order(Speed(math.inf if factor > FASTEST * 0.97 else max(factor, MARKS[0])))
 
     def _scrub(self, event: Any) -> None:
-        if event.client is not None:  # and not by this panel itself
+        if event.client is not None:  # not by this panel itself
             self._touched = time.monotonic()
             self._wanted = (float(event.target.value), event)
 
     def _go_to(self, seconds: float, event: Any) -> None:
-
         del event
         now = self.session.snapshot()
         decision = now.newest + round(seconds / self.session.period)

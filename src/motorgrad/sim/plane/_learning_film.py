@@ -113,7 +113,6 @@ def film_learning(
     film_learning(Course(task, decision, policies, reward), "learning.mp4", seconds=8)
     ```
     """
-
     target = output_path(path, ".mp4", ".gif")
     check(math.isfinite(fps) and 0 < fps <= 100, "fps", fps, "a number above 0, up to 100")
     check(0 < seconds <= LONGEST, "seconds", seconds, f"above 0, up to {LONGEST:g} s")

@@ -1,4 +1,4 @@
-"""Tasks on a planet."""
+"""A body on a planet: its model, its physics in a local frame, and tasks that use it."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -19,20 +19,20 @@ from motorgrad.sim.planet._planet import FIELD, Planet
 from motorgrad.tasks import BodyTask, Task
 
 PLANET = "planet"
-"""The name of the body, without a shape, whose pose is that of the planet in local coordinates."""
-_LIGHT = 1e-6  # kg; what it weighs must not count in the centre of mass
+"""The name of the body, without geoms, whose pose is that of the planet in local coordinates."""
+_LIGHT = 1e-6  # kg; negligible in the centre of mass
 
 
 @dataclasses.dataclass(frozen=True)
 class OnPlanet(WrappedBody):
-    """A body on a planet: a body like any other, whose floor is the patch of ground around it.
+    """A body on a planet, whose floor is the patch of ground around it.
 
-    Its posture says where it is on the planet too, since the planet is a part of the model, last in `qpos`. Simulate it
-    with `PlanetBatch`, which lays the patch; under anything else it falls off its edge.
+    The planet is part of the model, last in `qpos`, so that a posture also tells where on the planet the body is.
+    Simulate it with `PlanetBatch`, which moves the patch; otherwise the body falls off its edge.
 
-    **Arguments:** `body`, whose every part that hangs on the world has a free joint, and the `planet` under it.
+    **Arguments:** `body`: every part attached to the world must have a free joint; `planet` under it.
 
-    **Raises:** `ValueError` for a body that is held by the world, or has no geom "floor".
+    **Raises:** `ValueError` for a body that is attached to the world, or has no geom "floor".
     """
 
     planet: Planet = dataclasses.field(default_factory=Planet)
@@ -61,14 +61,14 @@ class OnPlanet(WrappedBody):
             key.qpos = np.concatenate([position, pose])
             if len(key.qvel):
                 key.qvel = np.concatenate([key.qvel, np.zeros(6)])
-        # of the body alone, by which viewers size what they show
+        # of the body alone, as viewers scale their scene by it
         for name in ("meanmass", "meansize", "extent", "center"):
             setattr(spec.stat, name, getattr(plain.stat, name))
         return spec
 
 
 def has_planet(model: mujoco.MjModel) -> bool:
-    """Whether a model is of a body on a planet."""
+    """Whether a model is that of a body on a planet."""
     named = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0 for name in (PLANET, FIELD)]
     return all(named)
 
@@ -76,22 +76,26 @@ def has_planet(model: mujoco.MjModel) -> bool:
 class PlanetBatch(BodyBatch):
     """The simulation of one body on a planet.
 
-    It is a `BodyBatch` of one seed, for the ground is laid around one body. At the beginning of a `step` gravity is
-    turned so that it points down at the body's first part. Where that part has gone too far from the middle of the
-    patch, the local frame is levelled under it, the patch is laid anew, and all poses and velocities are turned with
-    the frame: the body's motion over the planet stays as it was. Local x and y go on, as if the planet rolled away
-    under a plane.
+    It is a `BodyBatch` of one seed, as the ground follows one body. At the beginning of a `step`, gravity is turned to
+    point down at the body's first part. Where that part is too far from the middle of the patch, the local frame is
+    levelled under it, the patch is moved, and all poses and velocities are converted to the new frame: the body's
+    motion over the planet stays the same. Local x and y continue, as if the planet rolled away under a plane.
 
     **Arguments** and attributes are those of `BodyBatch`, for one `OnPlanet`; and
 
-    - `laid`: how often a patch was laid.
+    - `patch_updates`: how often the patch was written.
 
     **Raises:** `ValueError` for another body, or more seeds than one.
+
+    ```py
+    batch = PlanetBatch(OnPlanet(Hexapod(drive="servos"), Planet()), substeps=4)
+    batch.step(np.zeros((1, 12)))
+    ```
     """
 
     def __init__(self, body: OnPlanet, seeds: int = 1, substeps: int = 10, threads: int = 1):
         check(isinstance(body, OnPlanet) and not isinstance(body, Sequence), "body", body, "one OnPlanet")
-        check(seeds == 1, "seeds", seeds, "1: the ground of a planet is laid around one body")
+        check(seeds == 1, "seeds", seeds, "1: the ground of a planet follows one body")
         self.patch_updates = 0
         self._ground, self._ellipsoid = body.planet.ground, body.planet.ellipsoid
         self._frame: Frame | None = None
@@ -117,7 +121,7 @@ class PlanetBatch(BodyBatch):
 
     @property
     def place(self) -> Float[np.ndarray, " 3"]:
-        """Where the body's first part is, in the planet's coordinates, m."""
+        """The position of the body's first part in the planet's coordinates, m."""
         return self.frame.to_planet(self._root)
 
     @property
@@ -131,7 +135,7 @@ class PlanetBatch(BodyBatch):
         super().step(activation)
 
     def recentre(self) -> None:
-        """Level the frame under the body if it has gone far, see to the patch, and turn gravity."""
+        """Level the frame under the body if it has gone far, and update patch and gravity."""
         frame, root = self.frame, self._root
         planet = self.body.planet
         if np.hypot(*(root - frame.foot(self._ellipsoid))[:2]) > planet.travel * planet.patch:
@@ -139,18 +143,18 @@ class PlanetBatch(BodyBatch):
         self._update_patch()
 
     def reset(self, rows: Any = None) -> None:
-        """Put the body to its start; as `BodyBatch.reset`."""
+        """Return the body to its start; as `BodyBatch.reset`."""
         self._update_patch(self.body.planet.start)
         super().reset(rows)
         self._update_patch()
 
     def restore(self, snapshot: Any) -> None:
-        """Go back to a snapshot; as `BodyBatch.restore`."""
+        """Restore a snapshot; as `BodyBatch.restore`."""
         super().restore(snapshot)
         self._update_patch()
 
     def _update_patch(self, frame: Frame | None = None) -> None:
-        """See to it that the patch and gravity are those of a frame, by default the present one."""
+        """Write the patch and gravity of a frame, by default the present one, where they have changed."""
         root = np.zeros(3) if frame is not None else self._root
         frame = frame or self.frame
         model, old = self.model, self._frame
@@ -162,7 +166,7 @@ class PlanetBatch(BodyBatch):
         self._mocap[...] = self._middle
 
     def _carry(self, old: Frame, new: Frame) -> None:
-        """Turn all that moves from one frame's coordinates to another's."""
+        """Convert everything that moves from one frame's coordinates to another's."""
         turn, shift = old.move_to(new)
         turned = quaternion(turn)
         for place, speed in zip(self._places, self._speeds, strict=True):
@@ -171,7 +175,7 @@ class PlanetBatch(BodyBatch):
             product = np.empty(4)
             mujoco.mju_mulQuat(product, turned, attitude.copy())
             attitude[:] = product
-            # a free joint turns about its own axes, which turn with it
+            # angular velocities of a free joint are in its own axes, which turn with it
             for linear in (self._qvel[speed : speed + 3], self._guess[speed : speed + 3]):
                 linear[:] = turn @ linear
         for three in (self._pushes[..., :3], self._pushes[..., 3:]):
@@ -186,9 +190,9 @@ T = TypeVar("T", bound=Task)
 def on_planet(task: T, planet: Planet) -> T:
     """The same task with its body on a planet, for one seed.
 
-    What it observes and pays is measured in local coordinates, in which x and y go on as the body goes around.
+    Observations and rewards are measured in local coordinates, in which x and y continue as the body goes around.
 
-    **Raises:** `ValueError` for a task without a body, or one that brings its own dynamics or a terrain.
+    **Raises:** `ValueError` for a task without a body, or one with its own dynamics or terrain.
     """
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
     assert isinstance(task, BodyTask)
@@ -198,7 +202,7 @@ def on_planet(task: T, planet: Planet) -> T:
     moved.spec()
 
     class Moved(kind):
-        """The task, whose body is on a planet."""
+        """The task with its body on a planet."""
 
         @property
         def dynamics(self) -> Body:

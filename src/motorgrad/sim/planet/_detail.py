@@ -1,4 +1,4 @@
-"""Which tiles a browser has, and which of them it shows, so that what is wanted comes without holes on the way."""
+"""Level of detail: which tiles the cameras can see, how finely to draw them, and in what order to send them."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -30,13 +30,13 @@ class Camera(NamedTuple):
 
 
 def spheres(surface: Surface, level: int, tiles: Tiles) -> Spheres:
-    """Centres (tiles, 3) and radii (tiles,) in m of balls that hold tiles, without their skirts."""
+    """Centres (tiles, 3) and radii (tiles,) in m of bounding spheres of tiles, without their skirts."""
     middle, angle = caps(level, tiles)
     return surface.ellipsoid.points(middle), 2.0 * np.sin(angle / 2.0) * surface.ellipsoid.greatest + surface.reach
 
 
 def in_frustum(camera: Camera, balls: Spheres) -> Bool[np.ndarray, " tiles"]:
-    """Whether some of each ball may be in the picture, at any distance: false only for those that are not."""
+    """Whether part of each sphere may be in the picture, at any distance; false only where none is."""
     centres, radii = balls
     right, down, ahead = ((centres - camera.position) @ camera.rotation).T
     up = np.tan(camera.fov / 2.0)
@@ -49,22 +49,22 @@ def in_frustum(camera: Camera, balls: Spheres) -> Bool[np.ndarray, " tiles"]:
 def above_horizon(
     camera: Camera, surface: Surface, level: int, tiles: Tiles, slack: float
 ) -> Bool[np.ndarray, " tiles"]:
-    """Whether some of each tile may be above the horizon: false only for those that the planet hides.
+    """Whether part of each tile may be above the horizon; false only for those that the planet hides.
 
-    What hides them is an ellipsoid within the ground, of the same shape. In units of its radii it is the unit ball, and
-    a point at distance ρ from the middle is seen from one at distance c if the angle between them is at most
+    They are hidden by an ellipsoid within the ground, of the same shape. In units of its radii it is the unit sphere,
+    and a point at distance ρ from the centre is visible from one at distance c if the angle between them is at most
     arccos(1/c) + arccos(1/ρ).
 
-    **Arguments:** `slack` (m): how far drawn ground may lie below the true one.
+    **Arguments:** `slack` (m): how far the drawn ground may lie below the true one.
     """
     ellipsoid, middle_angle = surface.ellipsoid, caps(level, tiles)
     within = 1.0 - (max(0.0, -surface.elevation.least) + slack) / ellipsoid.least
     eye = camera.position / (within * np.asarray(ellipsoid.radii))
     far = np.linalg.norm(eye)
-    if within <= 0.0 or far <= 1.0:  # from inside nothing is hidden
+    if within <= 0.0 or far <= 1.0:  # nothing is hidden from inside
         return np.ones(len(tiles), bool)
     middle, angle = middle_angle
-    # on an ellipsoid, raising ground along its normal also moves it sideways in these units
+    # on an ellipsoid, raising ground along its normal also shifts it sideways in these units
     ratio = (ellipsoid.greatest / ellipsoid.least) ** 2
     raised = surface.reach / ellipsoid.least
     sideways = np.arcsin(min(1.0, raised * (ratio - 1.0) / (ratio + 1.0)))
@@ -73,11 +73,13 @@ def above_horizon(
     return between - angle - sideways <= np.arccos(1.0 / far) + np.arccos(1.0 / top)
 
 
-_NEAR = 1e-3  # m; no nearer is a tile taken to be
+_NEAR = 1e-3  # m, the least distance of a tile
 
 
 class _Level(NamedTuple):
-    """The visible tiles of a level: the number of the parent of each among all, how urgent it is to divide it."""
+    """The visible tiles of a level: the index of each one's parent among all tiles, and how urgently it should be
+    divided.
+    """
 
     tiles: Tiles
     parent: Int[np.ndarray, " tiles"]
@@ -94,21 +96,21 @@ def select_tiles(
 ) -> list[Key]:
     """The tiles that the cameras need, the most urgent first; no two overlap.
 
-    A tile is divided into four while what its mesh is off by is more than `tolerance` pixels in some picture. Of all
-    tiles that want to be divided, those that are farthest off come first, until the tiles are `most`.
+    A tile is divided into four while the error of its mesh exceeds `tolerance` pixels in some picture. Tiles with the
+    largest errors are divided first, until there are `most` tiles.
 
-    **Arguments:** `errors` (levels,) in m, of each level's meshes; `tolerance` in pixels; `most` tiles, at least 6.
+    **Arguments:** `errors` (levels,) in m of each level's meshes; `tolerance` in pixels; `most` tiles, at least 6.
 
-    **Returns:** tiles that some camera may see, wholly covering what it sees.
+    **Returns:** tiles that some camera may see, which cover everything it sees.
     """
     levels: list[_Level] = []
     tiles, parent, urgency, count = ROOTS, np.full(6, -1), np.full(6, np.inf), 0
     for level, error in enumerate(errors):
         seen, pixels = _look(surface, float(errors[0]), cameras, level, tiles, float(error))
-        # none is divided before the tile that it is a quarter of
+        # no tile is divided before its parent
         tiles, parent, urgency = tiles[seen], parent[seen], np.minimum(urgency, pixels)[seen]
         wanting = (urgency > tolerance) & (level < len(errors) - 1)
-        if np.count_nonzero(wanting) > most:  # the others would not be divided in the end either
+        if np.count_nonzero(wanting) > most:  # the others would not be divided in the end
             wanting &= urgency >= np.partition(urgency, -most)[-most]
         levels.append(_Level(tiles, parent, urgency, wanting))
         parent = np.repeat(count + np.flatnonzero(wanting), 4)
@@ -122,7 +124,7 @@ def select_tiles(
 def _look(
     surface: Surface, slack: float, cameras: Sequence[Camera], level: int, tiles: Tiles, error: float
 ) -> tuple[Bool[np.ndarray, " tiles"], Float[np.ndarray, " tiles"]]:
-    """For each tile whether some camera may see it, and by how many pixels its mesh is off there at most."""
+    """For each tile, whether some camera may see it, and the largest error of its mesh in pixels."""
     seen, pixels = np.zeros(len(tiles), bool), np.zeros(len(tiles))
     balls = spheres(surface, level, tiles)
     for camera in cameras:
@@ -151,7 +153,7 @@ def _cut(levels: list[_Level], most: int) -> list[Key]:
 
 
 class Plan(NamedTuple):
-    """What to do next: tiles to `send`, the first of them first, to `drop`, and the only ones to `show`."""
+    """What to do next: tiles to `send`, in this order, to `drop`, and the only ones to `show`."""
 
     send: list[Key]
     drop: list[Key]
@@ -159,13 +161,13 @@ class Plan(NamedTuple):
 
 
 class Cover:
-    """The tiles that were sent, and a cut through the tree of those that are shown.
+    """The tiles that were sent, and those of them that are shown, without holes or overlaps.
 
-    A tile that has not arrived is stood in for by the nearest one around it that has. So the six faces come first, and
-    every tile after the one around it; and what is shown is never more than what is wanted.
+    The nearest ancestor that has arrived stands in for a missing tile. So the six faces are sent first, and every tile
+    after its parent; and no more tiles are shown than wanted.
 
-    **Arguments:** `cache`: how many tiles beyond those in use are kept; `settle` (s): after how long a sent tile is
-    taken to have arrived.
+    **Arguments:** `cache`: how many unused tiles are kept; `settle` (s): after how long a sent tile is assumed to have
+    arrived.
     """
 
     def __init__(self, cache: int, settle: float):
@@ -179,7 +181,7 @@ class Cover:
         return set(self._sent)
 
     def plan(self, wanted: Iterable[Key], now: float) -> Plan:
-        """What to do to come to show `wanted`, at the time `now` in s."""
+        """What to do in order to show `wanted`, at the time `now` in s."""
         wanted = list(wanted)
         chain = [(*reversed(key.ancestors), key) for key in wanted]
         needed = dict.fromkeys(key for each in chain for key in each)
@@ -195,7 +197,7 @@ class Cover:
         return Plan(missing, drop, {key for key in shown if not shown.intersection(key.ancestors)})
 
     def note(self, sent: Iterable[Key], dropped: Iterable[Key], now: float) -> None:
-        """Take down what was really done."""
+        """Record what was done."""
         self._sent |= dict.fromkeys(sent, now)
         for key in dropped:
             del self._sent[key]

@@ -1,4 +1,4 @@
-"""The local frame in which a body moves: where it lies on the planet, and how it is levelled anew."""
+"""The geometry of a planet: its ellipsoid, and the local frame in which a body moves."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Float
 
 Points = Float[np.ndarray, "*any 3"]
-_STEPS = 60  # of Newton's method, which mostly needs five
+_STEPS = 60  # limit on Newton's method, which mostly needs five steps
 
 
 @dataclasses.dataclass(frozen=True)
 class Ellipsoid:
-    """An ellipsoid about the origin, its axes along x, y and z.
+    """An ellipsoid about the origin, with its axes along x, y and z.
 
-    A point on it is `radii * direction` for a unit `direction`, which on a sphere is also the way out. Level ground is
-    the ellipsoid itself, so that up is its `normal`.
+    A point on it is `radii * direction` for a unit `direction`, which on a sphere is also the normal. Level ground is
+    the ellipsoid itself; up is its normal.
 
     **Arguments:** `radii` (3,) in m, along x, y and z.
     """
@@ -28,36 +28,36 @@ class Ellipsoid:
 
     @property
     def least(self) -> float:
-        """The least radius in m."""
+        """The smallest radius in m."""
         return min(self.radii)
 
     @property
     def greatest(self) -> float:
-        """The greatest radius in m."""
+        """The largest radius in m."""
         return max(self.radii)
 
     @property
     def tightest(self) -> float:
-        """The least radius of curvature in m, at the ends of the longest axis."""
+        """The smallest radius of curvature in m, at the ends of the longest axis."""
         return self.least**2 / self.greatest
 
     def points(self, directions: Points) -> Points:
-        """The points on the ellipsoid of unit directions."""
+        """The points on the ellipsoid for unit directions."""
         return directions * self.radii
 
     def normals(self, directions: Points) -> Points:
-        """The unit normals, outwards, at the points of unit directions."""
+        """The outward unit normals at the points of unit directions."""
         return unit(directions / self.radii)
 
     def tangent(self, normals: Points) -> Points:
-        """The unit directions of the points that have these normals: the inverse of `normals`."""
+        """The unit directions of the points with these normals: the inverse of `normals`."""
         return unit(normals * np.asarray(self.radii))
 
     def foot(self, points: Points) -> Points:
-        """The unit directions of the points of the ellipsoid nearest to any points but those near its middle.
+        """The unit directions of the nearest points on the ellipsoid, for points not near its centre.
 
-        The nearest point is `r² x / (r² + t)` for the root t of a function that falls and is convex from where one of
-        its terms alone is 1: from there Newton's method only comes nearer.
+        The nearest point is `r² x / (r² + t)` for the root t of a decreasing, convex function. Newton's method starts
+        where one of its terms alone is 1, from where it approaches the root monotonically.
         """
         squares = np.square(self.radii)
         scaled = points * np.asarray(self.radii)
@@ -75,7 +75,7 @@ class Ellipsoid:
 
 
 def unit(vectors: Points) -> Points:
-    """Vectors of length 1 along these."""
+    """Normalise vectors to length 1."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
@@ -89,10 +89,10 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 class Frame(NamedTuple):
-    """Local coordinates as seen from the planet: `local = rotation @ planet + shift`.
+    """Local coordinates relative to the planet's: `local = rotation @ planet + shift`.
 
-    Local z points along the ellipsoid's normal at the frame's foot, which is at z = 0. So the pose of the planet in
-    local coordinates, a position and a quaternion, says the same.
+    Local z is the ellipsoid's normal at the frame's foot, which is at z = 0. The pose of the planet in local
+    coordinates, a position and a quaternion, carries the same information.
     """
 
     rotation: Float[np.ndarray, "3 3"]
@@ -107,15 +107,15 @@ class Frame(NamedTuple):
 
     @property
     def pose(self) -> Float[np.ndarray, " 7"]:
-        """The planet's pose in it."""
+        """The planet's pose in this frame."""
         return np.concatenate([self.shift, quaternion(self.rotation)])
 
     def to_local(self, points: Points) -> Points:
-        """Points of the planet in local coordinates."""
+        """Convert points from the planet's coordinates to local ones."""
         return points @ self.rotation.T + self.shift
 
     def to_planet(self, points: Points) -> Points:
-        """Local points in the planet's coordinates."""
+        """Convert points from local coordinates to the planet's."""
         return (points - self.shift) @ self.rotation
 
     def foot(self, ellipsoid: Ellipsoid) -> Float[np.ndarray, " 3"]:
@@ -127,29 +127,29 @@ class Frame(NamedTuple):
         return self.rotation @ ellipsoid.normals(ellipsoid.foot(self.to_planet(point)))
 
     def levelled(self, ellipsoid: Ellipsoid, point: Float[np.ndarray, " 3"]) -> "Frame":
-        """The frame that is level under a local point, which keeps its x and y.
+        """The frame that is level under a local point and keeps its x and y.
 
-        It is turned by the least rotation that does it, so that a body that goes straight ahead keeps its heading.
+        It is turned by the smallest such rotation, so that a body going straight ahead keeps its heading.
         """
         foot = ellipsoid.foot(self.to_planet(point))
         rotation = least_rotation(self.rotation @ ellipsoid.normals(foot)) @ self.rotation
-        # against what many turns would add up to
+        # orthogonalise, so that rounding does not accumulate
         left, _, right = np.linalg.svd(rotation)
         rotation = left @ right
         place = np.array([point[0], point[1], 0.0])
         return Frame(rotation, place - rotation @ ellipsoid.points(foot))
 
     def move_to(self, other: "Frame") -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
-        """The rotation and the shift that take this frame's local coordinates to another's."""
+        """The rotation and the shift from this frame's local coordinates to another's."""
         turn = other.rotation @ self.rotation.T
         return turn, other.shift - turn @ self.shift
 
 
 def frame_at(ellipsoid: Ellipsoid, latitude: float, longitude: float, heading: float) -> Frame:
-    """The frame at a place, its origin on the ellipsoid there.
+    """The frame at a place, with its origin on the ellipsoid.
 
-    **Arguments:** geographic `latitude` and `longitude` in degrees; `heading` in degrees, from north to east, of local
-    x. At the poles "north" is along the meridian of longitude 0, away from it at the north pole.
+    **Arguments:** geographic `latitude` and `longitude` in degrees; `heading` of local x in degrees, from north to
+    east. At the poles "north" is along the meridian of longitude 0, at the north pole away from it.
     """
     up = normal_at(latitude, longitude)
     axis = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 1.0 - 1e-9 else np.array([-up[2], 0.0, 0.0])
@@ -161,14 +161,14 @@ def frame_at(ellipsoid: Ellipsoid, latitude: float, longitude: float, heading: f
 
 
 def least_rotation(way: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """The rotation by the least angle that turns a unit vector, not straight down, upwards."""
+    """The rotation by the smallest angle that turns a unit vector, not straight down, upwards."""
     x, y, z = np.cross(way, _UP)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + cross + cross @ cross / (1.0 + way[2])
 
 
 def quaternion(rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
-    """Of a rotation, w first."""
+    """The quaternion of a rotation, w first."""
     found = np.empty(4)
     mujoco.mju_mat2Quat(found, np.ascontiguousarray(rotation).ravel())
     return found

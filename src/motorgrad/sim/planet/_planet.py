@@ -1,4 +1,4 @@
-"""A planet's settings, and the ground that they make."""
+"""The settings of a planet, its surface, and the patch of ground near a body as MuJoCo has it."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -19,7 +19,7 @@ from motorgrad.sim.planet._geometry import Ellipsoid, Frame, frame_at, normal_at
 
 FIELD = "patch"
 """The name of the height field, of its geom and of the body that carries it."""
-_HIDDEN = 5  # a group of geoms that no viewer shows: the planet's tiles are seen instead
+_HIDDEN = 5  # a geom group that no viewer shows; the planet's tiles are drawn instead
 _CLOSE = 1e-4  # m
 _MOST = 12
 
@@ -28,9 +28,9 @@ _MOST = 12
 class Patch:
     """A square of ground around the foot of a frame, sampled on a grid of the local plane.
 
-    The heights hold the roundness of the planet too: they fall towards the edge.
+    Its heights include the curvature of the planet: they fall towards the edge.
 
-    **Arguments:** `surface`; `reach` (m): half a side; `cell` (m): between two points of the grid.
+    **Arguments:** `surface`; `reach` (m): half a side; `cell` (m): grid spacing.
     """
 
     surface: Surface
@@ -39,15 +39,15 @@ class Patch:
 
     @property
     def axis(self) -> Float[np.ndarray, " points"]:
-        """Places of the grid along x and y from the foot, in m."""
+        """The grid's coordinates along x and y from the foot, in m."""
         half = round(self.reach / self.cell)
         return self.cell * np.arange(-half, half + 1)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Below and above every height that can be, in m."""
+        """Below and above all possible heights, in m."""
         low, high = self.surface.elevation.least, self.surface.elevation.greatest
-        # the lowest ground is a round body too, and smaller
+        # the lowest ground is curved too, with a smaller radius
         edge, round_ = np.sqrt(2.0) * self.axis[-1], self.surface.ellipsoid.tightest + min(0.0, low)
         drop = round_ - np.sqrt(max(0.0, round_**2 - edge**2))
         return min(0.0, low) - drop - 1e-3, max(0.0, high) + 1e-3
@@ -55,8 +55,8 @@ class Patch:
     def heights(self, frame: Frame) -> Float[np.ndarray, "rows columns"]:
         """Heights of the ground over the local plane in m, rows along y and columns along x.
 
-        Elevation stands on the ellipsoid's normal, not on the plane's: what is over a place of the plane is searched
-        for by steps, each as far as the last found was off. Overhangs as seen from the plane have one of their heights.
+        Elevation is along the ellipsoid's normal, not the plane's, so the ground over a place of the plane is found by
+        iteration. Where the ground overhangs as seen from the plane, one of its heights is found.
         """
         ellipsoid, up = self.surface.ellipsoid, frame.rotation[2]
         x, y = np.meshgrid(self.axis, self.axis)
@@ -76,7 +76,7 @@ class Patch:
         return found[:, 2].reshape(x.shape)
 
     def add(self, spec: mujoco.MjSpec, like: mujoco.MjsGeom) -> None:
-        """Put the field into a model, on a body that can be moved; it is touched as the geom `like` is."""
+        """Add the height field to a model, on a body that can be moved; its contacts are as those of the geom `like`."""
         low, high = self.bounds
         count = len(self.axis)
         field = spec.add_hfield(name=FIELD, nrow=count, ncol=count, userdata=np.zeros(count * count).tolist())
@@ -87,7 +87,7 @@ class Patch:
             setattr(geom, property_, getattr(like, property_))
 
     def write(self, model: mujoco.MjModel, frame: Frame) -> Float[np.ndarray, " 3"]:
-        """Write the ground of a frame into the model's field. **Returns:** where its body must be (`mocap_pos`)."""
+        """Write the ground of a frame into the model's field. **Returns:** the position of its body (`mocap_pos`)."""
         low, high = self.bounds
         field = model.hfield(FIELD)
         field.data[...] = np.clip((self.heights(frame) - low) / (high - low), 0.0, 1.0)
@@ -95,7 +95,7 @@ class Patch:
 
 
 def _rise(start: Float[np.ndarray, "n 3"], way: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
-    """How far from each start along the way the unit sphere is left; where it is missed, how far to the nearest."""
+    """The distance from each start along `way` to where it leaves the unit sphere, or to the closest approach."""
     a, b, c = way @ way, start @ way, np.sum(start * start, axis=1) - 1.0
     return (-b + np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
 
@@ -108,15 +108,15 @@ LEAST_TRIANGLES = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class Detail:
-    """How finely a planet is drawn, and what that may cost.
+    """The level of detail of a planet, and its budget.
 
     **Arguments:**
 
-    - `tolerance` (pixels): by which the drawn ground may be off in the picture, as far as the budget allows.
-    - `triangles`: drawn at most at any time, for all who watch together.
-    - `changes`: tiles sent at most with one update.
+    - `tolerance` (pixels): error of the drawn ground in the picture, as far as the budget allows.
+    - `triangles`: drawn at most at any time, for all browsers together.
+    - `changes`: tiles sent at most in one update.
     - `milliseconds`: after which an update begins no further tile.
-    - `cache`: tiles at most that a browser keeps, hidden, beyond those in use.
+    - `cache`: hidden tiles that a browser keeps at most, beyond those in use.
     """
 
     tolerance: float = 2.0
@@ -137,27 +137,31 @@ class Detail:
 
 @dataclasses.dataclass(frozen=True)
 class Planet:
-    """A round world of three radii, uneven by a seed or by a map.
+    """A round world of three radii, with terrain from a seed or a map.
 
     **Arguments:**
 
     - `radii` (m): of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z.
     - `kind`: "bumps", random heights with smooth ground between them; "steps", plateaus at random heights; "waves",
       eight sines of random directions and phases; "fractal", bumps on ever smaller bumps.
-    - `height` (m): from the lowest to the highest point that is possible; 0 is smooth. Where a body starts the ground
-      is at the height of the ellipsoid.
-    - `spacing` (m): from one bump, wave or pair of plateaus to the next, of "fractal" the widest.
+    - `height` (m): from the lowest to the highest possible point; 0 is smooth. Where a body starts the ground is at the
+      height of the ellipsoid.
+    - `spacing` (m): between bumps, waves or plateaus; of "fractal" the widest.
     - `seed`: of the random numbers.
     - `clearing` (m): radius of the level disc on which a body starts; around it the ground rises within a metre.
-    - `map`: a NumPy file (.npy) of heights (rows, columns) in m, used instead of the five above: from the north pole
-      to the south pole, and around from longitude −180°.
-    - `latitude`, `longitude` (degrees): where a body starts; `heading` (degrees): which way it looks, 0 north, 90 east.
-    - `patch` (m): half a side of the square of ground on which its physics runs. The body must be well within it.
-    - `cell` (m): between two points of the patch; finer ground is not felt.
-    - `travel`: the share of `patch` that the body goes before the patch is laid anew around it.
+    - `map`: a NumPy file (.npy) of heights (rows, columns) in m, instead of the five settings above: from the north
+      pole to the south pole, and around from longitude −180°.
+    - `latitude`, `longitude` (degrees): where a body starts; `heading` (degrees): its direction, 0 north, 90 east.
+    - `patch` (m): half a side of the square of ground on which its physics runs; the body must be well within it.
+    - `cell` (m): grid spacing of the patch; finer ground is not felt.
+    - `travel`: the share of `patch` that the body travels before the patch is moved.
     - `detail`: how finely it is drawn.
 
-    **Raises:** `ValueError` naming the field and what it may be; for a map, the file and what is wrong with it.
+    **Raises:** `ValueError` that names the field and its allowed values; for a map, the file and the reason.
+
+    ```py
+    task = on_planet(mg.make("hexapod"), Planet(radii=(4.0, 4.0, 3.5), height=0.1))
+    ```
     """
 
     radii: tuple[float, float, float] = (3.0, 3.0, 3.0)
@@ -211,12 +215,12 @@ class Planet:
 
     @property
     def ellipsoid(self) -> Ellipsoid:
-        """Without elevation."""
+        """The planet without elevation."""
         return Ellipsoid(self.radii)
 
     @functools.cached_property
     def elevation(self) -> Elevation:
-        """Above the ellipsoid."""
+        """Elevation above the ellipsoid."""
         if self.map is not None:
             return _read(self.map)
         start = self.ellipsoid.points(self.ellipsoid.tangent(normal_at(self.latitude, self.longitude)))
@@ -230,14 +234,14 @@ class Planet:
 
     @property
     def ground(self) -> Patch:
-        """What of it a body's physics knows."""
+        """The patch of ground that a body's physics uses."""
         return Patch(self.surface, self.patch, self.cell)
 
     @property
     def lift(self) -> float:
         """How far a body must be raised at the start, in m, to stand on the highest ground of the clearing.
 
-        Nothing where ground is made by a seed, which is level there; a map may be anything.
+        It is 0 for seeded ground, which is level there; a map can have any height.
         """
         heights, axis = self.ground.heights(self.start), self.ground.axis
         return float(heights[np.hypot(*np.meshgrid(axis, axis)) <= self.clearing].max())

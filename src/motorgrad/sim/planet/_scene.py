@@ -1,4 +1,4 @@
-"""A planet in the page: its tiles follow the cameras of those who watch."""
+"""A planet in the page: tiles that follow the cameras of all browsers, and the ground for walkers."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -20,8 +20,9 @@ GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def ground_finder(task: Any, model: Any, pose: Any) -> GroundAt | None:
-    """On a planet, the function from a place `(3,)` to the point of the ground under it and the way up there, in the
-    coordinates of the scene; None elsewhere."""
+    """For a task on a planet, a function from a place `(3,)` to the point of the ground under it and the upward
+    direction there, in the coordinates of the scene; None for others.
+    """
     body = getattr(task, "dynamics", None)
     if model is None or not isinstance(body, OnPlanet):
         return None
@@ -36,20 +37,19 @@ def ground_finder(task: Any, model: Any, pose: Any) -> GroundAt | None:
     return ground_at
 
 
-SETTLE = 1.0  # s, from sending a tile to taking it as arrived
-_SAFE = 1.5  # errors are measured at some places; others may be somewhat worse
-_READ = 0.5  # s, between two readings on the page
+SETTLE = 1.0  # s after which a sent tile is assumed to have arrived
+_SAFE = 1.5  # errors are sampled; elsewhere they may be somewhat larger
+_READ = 0.5  # s between two updates of the numbers shown
 _SHADOW = 0.35
 
 
 class PlanetScene:
-    """A part of the page that draws the planet under a body, where the task's body is `OnPlanet`; else it is nothing.
+    """Draws the planet under a body, as a part of the page; it draws nothing unless the task's body is `OnPlanet`.
 
-    The planet stands where the body's posture has it, so that every other part goes on in local coordinates. At each
-    update it asks where all cameras are, finds the tiles that they need, sends some of those that are missing, and
-    shows the best of what has arrived.
+    The planet is placed as the body's posture tells, so that all other parts keep local coordinates. Each update finds
+    the tiles that all cameras need, sends some of the missing ones, and shows the best of those that have arrived.
 
-    **Attributes:** `triangles` shown now; `milliseconds` that the last update took; `tiles` that browsers have.
+    **Attributes:** `triangles` shown now; `milliseconds` of the last update; `tiles` that browsers have.
     """
 
     def __init__(self) -> None:
@@ -58,11 +58,11 @@ class PlanetScene:
 
     @property
     def applies(self) -> bool:
-        """Whether there is a planet, once it was built."""
+        """Whether there is a planet, after `build`."""
         return self._planet is not None
 
     def build(self, server: Any, session: Any) -> None:
-        """Add the planet's node and a folder "Planet" with what it costs."""
+        """Add the planet's node, and a folder "Planet" that shows its cost."""
         body = getattr(session.task, "dynamics", None)
         if session.model is None or not isinstance(body, OnPlanet) or not has_planet(session.model):
             return
@@ -80,7 +80,7 @@ class PlanetScene:
         self._read = 0.0
 
     def update(self, snapshot: Any, pose: Any) -> None:
-        """Put the planet under the body and send what the cameras need, within the budget."""
+        """Place the planet under the body and send what the cameras need, within the budget."""
         if self._planet is None or not pose.bodies:
             return
         begin = time.perf_counter()
@@ -91,7 +91,7 @@ class PlanetScene:
             self._frame, self._middle = frame, self._planet.ground.write(model, frame)
             with self._server.atomic():
                 self._node.position, self._node.wxyz = frame.shift + pose.offset[0], quaternion(frame.rotation)
-        # so that contacts that the page works out for itself are those of the ground under the body
+        # so that contacts that the page computes are with the ground under the body
         data.mocap_pos[model.body(FIELD).mocapid[0]] = self._middle
         self._draw(frame, pose.offset[0], begin)
         self.milliseconds = 1e3 * (time.perf_counter() - begin)
@@ -122,7 +122,7 @@ class PlanetScene:
         self.triangles, self.tiles = TRIANGLES * len(plan.show), len(self._handles)
 
     def _send(self, key: Key) -> None:
-        """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
+        """Send a tile, hidden until it has arrived; its skirts reach below the coarsest possible neighbour."""
         assert self._planet is not None
         coarsest, coarser, own = (float(self._errors[level]) for level in (0, max(0, key.level - 1), key.level))
         tile = make_tile(self._planet.surface, key, coarser + own, coarsest)
@@ -133,7 +133,7 @@ class PlanetScene:
         )
 
     def _tell(self) -> None:
-        """Show on the page what it costs, not more often than can be read."""
+        """Show the cost on the page, at a readable rate."""
         if time.monotonic() - self._read > _READ:
             self._read = time.monotonic()
             self._cost.value = f"{self.triangles:,} of {self._detail.triangles:,}"
@@ -141,13 +141,13 @@ class PlanetScene:
 
 
 def deepest(planet: Planet) -> int:
-    """The deepest level of tiles: their cells are half of those that the body feels, or smaller."""
+    """The deepest level of tiles: its cells are at most half of those that the body feels."""
     longest = planet.ellipsoid.greatest * np.pi / 2.0 / CELLS
     return max(0, int(np.ceil(np.log2(2.0 * longest / planet.cell))))
 
 
 def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid) -> Camera | None:
-    """A browser's camera in the planet's coordinates; None while it has not said where it is."""
+    """A browser's camera in the planet's coordinates; None until it has reported its position."""
     import viser.transforms as vt
 
     try:
@@ -164,7 +164,7 @@ def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid)
         return None
     if seen.pixels <= 0 or not (np.isfinite(seen.position).all() and seen.aspect > 0.0 and 0.0 < seen.fov < np.pi):
         return None
-    # the far side of what can be seen of a large planet, which the page would cut off
+    # otherwise the page would clip the far parts of a large planet
     far = 1.1 * (float(np.linalg.norm(seen.position)) + ellipsoid.greatest)
     if far > camera.far:
         camera.far = 2.0 * far
@@ -172,7 +172,7 @@ def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid)
 
 
 def _overview(planet: Planet) -> Camera:
-    """Of the whole planet, for pages without a browser, whose scene may be recorded."""
+    """A camera that shows the whole planet, for recordings without a browser."""
     up = planet.start.rotation[2]
     turn = np.stack([planet.start.rotation[1], planet.start.rotation[0], -up], axis=1)
     return Camera(3.0 * planet.ellipsoid.greatest * up, turn, np.pi / 3.0, 1.0, 720)

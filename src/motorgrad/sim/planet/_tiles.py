@@ -1,4 +1,4 @@
-"""Tiles as a browser takes them."""
+"""Tiles: the six faces of a cube around the planet as quad-trees, the mesh of a tile, and its error."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -13,10 +13,10 @@ from jaxtyping import Float, Int, UInt8
 from motorgrad.sim.planet._elevation import Surface, hills
 from motorgrad.sim.planet._geometry import unit
 
-CELLS = 16  # along a side of a tile
-Tiles = Int[np.ndarray, "tiles 3"]  # of one level: face, column, row
+CELLS = 16  # cells along a side of a tile
+Tiles = Int[np.ndarray, "tiles 3"]  # tiles of one level: face, column, row
 Points = Float[np.ndarray, "*any 3"]
-# along the columns, along the rows, outwards; right-handed, so that faces wind outwards
+# along the columns, along the rows, outwards: right-handed, so that triangles face outwards
 _AXES = np.array(
     [
         [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
@@ -33,7 +33,7 @@ _QUARTERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 
 
 class Key(NamedTuple):
-    """One tile: of the 2^level × 2^level of a face."""
+    """A tile: one of the 2^level × 2^level of a face."""
 
     level: int
     face: int
@@ -54,7 +54,7 @@ class Key(NamedTuple):
 
 
 def keys(level: int, tiles: Tiles) -> list[Key]:
-    """The tiles of a level one by one."""
+    """The tiles of a level, one by one."""
     return [Key(level, *map(int, tile)) for tile in tiles]
 
 
@@ -66,7 +66,7 @@ def quarters(tiles: Tiles) -> Tiles:
 
 
 def directions(faces: Int[np.ndarray, "*any"], across: np.ndarray, up: np.ndarray) -> Points:
-    """Unit directions of places on faces, from -1 to 1 across and up: lines of one place are great circles.
+    """Unit directions of places on faces, from -1 to 1 across and up; coordinate lines are great circles.
 
     The tangent makes cells of nearly equal size.
     """
@@ -87,9 +87,9 @@ def places(level: int, tiles: Tiles, across: np.ndarray, up: np.ndarray) -> Poin
 
 
 def caps(level: int, tiles: Tiles) -> tuple[Points, Float[np.ndarray, " tiles"]]:
-    """For each tile a direction (tiles, 3) and the angle (tiles,) in rad from it within which the whole tile lies.
+    """For each tile a direction (tiles, 3) and the angle (tiles,) in rad from it that contains the whole tile.
 
-    Sides are great circles, so that no place of a tile is farther than its corners.
+    Sides are great circles, so that no place of a tile is farther away than its corners.
     """
     found = places(level, tiles, np.array([0.5, 0.0, 1.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.0, 1.0, 1.0]))
     middle, corners = found[:, :1], found[:, 1:]
@@ -98,7 +98,7 @@ def caps(level: int, tiles: Tiles) -> tuple[Points, Float[np.ndarray, " tiles"]]
 
 
 def tile_of(level: int, points: Points) -> Tiles:
-    """The tile of a level at each direction (n, 3), which need not be of length 1."""
+    """The tile of a level at each direction (n, 3) of any length."""
     along = np.einsum("fad,nd->nfa", _AXES, points)
     face = np.argmax(along[..., 2], axis=1)
     found = along[np.arange(len(points)), face]
@@ -110,18 +110,18 @@ def tile_of(level: int, points: Points) -> Tiles:
 HEM = 2  # cells beyond each side
 SIDE = CELLS + 2 * HEM
 TRIANGLES = 2 * SIDE * SIDE + 8 * SIDE
-"""Of a tile with its hem and skirts."""
-_FIRST = 0.06  # of what the hem's end sinks, what its middle does
-_SAMPLES = 1000  # cells that are measured for the error of a level
+"""Triangles of a tile with its hem and skirts."""
+_FIRST = 0.06  # how far the hem's middle sinks, as a share of its end
+_SAMPLES = 1000  # cells that are sampled for the error of a level
 _LOW, _MIDDLE, _HIGH = np.array([(104, 122, 92), (171, 160, 132), (226, 224, 218)], float)
-_TINT = 0.16  # of the brightness, by which one place differs from another, so that motion is seen
+_TINT = 0.16  # variation of brightness, which makes motion visible
 
 
 class Tile(NamedTuple):
     """A mesh.
 
     - `centre` (3,): in the planet's coordinates, m; `vertices` (n, 3) are relative to it.
-    - `faces` (m, 3): of vertices, outwards.
+    - `faces` (m, 3): indices of vertices, facing outwards.
     - `colours` (n, 3) of vertices, red, green and blue in linear light.
     """
 
@@ -134,11 +134,11 @@ class Tile(NamedTuple):
 def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
     """The mesh of a tile: its grid, row by row, with a hem, then skirts down along the hem's four sides.
 
-    The hem is two more cells of ground on each side. The first lies close under that of the neighbours, so that light
-    falls on both sides of a seam alike; the second sinks, so that its end, and the skirt on it, do not stand out of a
-    coarser neighbour. Skirts have vertices of their own, so that they do not bend the light.
+    The hem is two more cells of ground on each side. The first lies just under the neighbour's, so that both sides of a
+    seam are lit alike; the second sinks, so that its end, and the skirt on it, do not stick out of a coarser neighbour.
+    Skirts have vertices of their own, so that they do not affect the shading.
 
-    **Arguments:** `key`; `hem` (m): how far its end sinks; `skirt` (m): how far down from there skirts reach.
+    **Arguments:** `key`; `hem` (m): how far its end sinks; `skirt` (m): how far skirts reach down from there.
     """
     share = np.arange(-HEM, CELLS + HEM + 1) / CELLS
     across, up = (each.ravel() for each in np.meshgrid(share, share))
@@ -156,10 +156,10 @@ def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
 
 
 def mesh_errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
-    """For each level, how far from the true ground its triangles get, in m.
+    """For each level, the distance of its triangles from the true ground, in m.
 
-    Measured where a triangle is farthest from its corners, in the middles of cells and of their sides, of cells strewn
-    over the planet; the greatest of them. No level is better than a deeper one.
+    It is the maximum over random cells, measured where a triangle is farthest from its corners: in the middle of cells
+    and of their sides. No level has a smaller error than a deeper one.
     """
     noise = np.random.default_rng(0)
     faces, found = noise.integers(0, 6, _SAMPLES), []
@@ -178,7 +178,9 @@ def mesh_errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
 
 
 def _rim(within: int) -> Int[np.ndarray, " rim"]:
-    """The grid's vertices around its rim, or so many cells within, anticlockwise from outside, the first not again."""
+    """The grid's vertices along its rim, or `within` cells inside, anticlockwise from outside, without repeating the
+    first.
+    """
     grid = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
     grid = grid[within : SIDE + 1 - within, within : SIDE + 1 - within]
     return np.concatenate([grid[0, :-1], grid[:-1, -1], grid[-1, :0:-1], grid[:0:-1, 0]])
@@ -201,18 +203,17 @@ FACES = _faces()
 
 
 def _colours(surface: Surface, points: np.ndarray, heights: np.ndarray) -> UInt8[np.ndarray, "n 3"]:
-    """From green in the valleys to white on the tops, in patches that are a little lighter or darker."""
+    """From green in the valleys to white on the tops, in slightly lighter and darker patches."""
     low, high = surface.elevation.least, surface.elevation.greatest
     share = ((heights - low) / (high - low) if high > low else np.full_like(heights, 0.5))[:, None]
     ramp = np.where(share < 0.5, _LOW + 2 * share * (_MIDDLE - _LOW), _MIDDLE + (2 * share - 1) * (_HIGH - _MIDDLE))
     patches = hills(points, surface.ellipsoid.least / 8.0, 7) + hills(points, 0.3, 8)
     shades = np.clip(ramp * (1.0 + _TINT * (patches[:, None] - 1.0)) / 255.0, 0.0, 1.0)
-    return np.round(255.0 * shades**2.2).astype(np.uint8)  # vertices are coloured in linear light
+    return np.round(255.0 * shades**2.2).astype(np.uint8)  # vertex colours are in linear light
 
 
 def tile_glb(tile: Tile) -> bytes:
-    """A tile as GLB, coloured by its vertices, its shading smooth."""
-
+    """A tile as GLB, coloured by vertices and smoothly shaded."""
     mesh = trimesh.Trimesh(tile.vertices, tile.faces, process=False)
     material = trimesh.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.95, doubleSided=False)
     mesh.visual = trimesh.visual.TextureVisuals(material=material)

@@ -1,4 +1,4 @@
-"""Which body is which, where several stand side by side."""
+"""Bodies: geoms and meshes of their parts, and on request sites, joint axes and labels."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -19,7 +19,6 @@ from motorgrad.sim.scene._geometry import (
     arrow,
     ball,
     block,
-    identity_quaternions,
     quaternions_from_matrices,
     quaternions_from_z,
     rod,
@@ -29,11 +28,11 @@ from motorgrad.sim.scene._geometry import (
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 
-APART = 0.02  # of its radius a ball is larger than the one before; more than its facets depart from the sphere
+APART = 0.02  # relative difference in size of two coinciding balls; more than facets depart from a sphere
 
 
 class Pieces(NamedTuple):
-    """Copies of one unit shape: of `geom` `(n,)`, `shift` `(n,)` m along its own z, of `size` `(n, 3)`."""
+    """Copies of one unit shape: of `geom` `(n,)`, at `shift` `(n,)` m along its own z, of `size` `(n, 3)`."""
 
     geom: np.ndarray
     shift: np.ndarray
@@ -41,9 +40,9 @@ class Pieces(NamedTuple):
 
 
 class Bodies(Layer):
-    """Geoms as copies of three unit meshes: a capsule is a rod and two balls.
+    """Draws geoms as copies of three unit meshes; a capsule is a rod and two balls.
 
-    So the number of messages does not grow with the body, and only places and turns are sent.
+    So the number of messages does not grow with the body, and only positions and rotations are sent.
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -83,8 +82,7 @@ def _placed(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces, colours: np
 
 
 def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
-    """What is copied how often, by unit shape."""
-
+    """The copies of each unit shape."""
     kinds = mujoco.mjtGeom
     seen = visible_geoms(model)
 
@@ -98,7 +96,7 @@ def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
     cylinders, cylinder = of(kinds.mjGEOM_CYLINDER)
     boxes, box = of(kinds.mjGEOM_BOX)
     none, half = np.zeros(len(capsules)), capsule[:, 1]
-    # where two limbs meet their ends are the same ball, of two colours: one is drawn over the other
+    # where two limbs meet, their ends are the same ball in two colours: make one of them larger
     ends = capsule[:, [0, 0, 0]] * (1 + APART * (model.geom_bodyid[capsules, None] % 3))
     yield (
         "balls",
@@ -122,7 +120,7 @@ def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
 
 
 class Meshes(Layer):
-    """Every mesh geom as a node under a frame of its part, so that only the frames of parts that move are sent."""
+    """Draws mesh geoms as nodes under a frame of their body part, so that only frames of moving parts are sent."""
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self._frames: list[dict[int, Any]] = []
@@ -166,7 +164,7 @@ class Meshes(Layer):
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Vertices, faces and texture coordinates; where it has these, each face has three vertices of its own."""
+    """Vertices, faces and texture coordinates; with these, each face has three vertices of its own."""
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     rows = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     vertices, faces = model.mesh_vert[first : first + count], model.mesh_face[rows]
@@ -181,12 +179,10 @@ SITE, HINGE, SLIDE = (0.55, 0.25, 0.75), (0.10, 0.35, 0.85), (0.95, 0.55, 0.10)
 
 
 class Sites(Layer):
-    """Every site as a small ball: where muscles begin and end, and where sensors are."""
+    """Draws every site as a small ball: ends of muscles, and sensors."""
 
     name = "Sites"
-
-    def __init__(self, shown: bool = False) -> None:
-        super().__init__(shown)
+    initially_shown = False
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         if session.model is not None and session.model.nsite:
@@ -195,21 +191,16 @@ class Sites(Layer):
 
     def draw(self, pose: Pose) -> None:
         place = np.concatenate([data.site_xpos + at for data, at in zip(pose.bodies, pose.offset, strict=True)])
-        count = len(place)
-        size = np.full((count, 3), 0.014 * pose.size)
-        self.pools[0].show(place, identity_quaternions(count), size, np.tile(SITE, (count, 1)))
+        self.pools[0].show_balls(place, 0.014 * pose.size, SITE)
 
 
 class JointAxes(Layer):
-    """An arrow through each hinge, about which it turns by the right hand, and along each slide."""
+    """Draws an arrow through each hinge, about which it turns by the right-hand rule, and along each slide."""
 
     name = "Joint axes"
-
-    def __init__(self, shown: bool = False) -> None:
-        super().__init__(shown)
+    initially_shown = False
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-
         model = session.model
         if model is None:
             return
@@ -232,7 +223,7 @@ class JointAxes(Layer):
 
 
 class Labels(Layer):
-    """A word above each body, as long as there are two."""
+    """Writes a word above each body while two are compared."""
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self.applies, self._scene = session.model is not None, server.scene

@@ -1,4 +1,4 @@
-"""The cameras of every browser that looks: each has its own, chosen in its own list or by its own keys."""
+"""Cameras: orbit, walk, follow and the model's own, chosen by each browser for itself."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -19,37 +19,38 @@ from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._pose import Pose
 
 GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Of a place `(3,)`, the point of the ground under it and the way up there."""
-DAMPING = 0.25  # s in which a camera that follows makes up 63 % of what it lags
+"""A function from a place `(3,)` to the point of the ground under it and the upward direction there."""
+DAMPING = 0.25  # s in which a following camera makes up 63 % of its lag
 HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
-NEAREST, FARTHEST = 0.01, 1e4  # viser's own limits of the distance to what an orbiting camera looks at
+NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
 
 class CameraMode:
-    """A kind of camera. `begin` takes a client's camera over, `move` is called at every moment, `end` gives it back.
+    """One way in which a camera moves. `begin` takes over a client's camera, `move` is called every frame, `end` gives
+    it back.
 
-    The browser moves the camera itself, by viser's mouse and keys, and reports where it is some 20 times a second.
+    The browser itself moves the camera by viser's mouse and keys, and reports its position about 20 times a second.
     """
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        """Put the camera where this kind begins."""
+        """Take the camera over."""
 
     def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
         """Correct or move the camera."""
 
     def end(self, camera: viser.CameraHandle) -> None:
-        """Undo what the next kind must not find."""
+        """Undo what the next mode must not inherit."""
 
 
 class Orbit(CameraMode):
-    """Turns about what it looks at, all by the user's hand."""
+    """Turns about a fixed target by the user's hand."""
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
         aim(camera, camera.position, pose.centre)
 
 
 class Follow(CameraMode):
-    """Orbits the first body, whose centre of mass it follows with damping, so that it does not shake with the body."""
+    """Orbits the first body and follows its centre of mass with damping, so that it does not shake with the body."""
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
         self._target = pose.centre.copy()
@@ -66,7 +67,7 @@ class Follow(CameraMode):
         away = camera.position - camera.look_at
         if np.linalg.norm(away - self._away) > 1e-3 * np.linalg.norm(self._away):
             self._away, self._turned = away, now
-        # what is sent would undo what the hand does before it is reported
+        # sending now would undo a movement that has not been reported yet
         if now - self._turned > HANDS_OFF:
             aim(camera, self._target + self._away, self._target)
 
@@ -74,14 +75,14 @@ class Follow(CameraMode):
 class Walk(CameraMode):
     """Stands on the ground: viser's keys W, A, S, D walk, the mouse and the arrows look around.
 
-    It looks at a point just before it, about which the browser then turns it, and is put back at eye height where the
-    ground rises or falls.
+    The camera's target is a point just before it, about which the browser turns it. It is put back at eye height where
+    the ground rises or falls.
 
-    **Arguments:** `ground_at`; `height` in m of the eyes.
+    **Arguments:** `ground_at`; `height` of the eyes in m.
     """
 
-    REACH = 0.02  # of the height, to the point that it looks at
-    LOOSE = 0.03  # of the height, by which the eyes may be too high or too low
+    REACH = 0.02  # distance of the target, as a share of the height
+    LOOSE = 0.03  # tolerance of the height, as a share of it
 
     def __init__(self, ground_at: GroundAt, height: float) -> None:
         self.ground_at, self.height = ground_at, height
@@ -109,7 +110,7 @@ class Walk(CameraMode):
             self._last = (now, target)
 
     def _place_now(self, camera: viser.CameraHandle) -> tuple[np.ndarray, float]:
-        """Where the camera is by now: what it reported last, and how fast it went, on the level."""
+        """Where the camera is by now, extrapolated from its last report and its speed, and the time."""
         now, told = camera.update_timestamp, camera.position.copy()
         if self._last is not None and now > self._last[0]:
             self._speed = (told - self._last[1]) / max(now - self._last[0], 0.02)
@@ -154,7 +155,7 @@ class Fixed(CameraMode):
 
 
 def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
-    """Put a camera somewhere and let it look at something; nothing is sent where nothing has changed."""
+    """Place a camera and let it look at a target. Nothing is sent where the values are unusable."""
     if not (np.isfinite(place).all() and np.isfinite(target).all()) or np.linalg.norm(place - target) < 1e-6:
         return
     camera.position = place
@@ -163,14 +164,14 @@ def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
 
 ORBIT, WALK, FOLLOW = "Orbit", "Walk", "Follow"
 KEYS = {ORBIT: "O", WALK: "G", FOLLOW: "F"}
-"""W, A, S, D, Q, E and the arrows are viser's own."""
+"""W, A, S, D, Q, E and the arrows are viser's."""
 FIELD_OF_VIEW = 45.0  # degrees
-LEAST_SLOPE = -12.0  # degrees; lower down the ground is seen too flat
+LEAST_SLOPE = -12.0  # degrees; any lower, the ground looks too flat
 LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's height
 
 
 class Viewer:
-    """One browser's camera: which kind, and what it needs to move."""
+    """One browser's camera: its mode, and what it needs to change it."""
 
     def __init__(self, client: Any, wanted: str, height: float) -> None:
         self.client, self.height = client, height
@@ -180,15 +181,14 @@ class Viewer:
 
 
 class Cameras:
-    """Orbit, walk, follow and the model's fixed cameras, for every browser by itself.
+    """Orbit, walk, follow and the model's fixed cameras, independently for every browser.
 
-    A body that can go away is followed at first; of one that cannot the camera stands still.
+    A body that can travel is followed at first; for others the camera stands still. Build it inside the GUI container
+    for its list.
 
-    Build it in the container in which the choice is to stand.
+    **Arguments:** `ground_at`: where the ground is, if it is not the model's own.
 
-    **Arguments:** `ground_at`, where a walker's feet are, other than on the model's own ground.
-
-    **Attributes:** `names`, of the cameras there are, in the order of the list.
+    **Attributes:** `names` of the cameras, in the order of the list.
     """
 
     def __init__(self, ground_at: GroundAt | None = None) -> None:
@@ -199,8 +199,7 @@ class Cameras:
         self.names: list[str] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Add the list of cameras, and take every browser's camera over as it comes."""
-
+        """Add the list of cameras, and take over every browser's camera as it connects."""
         self._server, model = server, session.model
         self._fixed = [] if model is None else [model.camera(index).name or str(index) for index in range(model.ncam)]
         self.names = [ORBIT, WALK, FOLLOW, *(f"Fixed: {name}" for name in self._fixed)]
@@ -214,7 +213,7 @@ class Cameras:
         server.on_client_disconnect(self._leave)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Move the cameras that move by themselves."""
+        """Move the cameras."""
         del snapshot
         self._pose = pose
         here = self._server.get_clients()
@@ -229,7 +228,7 @@ class Cameras:
                 viewer.mode.move(viewer.client.camera, pose)
 
     def choose(self, client_id: int, name: str) -> None:
-        """Give a browser another camera, at the next moment. **Raises** `ValueError` for a name that is not known."""
+        """Give a browser another camera in the next frame. **Raises** `ValueError` for an unknown name."""
         check(name in self.names, "camera", name, f"one of {', '.join(self.names)}")
         viewer = self._viewers[client_id]
         viewer.wanted = name
@@ -245,7 +244,7 @@ class Cameras:
         if name is None or name == viewer.name:
             return
         camera = viewer.client.camera
-        if not viewer.name:  # it has just come, and the body may have gone far
+        if not viewer.name:  # it has just connected, and the body may have gone far
             aim(camera, pose.centre + self._away, pose.centre)
         viewer.mode.end(camera)
         viewer.name, viewer.mode = name, self._make(name, viewer.height)
@@ -259,7 +258,7 @@ class Cameras:
         return Fixed(self.names.index(name) - 3)
 
     def _start(self, server: viser.ViserServer, pose: Pose) -> None:
-        """Where a browser looks from at first: aslant from the side, the body in the middle of the picture."""
+        """Set the initial view: obliquely from the side, with the body in the middle of the picture."""
         azimuth, elevation = (95.0, -4.0) if pose.model is None else natural_angles(pose.model)
         towards = camera_axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
         self._away = 1.9 * pose.size * towards
@@ -270,7 +269,7 @@ class Cameras:
     def _connect(self, client: Any) -> None:
         """Give a browser its list, its slider and its keys."""
         viewer = Viewer(client, self._first, self._tall)
-        with self._lock, self._folder:  # one at a time: several browsers may come at once
+        with self._lock, self._folder:  # one at a time: several browsers may connect at once
             viewer.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
             height = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
         viewer.choice.on_update(lambda event: self._want(viewer, event.target.value))
@@ -291,7 +290,7 @@ class Cameras:
             self._viewers.pop(client.client_id, None)
 
     def _model_ground(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The highest plane or height field of the model under a place; level with the origin where it has none."""
+        """The highest plane or height field of the model under a place; at the origin's height where it has none."""
         pose, height = self._pose, None
         if pose is not None and pose.model is not None and pose.bodies:
             height = ground_height(pose.model, pose.bodies[0], place[None])
@@ -299,4 +298,4 @@ class Cameras:
         return np.array([place[0], place[1], level]), np.array([0.0, 0.0, 1.0])
 
 
-HINT = "Keys: O orbit, G walk on the ground, F follow the body, 1, 2, … the model's own; ? lists all."
+HINT = "Keys: O orbit, G walk on the ground, F follow the body, 1, 2, … the model's cameras; ? lists all keys."

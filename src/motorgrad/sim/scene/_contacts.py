@@ -1,4 +1,4 @@
-"""Centre of mass and support polygon."""
+"""Contacts and their forces, the centre of mass, and the support polygon."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -12,18 +12,21 @@ import viser
 from scipy.spatial import ConvexHull, QhullError
 
 from motorgrad.sim.live import Session
-from motorgrad.sim.scene._geometry import arrow, ball, identity_quaternions, quaternions_from_z, rod
+from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, rod
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 
 FORCE, POINT = (0.10, 0.55, 0.85), (1.0, 0.72, 0.10)
-LONGEST, SHORTEST = 0.45, 0.01  # sizes of the body: what no arrow reaches; what is left out
-THICK = 0.2  # sizes, of the arrow's unit mesh
-ROOM, MOST = 32, 128  # contacts of all bodies: how many there is room for at first, and how many strongest are drawn
+LONGEST, SHORTEST = (
+    0.45,
+    0.01,
+)  # limits of an arrow's length, in sizes of the body; a shorter one is omitted
+THICK = 0.2  # of an arrow's unit mesh, in sizes of the body
+ROOM, MOST = 32, 128  # contacts of all bodies: initial room, and how many of the strongest are drawn
 
 
 class Touch(NamedTuple):
-    """Contacts that press.
+    """Contacts under pressure.
 
     `point` `(n, 3)`: on the surface of the ground; `force` `(n, 3)` in N, on the moving part; `ground` `(n,)`: whether
     the other part is fixed to the world.
@@ -35,8 +38,7 @@ class Touch(NamedTuple):
 
 
 def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
-    """The contacts of a posture that press, after `mj_forward`; between two moving parts the force on the second."""
-
+    """The contacts under pressure, after `mj_forward`; between two moving parts, `force` acts on the second."""
     points, forces, ground = [], [], []
     wrench = np.zeros(6)
     for index in range(data.ncon):
@@ -45,9 +47,9 @@ def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
         if contact.exclude or wrench[0] <= 0:
             continue
         fixed = [geom >= 0 and model.body_weldid[model.geom_bodyid[geom]] == 0 for geom in contact.geom]
-        frame = contact.frame.reshape(3, 3)  # its x points to the second geom, on which the force acts
+        frame = contact.frame.reshape(3, 3)  # x points to the second geom, on which the force acts
         sign = -1.0 if fixed[1] else 1.0
-        # MuJoCo's point is half way between the surfaces, which overlap: under a soft ground one would not see it
+        # MuJoCo's point lies halfway between the overlapping surfaces, where a soft ground would hide it
         points.append(contact.pos - sign * 0.5 * contact.dist * frame[0])
         forces.append(sign * wrench[:3] @ frame)
         ground.append(any(fixed))
@@ -55,10 +57,10 @@ def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
 
 
 class Contacts(Layer):
-    """A dot at each contact, and an arrow of its force.
+    """Draws a dot at each contact and an arrow of its force.
 
-    Arrows grow with the force, and less and less so: a blow of ten times the weight would hide the body. One of the
-    body's weight has 63 % of the greatest length.
+    The length of an arrow saturates with the force, as a blow of ten times the weight would hide the body: the body's
+    weight gives 63 % of the greatest length.
     """
 
     name = "Contacts"
@@ -86,14 +88,8 @@ class Contacts(Layer):
         thick = np.minimum(THICK, 1.5 * long[seen])
         size = pose.size * np.stack([thick, thick, long[seen]], axis=1)
         dots, arrows = self.pools
-        dots.show(
-            point, identity_quaternions(len(point)), np.full((len(point), 3), 0.012 * pose.size), _same(POINT, point)
-        )
-        arrows.show(point[seen], quaternions_from_z(force[seen]), size, _same(FORCE, point[seen]))
-
-
-def _same(colour: tuple[float, float, float], rows: np.ndarray) -> np.ndarray:
-    return np.tile(colour, (len(rows), 1))
+        dots.show_balls(point, 0.012 * pose.size, POINT)
+        arrows.show(point[seen], quaternions_from_z(force[seen]), size, np.tile(FORCE, (len(size), 1)))
 
 
 def support_polygon(points: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -101,16 +97,15 @@ def support_polygon(points: np.ndarray, up: np.ndarray) -> np.ndarray:
 
     **Arguments:** `points` `(n, 3)`: where the body rests; `up` `(3,)`: away from gravity.
 
-    **Returns:** rows of `points`, `(corners, 3)`, anticlockwise as seen from above; of points in a line the two ends,
-    of no point none.
+    **Returns:** rows of `points`, `(corners, 3)`, anticlockwise as seen from above; the two ends of collinear points,
+    none without points.
     """
-
     points = np.asarray(points, float).reshape(-1, 3)
     flat = points @ level_axes(up).T
     if len(points) > 2:
         try:
             return points[ConvexHull(flat).vertices]
-        except QhullError:  # all in a line
+        except QhullError:  # collinear
             pass
     if len(points) < 2:
         return points
@@ -122,7 +117,7 @@ def support_polygon(points: np.ndarray, up: np.ndarray) -> np.ndarray:
 def stability_margin(polygon: np.ndarray, point: np.ndarray, up: np.ndarray) -> float:
     """How far, in m, the point `(3,)` is inside the polygon `(corners, 3)`, seen along `up`; negative outside.
 
-    The stability margin of legged locomotion (McGhee and Frank, 1968). It is -infinity without a polygon.
+    This is the stability margin of legged locomotion (McGhee and Frank, 1968). It is -infinity without a polygon.
     """
     if not len(polygon):
         return -np.inf
@@ -140,7 +135,7 @@ def stability_margin(polygon: np.ndarray, point: np.ndarray, up: np.ndarray) -> 
 
 
 def level_axes(up: np.ndarray) -> np.ndarray:
-    """Two axes square to `up`, as rows `(2, 3)`, that make a right-handed system with it."""
+    """Two axes perpendicular to `up`, as rows `(2, 3)`, that form a right-handed system with it."""
     up = np.asarray(up, float) / np.linalg.norm(up)
     first = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
     first /= np.linalg.norm(first)
@@ -148,20 +143,22 @@ def level_axes(up: np.ndarray) -> np.ndarray:
 
 
 STANDS, FALLS, MASS = (0.10, 0.62, 0.40), (0.85, 0.35, 0.10), (0.98, 0.80, 0.16)
-CORNERS = 24  # of a polygon are filled; the outline has room for more
-LIFT = 0.004  # sizes above the ground, so that the polygon is not in it
+CORNERS = 24  # of a polygon that are filled; the outline has room for more
+LIFT = 0.004  # of the polygon above the ground, in sizes of the body
 
 
 class Balance(Layer):
-    """The centre of mass, the point under it, and the polygon between the contacts with the ground.
+    """Draws the centre of mass, its projection onto the ground, and the support polygon between the contacts.
 
-    Green where the point is inside the polygon, so that the body would stand still; orange where it is not.
+    The polygon is green where the projection is inside, so that the body would stand still, and orange elsewhere.
     """
 
     name = "Centre of mass and support"
 
-    def __init__(self, shown: bool = False) -> None:
-        super().__init__(shown)
+    initially_shown = False
+
+    def __init__(self) -> None:
+        super().__init__()
         self._fills: list[Any] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -194,7 +191,7 @@ class Balance(Layer):
             stands = stability_margin(polygon, mass, up) >= 0
             colour = STANDS if stands else FALLS
             corners = polygon + LIFT * size * up
-            # under the mass, as high as the polygon is on the whole; without one, the mass alone is shown
+            # the projection at the polygon's mean height; without a polygon only the mass is shown
             level = np.mean(corners @ up) if len(corners) else mass @ up
             foot = mass + (level - mass @ up) * up
             balls += [(mass + offset, 0.028 * size, MASS), (foot + offset, 0.014 * size, colour)]
@@ -204,15 +201,12 @@ class Balance(Layer):
             self._fill(row, corners + offset, colour)
         for fill in self._fills[len(pose.bodies) :]:
             fill.visible = False
-        place, radius, colours = (np.array(column) for column in zip(*balls, strict=True))
-        self.pools[0].show(place, identity_quaternions(len(place)), np.repeat(radius[:, None], 3, axis=1), colours)
+        self.pools[0].show_balls(*(np.array(column) for column in zip(*balls, strict=True)))
         ends, radius, colours = (np.array(column) for column in zip(*lines, strict=True))
-        along = ends[:, 1] - ends[:, 0]
-        sizes = np.stack([radius, radius, np.linalg.norm(along, axis=1)], axis=1)
-        self.pools[1].show(ends.mean(1), quaternions_from_z(along), sizes, colours)
+        self.pools[1].show_rods(ends[:, 0], ends[:, 1], radius, colours)
 
     def _fill(self, row: int, corners: np.ndarray, colour: tuple[float, float, float]) -> None:
-        """Fill a body's polygon: a fan of as many triangles as ever, those not needed without area."""
+        """Fill a body's polygon with a fan of constantly many triangles; unused ones have no area."""
         if row == len(self._fills):
             fan = np.stack([np.zeros(CORNERS - 2, int), np.arange(1, CORNERS - 1), np.arange(2, CORNERS)], 1)
             fill = self._scene.add_mesh_simple(

@@ -1,4 +1,4 @@
-"""Muscles as tubes along their wrapped path: colour by activation, thickness by force, faded when silent."""
+"""Muscles as tubes along their wrapped path: colour and opacity by activation, thickness by tension."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -12,17 +12,18 @@ import viser
 
 from motorgrad.sim.film import muscle_colour, muscle_radius, muscle_width, tendon_activation
 from motorgrad.sim.live import Session
-from motorgrad.sim.scene._geometry import ball, identity_quaternions, quaternions_from_z, tube
+from motorgrad.sim.scene._geometry import ball, tube
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 
-ARC = 8  # straight pieces of an arc
-PULLEY = -2  # what MuJoCo writes where a path is cut by a pulley; -1 stands for a site, 0 and more for a wrapped geom
+ARC = 8  # straight segments of an arc
+PULLEY = -2  # MuJoCo's mark for a pulley, which cuts a path; -1 is a site, 0 and more the wrapped geom
 
 
 class Segments(NamedTuple):
-    """Straight pieces of all paths: from `start` `(n, 3)` to `end` `(n, 3)`, of tendon `(n,)`; `last` `(n,)` is true
-    where no other piece goes on."""
+    """Straight segments of all paths: from `start` `(n, 3)` to `end` `(n, 3)`, of `tendon` `(n,)`; `last` `(n,)` is
+    true where no other segment continues.
+    """
 
     start: np.ndarray
     end: np.ndarray
@@ -31,19 +32,20 @@ class Segments(NamedTuple):
 
 
 def most_segments(model: mujoco.MjModel) -> tuple[int, int]:
-    """How many segments all paths of a model can have together, and how many ends that no other piece continues."""
-
+    """The most segments that a model's paths can have together, and the number of ends that no segment continues."""
     kinds = mujoco.mjtWrap
     sites = int(np.sum(model.wrap_type == kinds.mjWRAP_SITE))
     wraps = int(np.sum(np.isin(model.wrap_type, (kinds.mjWRAP_SPHERE, kinds.mjWRAP_CYLINDER))))
     spatial = model.wrap_type[model.tendon_adr] != kinds.mjWRAP_JOINT
     pieces = int(np.sum(spatial)) + int(np.sum(model.wrap_type == kinds.mjWRAP_PULLEY))
-    # a geom adds two points, and what is between them becomes an arc
+    # a geom adds two points, with an arc between them
     return sites - pieces + (1 + ARC) * wraps, pieces
 
 
 def segments(model: mujoco.MjModel, data: mujoco.MjData) -> Segments:
-    """The paths of all tendons in the posture of `data`; fixed tendons have none."""
+    """The paths of all spatial tendons in the posture of `data`: the engine's own points, with arcs around wrapped
+    geoms.
+    """
     count = data.ten_wrapnum
     rows = np.concatenate(
         [np.arange(first, first + n) for first, n in zip(data.ten_wrapadr, count, strict=True)] or [[]]
@@ -58,7 +60,7 @@ def segments(model: mujoco.MjModel, data: mujoco.MjData) -> Segments:
     start, end = points[at], points[at + 1]
     steps = np.where(bent, ARC, 1)
     whole = np.repeat(np.arange(len(at)), steps)
-    # the number of each piece within its arc
+    # the number of each segment within its arc
     part = np.arange(len(whole)) - np.repeat(np.cumsum(steps) - steps, steps)
     starts, ends = start[whole], end[whole]
     if bent.any():
@@ -78,12 +80,11 @@ def _arcs(
     start: np.ndarray,
     end: np.ndarray,
 ) -> np.ndarray:
-    """Points `(n, ARC + 1, 3)` along arcs around spheres and cylinders, on which a path comes straight from `before`.
+    """Points `(n, ARC + 1, 3)` along arcs around spheres and cylinders, to which a path comes straight from `before`.
 
-    It touches where it comes from, which tells the way round even where that is the longer one. Along a cylinder's axis
-    it advances evenly.
+    The path touches the geom tangentially, which tells the direction of the arc even where that is the longer one.
+    Along a cylinder's axis it advances evenly.
     """
-
     centre = data.geom_xpos[geoms]
     axis = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, :, 2]
     axis = np.where((model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE)[:, None], 0.0, axis)
@@ -101,13 +102,12 @@ def _arcs(
     bow = np.cos(turn) * first[:, None] + np.sin(turn) * np.cross(normal, first)[:, None]
     along = np.sum((start - centre) * axis, 1)[:, None] + part * np.sum((end - start) * axis, 1)[:, None]
     arcs = centre[:, None] + bow + along[..., None] * axis[:, None]
-    arcs[:, 0], arcs[:, -1] = start, end  # the engine's own, bit for bit
+    arcs[:, 0], arcs[:, -1] = start, end  # the engine's own points, bit for bit
     return arcs
 
 
 def peak_force(model: mujoco.MjModel) -> np.ndarray:
-    """The greatest force `(nu,)` of each actuator, in N: of a muscle its strength; 0 where the model does not say."""
-
+    """The greatest force `(nu,)` of each actuator in N: of a muscle its strength; 0 where the model does not tell."""
     kinds = mujoco.mjtGain
     gain, most = np.abs(model.actuator_gainprm[:, 0]), np.abs(model.actuator_ctrlrange).max(axis=1, initial=0.0)
     peak = np.select(
@@ -124,17 +124,16 @@ def peak_force(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _strength(model: mujoco.MjModel) -> np.ndarray:
-    """The peak force of MuJoCo's own muscle: told, or derived from what it accelerates."""
+    """The peak force of MuJoCo's own muscle: given, or derived from the acceleration it causes."""
     told, scale = model.actuator_gainprm[:, 2], model.actuator_gainprm[:, 3]
     return np.where(told > 0, told, scale / np.maximum(model.actuator_acc0, 1e-9))
 
 
 def tendon_tension(model: mujoco.MjModel, force: np.ndarray) -> np.ndarray:
-    """The pull on each tendon `(ntendon,)` as a share, in [0, 1], of the most that its actuators can pull together.
+    """The tension of each tendon, `(ntendon,)`, as a share in [0, 1] of the most that its actuators can pull together.
 
-    **Arguments:** `force` `(nu,)`, as MuJoCo's `actuator_force`: negative where it pulls.
+    **Arguments:** `force` `(nu,)`, MuJoCo's `actuator_force`: negative where it pulls.
     """
-
     pulls = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON)
     which = model.actuator_trnid[pulls, 0]
     pull, most = np.zeros(model.ntendon), np.zeros(model.ntendon)
@@ -148,9 +147,9 @@ SILENT_OPACITY = 0.45
 
 
 class Muscles(Layer):
-    """Every spatial tendon as a tube: rods along its path, balls where they meet.
+    """Draws every spatial tendon as a tube: rods along its path, balls where they meet.
 
-    The pools have room for all that can wrap, so that a muscle which begins to wrap adds no mesh.
+    The pools have room for everything that can wrap, so that a muscle that begins to wrap adds no mesh.
     """
 
     name = "Muscles"
@@ -177,15 +176,11 @@ class Muscles(Layer):
             thick = radius * muscle_width(tendon_tension(model, data.actuator_force))
             colour, solid = muscle_colour(level), np.nan_to_num(level, nan=1.0)
             fade = SILENT_OPACITY + (1 - SILENT_OPACITY) * solid
-            along, of = run.end - run.start, run.tendon
-            length = np.linalg.norm(along, axis=1)
-            size = np.stack([thick[of], thick[of], length], axis=1)
-            middle = (run.start + run.end) / 2 + offset
-            tubes.append((middle, quaternions_from_z(along), size, colour[of], fade[of]))
+            of = run.tendon
+            tubes.append((run.start + offset, run.end + offset, thick[of], colour[of], fade[of]))
             knots = np.concatenate([run.start, run.end[run.last]]) + offset
             at = np.concatenate([of, of[run.last]])
-            round_ = np.repeat(thick[at, None], 3, axis=1)
-            # a ball would show through a tube that one can see through: it comes as the muscle fires
-            joints.append((knots, identity_quaternions(len(at)), round_, colour[at], np.sqrt(solid[at])))
-        for pool, rows in zip(self.pools, (tubes, joints), strict=True):
-            pool.show(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+            # a ball would show through a transparent tube, so balls appear only as the muscle fires
+            joints.append((knots, thick[at], colour[at], np.sqrt(solid[at])))
+        self.pools[0].show_rods(*(np.concatenate(column) for column in zip(*tubes, strict=True)))
+        self.pools[1].show_balls(*(np.concatenate(column) for column in zip(*joints, strict=True)))

@@ -1,4 +1,4 @@
-"""The tab "View": whose eyes to look through, and what to see."""
+"""The whole scene with its layers, and the tab "View" with cameras, switches and help."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from motorgrad.sim.scene._surroundings import Ground, Sky
 
 
 class Scene:
-    """All that is drawn of a run: bodies, muscles, what they stand on, what is told about them.
+    """Everything that is drawn of a run: bodies, muscles, their surroundings, and annotations.
 
-    Add it once to a server, then hand it every moment. Nodes are made once; from then on only what changed is sent: of
-    a hexapod with 24 muscles some 12 kB a moment with every layer on, and no more as time goes on.
+    Build it once on a server, then update it every frame. Nodes are created once; afterwards only changes are sent: for
+    a hexapod with 24 muscles about 12 kB a frame with every layer on, which does not grow.
 
-    **Arguments:** `layers`, others than the usual ones, in the order in which they are built.
+    **Arguments:** `layers` instead of the usual ones, in the order in which they are built.
 
-    **Attributes:** `layers`; each has a `name` and can be switched with `shown`.
+    **Attributes:** `layers`; each has a `name` and a switch `shown`.
     """
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
@@ -43,11 +43,11 @@ class Scene:
             layer.build(server, session)
 
     def draggable(self) -> list[tuple[Any, np.ndarray]]:
-        """What of all layers can be taken hold of."""
+        """viser's handles of what can be dragged in all layers, and the geoms of their copies."""
         return [grip for layer in self.layers for grip in layer.draggable()]
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Show the present moment: all of it at once, or nothing where nothing has changed."""
+        """Show the present moment atomically; nothing is sent where nothing has changed."""
         active = [layer for layer in self.layers if layer.applies and layer.shown]
         moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), *map(id, active))
         if moment == self._drawn:
@@ -60,25 +60,25 @@ class Scene:
 
 KEYS = {
     "space": "play or pause",
-    "N": "one step",
+    "N": "one decision",
     "P": "push the body",
-    "drag": "turn the camera; on the ground, look around",
-    "right drag": "shift the camera",
-    "wheel": "nearer, farther",
-    "W A S D": "forwards, left, backwards, right",
-    "Q E": "down, up",
+    "drag": "turn the camera; when walking, look around",
+    "right drag": "move the camera sideways",
+    "wheel": "zoom",
+    "W A S D": "move forwards, left, backwards, right",
+    "Q E": "move down, up",
     "← → ↑ ↓": "turn the camera",
     "O": "camera: orbit",
     "G": "camera: walk on the ground, at eye height",
     "F": "camera: follow the body",
-    "1 2 …": "camera: the model's own",
+    "1 2 …": "camera: those of the model",
     "Ctrl K": "search all commands",
     "?": "this list",
 }
 
 
 def add_help(client: Any) -> None:
-    """Show the list of keys to a browser on `?`, and by a button in the open container."""
+    """Show a browser the list of keys on `?`, and by a button in the open container."""
     rows = "\n".join(f"| `{key}` | {said} |" for key, said in KEYS.items())
 
     def show(_: Any) -> None:
@@ -86,17 +86,16 @@ def add_help(client: Any) -> None:
             client.gui.add_markdown(f"| key | what it does |\n|---|---|\n{rows}")
             client.gui.add_button("Close").on_click(lambda _: modal.close())
 
-    # viser's type lists no "?", its browser side knows it: the character typed, which takes shift on most keyboards
+    # missing in viser's type, but its client knows it: the character typed, which takes shift on most keyboards
     hotkey: Any = "?"
     client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard").on_trigger(show)
     client.gui.add_button("Keys (?)", icon="keyboard").on_click(show)
 
 
 class View:
-    """Cameras for every browser by itself, and switches of the scene's layers for all.
+    """The tab "View": cameras for each browser, and switches of the scene's layers for all.
 
-    **Arguments:** `scene`, built before; `keys`, of other parts of the page, with what they do, for the list on `?`;
-    `ground_at`, as of `Cameras`.
+    **Arguments:** `scene`, already built; `ground_at`, as of `Cameras`.
 
     **Attributes:** `cameras`; `title` and `icon` of the tab.
     """
@@ -109,7 +108,7 @@ class View:
         self.cameras = Cameras(ground_at)
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Add the elements, in the container that is open."""
+        """Add the elements to the open container."""
         self.cameras.build(server, session)
         with server.gui.add_folder("Show"):
             for layer in self._scene.layers:

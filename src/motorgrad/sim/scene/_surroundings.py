@@ -1,4 +1,4 @@
-"""Sky and light."""
+"""Surroundings: the ground, textured so that distances can be judged, sky and light."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -12,21 +12,21 @@ import trimesh
 import viser
 from scipy.ndimage import zoom
 
-from motorgrad.sim.film import geom_colours, nice_step, visible_geoms
+from motorgrad.sim.film import geom_colours, height_grid, nice_step, visible_geoms
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import quaternions_from_matrices, textured_glb
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._pose import Pose
 
-REACH = 250.0  # m from the middle to the edge of an endless plane, which follows the body
-MOST = 250_000  # points of a height field that are drawn; of a finer one every second, third, … row and column
+REACH = 250.0  # m from the middle to the edge of an infinite plane, which follows the body
+MOST = 250_000  # points of a height field that are drawn; of a finer one, every second, third, … row and column
 PIXELS = 512
 
 
 class Ground(Layer):
-    """Every plane of the world as a tiled floor, every height field as hills with lines of equal height.
+    """Draws every plane of the world as a tiled floor and every height field as hills with contour lines.
 
-    An endless plane is a large square that is moved on by whole tiles as the body goes far.
+    An infinite plane is a large square that moves by whole tiles as the body goes far.
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -55,7 +55,7 @@ class Ground(Layer):
                 server.scene.add_glb(f"/ground/{geom}", content, **where)
 
     def draw(self, pose: Pose) -> None:
-        """Move endless planes on, when the body has gone some way."""
+        """Move infinite planes with the body."""
         for handle, place, turn, tile in self._endless:
             leap = 16 * tile
             steps = np.round((pose.centre - place) @ turn[:, :2] / leap)
@@ -63,8 +63,7 @@ class Ground(Layer):
 
 
 def floor_glb(half: np.ndarray, tile: float, rgb: np.ndarray) -> bytes:
-    """A rectangle as GLB, of `half` its sides in m, with tiles of `tile` m in ten by ten squares."""
-
+    """A rectangle as GLB, of half sides `half` in m, with tiles of `tile` m in ten by ten squares."""
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
     mesh = trimesh.Trimesh(np.c_[corners, np.zeros(4)], [(0, 1, 2), (0, 2, 3)], process=False)
     return textured_glb(mesh, corners / tile, floor_tile(rgb))
@@ -73,7 +72,7 @@ def floor_glb(half: np.ndarray, tile: float, rgb: np.ndarray) -> bytes:
 def floor_tile(rgb: np.ndarray) -> np.ndarray:
     """One tile of the floor `(n, n, 3)` in [0, 1]: a fine grain, ten squares a side, a line around."""
     grain = np.random.default_rng(0).normal(size=(PIXELS, PIXELS))
-    for axis in (0, 1):  # a little smoother than noise; wraps around, so that tiles join
+    for axis in (0, 1):  # slightly smoother than noise; wraps around, so that tiles join
         grain = grain + np.roll(grain, 1, axis) + np.roll(grain, -1, axis)
     grain /= grain.std()
     square = np.arange(PIXELS) * 10 // PIXELS
@@ -85,12 +84,9 @@ def floor_tile(rgb: np.ndarray) -> np.ndarray:
 
 
 def height_field_glb(model: mujoco.MjModel, field: int, rgb: np.ndarray) -> bytes:
-    """A height field as GLB in its geom's axes, its texture baked: lines of equal height, and paler where higher."""
-
-    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
-    wide, deep, tall, _ = model.hfield_size[field]
-    first = model.hfield_adr[field]
-    grid = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    """A height field as GLB in its geom's axes; its baked texture has contour lines and is paler where higher."""
+    grid, (wide, deep, tall, _) = height_grid(model, field), model.hfield_size[field]
+    rows, columns = grid.shape
     stride = int(np.ceil(np.sqrt(rows * columns / MOST)))
     row, column = (np.unique(np.append(np.arange(0, n, stride), n - 1)) for n in (rows, columns))
     v, u = row / (rows - 1), column / (columns - 1)
@@ -105,8 +101,7 @@ def height_field_glb(model: mujoco.MjModel, field: int, rgb: np.ndarray) -> byte
 
 
 def _contoured(height: np.ndarray, tall: float, rgb: np.ndarray, aspect: float) -> np.ndarray:
-    """The picture of a height field `(n, m, 3)`, first row at the top of the picture as textures have it."""
-
+    """The texture of a height field `(n, m, 3)`, its first row at the top of the picture, as in textures."""
     across = int(np.clip(2048 * min(1, aspect), 256, 2048))
     down = int(np.clip(across / aspect, 256, 2048))
     fine: Any = zoom(
@@ -124,12 +119,12 @@ def _contoured(height: np.ndarray, tall: float, rgb: np.ndarray, aspect: float) 
 
 ZENITH, HORIZON = np.array([0.30, 0.50, 0.76]), np.array([0.84, 0.89, 0.93])
 """Colours of the sky, sRGB."""
-FAR, SHARE = 500.0, 0.5  # m, radius of the dome: half of how far browsers draw, which is 1,000 m at first
-SUN = (-0.45, -0.65, 1.0)  # where it stands
+FAR, SHARE = 500.0, 0.5  # radius of the dome in m, and as a share of the browser's drawing distance, initially 1,000 m
+SUN = (-0.45, -0.65, 1.0)  # direction of the sun
 
 
 class Sky(Layer):
-    """A dome that is paler towards the horizon, a sun that throws shadows, and light from all sides."""
+    """Draws a dome that is paler towards the horizon, a sun that casts shadows, and ambient light."""
 
     name = "Shadows"
 
@@ -147,7 +142,9 @@ class Sky(Layer):
         )
 
     def draw(self, pose: Pose) -> None:
-        """Let the dome be within what all browsers draw, and beyond what they see: a large planet has them see far."""
+        """Keep the dome within the drawing distance of all browsers but beyond what they see, which for a large planet
+        is far.
+        """
         clients = self._server.get_clients().values()
         far = SHARE * min((client.camera.far for client in clients), default=FAR / SHARE)
         if far > 0 and far != self._far:
@@ -160,8 +157,7 @@ class Sky(Layer):
 
 
 def sky_glb() -> bytes:
-    """The sky as GLB: a sphere seen from inside, which shines by itself."""
-
+    """The sky as GLB: a sphere seen from inside, which glows by itself."""
     sphere: Any = trimesh.creation.uv_sphere(FAR, count=(24, 32))
     sphere.invert()
     rise = np.clip(sphere.vertices[:, 2] / FAR, -0.1, 1)
