@@ -9,9 +9,9 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import viser
@@ -65,7 +65,10 @@ class FilmRecorder:
         check(math.isfinite(fps) and 0 < fps <= 120, "fps", fps, "above 0, at most 120")
         check_picture([], width, height, None)
         self._session, self._fps, self._size = session, fps, (width, height)
-        self._make = painting_of(session)
+        painting = painting_of(session)
+        if painting is None:
+            raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
+        self._painting = painting
         self.frames = self.painted = 0
         self.busy = 0.0
         self._stop = threading.Event()
@@ -89,7 +92,7 @@ class FilmRecorder:
     def _run(self) -> None:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            painting = self._make(*self._size, self._session.snapshot())
+            painting = self._painting(self._session, *self._size, self._session.snapshot())
             try:
                 first = painting.paint(self._session.snapshot())
                 size = (first.shape[1], first.shape[0])
@@ -118,12 +121,14 @@ class FilmRecorder:
             self._stop.wait(max(0.0, begin + self.frames / self._fps - time.monotonic()))
 
 
-class Painting:
-    """Pictures of a session's moments: `paint` makes one, `close` frees resources. Use it from one thread only."""
+class Painting(Protocol):
+    """Paints pictures of a session's moments. Use it from one thread only."""
+
+    def __init__(self, session: Session, width: int, height: int, snapshot: Snapshot) -> None: ...
 
     def paint(self, snapshot: Snapshot) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8."""
-        raise NotImplementedError
+        ...
 
     def close(self) -> None:
         """Free the resources of the graphics driver."""
@@ -176,24 +181,14 @@ class _Plane(Painting):
         return caption(self._canvas, self._session.name, f"{snapshot.decision:,}")
 
 
-def painting_of(session: Session) -> Callable[[int, int, Snapshot], Painting]:
-    """A function that makes the painting of a session, from width, height and its present moment. **Raises**
-    `ValueError` without one.
-    """
+def painting_of(session: Session) -> type[Painting] | None:
+    """What paints a session: its bodies, or the plane of a particle with local units; None for any other."""
     if session.model is not None:
-        return lambda width, height, now: _Bodies(session, width, height, now)
-    if not can_be_filmed(session):
-        raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
-    return lambda width, height, now: _Plane(session, width, height, now)
-
-
-def can_be_filmed(session: Session) -> bool:
-    """Whether there is a body, or a particle with local units."""
-    if session.model is not None:
-        return True
+        return _Bodies
     if session.agent is None:
-        return False
-    return has_local_units(session.task, SnapshotPolicy(session).of(session.snapshot().parameters[0]))
+        return None
+    policy = SnapshotPolicy(session).of(session.snapshot().parameters[0])
+    return _Plane if has_local_units(session.task, policy) else None
 
 
 LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
@@ -241,7 +236,7 @@ class CapturePanel(Panel):
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._scene: SceneRecording | None = None
         self._said = gui.add_html("")
-        if can_be_filmed(self.session):
+        if painting_of(self.session) is not None:
             self._size = gui.add_dropdown("Film size", SIZES, initial_value=SIZES[0], hint=f"{FPS:g} frames a second.")
             self._film_button = gui.add_button(FILM[0], icon="video")
             self._film_button.on_click(self.guarded(self._toggle_film))

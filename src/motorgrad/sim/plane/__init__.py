@@ -13,10 +13,11 @@ from motorgrad.sim.plane._drawing import (
     shapes_of,
 )
 from motorgrad.sim.plane._learning_film import Course, film_learning
-from motorgrad.sim.plane._picture import PlanePicture
+from motorgrad.sim.plane._picture import Animation, PlanePicture
 from motorgrad.sim.plane._trajectories import occupancy, trajectories
 
 __all__ = [
+    "Animation",
     "Course",
     "DrawnPaths",
     "DrawnUnits",

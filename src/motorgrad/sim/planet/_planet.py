@@ -76,7 +76,7 @@ class Patch:
         return found[:, 2].reshape(x.shape)
 
     def add(self, spec: mujoco.MjSpec, like: mujoco.MjsGeom) -> None:
-        """Add the height field to a model, on a body that can be moved; its contacts are as those of the geom `like`."""
+        """Add the height field to a model, on a body that can be moved; its contacts are like those of geom `like`."""
         low, high = self.bounds
         count = len(self.axis)
         field = spec.add_hfield(name=FIELD, nrow=count, ncol=count, userdata=np.zeros(count * count).tolist())
@@ -106,6 +106,18 @@ MOST_POINTS = 250_000  # of the patch
 LEAST_TRIANGLES = 20_000
 
 
+def _check_positive(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
+
+
+def _check_whole(settings: object, name: str, least: int) -> None:
+    value = getattr(settings, name)
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    check(whole and least <= value < 2**63, name, value, f"a whole number >= {least:,}")
+
+
 @dataclasses.dataclass(frozen=True)
 class Detail:
     """The level of detail of a planet, and its budget.
@@ -126,13 +138,9 @@ class Detail:
     cache: int = 400
 
     def __post_init__(self) -> None:
-        for name in ("tolerance", "milliseconds"):
-            value = getattr(self, name)
-            check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
+        _check_positive(self, "tolerance", "milliseconds")
         for name, least in (("triangles", LEAST_TRIANGLES), ("changes", 1), ("cache", 0)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool)
-            check(whole and value >= least, name, value, f"a whole number >= {least:,}")
+            _check_whole(self, name, least)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,14 +193,11 @@ class Planet:
         check(right, "radii", radii, f"three lengths from {SMALLEST:g} to {LARGEST:,.0f} m")
         object.__setattr__(self, "radii", radii)
         choice("kind", self.kind, get_args(Kind))
-        for name in ("spacing", "patch", "cell"):
-            value = getattr(self, name)
-            check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
+        _check_positive(self, "spacing", "patch", "cell")
         for name in ("height", "clearing"):
             value = getattr(self, name)
             check(math.isfinite(value) and value >= 0.0, name, value, "a finite number >= 0")
-        whole = isinstance(self.seed, int) and not isinstance(self.seed, bool)
-        check(whole and 0 <= self.seed < 2**63, "seed", self.seed, "a whole number >= 0")
+        _check_whole(self, "seed", 0)
         check(-90.0 <= self.latitude <= 90.0, "latitude", self.latitude, "from -90 to 90 degrees")
         for name in ("longitude", "heading"):
             value = getattr(self, name)

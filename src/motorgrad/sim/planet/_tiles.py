@@ -3,7 +3,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
 
-import io
 from typing import NamedTuple
 
 import numpy as np
@@ -219,6 +218,4 @@ def tile_glb(tile: Tile) -> bytes:
     mesh.visual = trimesh.visual.TextureVisuals(material=material)
     opaque = np.full(len(tile.colours), 255, np.uint8)
     mesh.visual.vertex_attributes["color"] = np.c_[tile.colours, opaque]
-    with io.BytesIO() as file:
-        mesh.export(file, file_type="glb", include_normals=True)
-        return file.getvalue()
+    return mesh.export(file_type="glb", include_normals=True)  # type: ignore[return-value]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import io
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,6 +108,4 @@ def textured_glb(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool 
         colour = {"baseColorFactor": [0, 0, 0, 255], "emissiveTexture": image, "emissiveFactor": [1.0, 1.0, 1.0]}
     material = PBRMaterial(**colour, metallicFactor=0.0, roughnessFactor=0.95)
     mesh.visual = TextureVisuals(uv=uv, material=material)
-    with io.BytesIO() as file:
-        mesh.export(file, file_type="glb")
-        return file.getvalue()
+    return mesh.export(file_type="glb")

@@ -11,7 +11,7 @@ import trimesh
 import viser
 
 from motorgrad.sim.live import Session, SnapshotPolicy
-from motorgrad.sim.plane import direction_colours, draw_reward, shapes_of
+from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
 from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
@@ -60,15 +60,12 @@ class Board:
         return textured_glb(mesh, (corners / self.half + 1) / 2, self._picture(task), glows=True)
 
     def _picture(self, task: Any) -> np.ndarray:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         sides = 2 * self.half / self.half.max() / 2
         figure = Figure(figsize=tuple(PIXELS * sides / 100), dpi=100, facecolor="white")
-        canvas = FigureCanvasAgg(figure)
         draw_reward(figure.add_axes((0.0, 0.0, 1.0, 1.0)), task)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3] / 255
+        return Animation(figure, ()).pixels / 255
 
 
 FLOOR = np.array([0.74, 0.77, 0.77])
