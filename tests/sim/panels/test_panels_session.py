@@ -10,7 +10,7 @@ import viser
 from panel_studio import until
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
-from motorgrad.sim.live import Edit, Pause, SnapshotPolicy, Trail
+from motorgrad.sim.live import Edit, Pause, Trail
 from motorgrad.sim.panels import Panels
 from motorgrad.sim.panels._gait import GaitReader, is_hexapod
 from motorgrad.sim.panels._panel import csv_of
@@ -63,12 +63,12 @@ def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping
 
 
 def test_the_policy_on_the_page_is_the_one_that_acts(hopping):
-    present, snapshot = SnapshotPolicy(hopping), hopping.snapshot()
-    policy = present.of(snapshot.parameters[0])
+    snapshot = hopping.snapshot()
+    policy = hopping.policy(snapshot.parameters[0])
     seen = np.asarray(snapshot.observation[0], np.float32)
     np.testing.assert_allclose(policy.prob(seen), snapshot.probability[0], atol=1e-5)
     assert weights_of(policy).shape == (2, 4)
-    assert present.of(snapshot.parameters[0][:-1]) is None
+    assert hopping.policy(snapshot.parameters[0][:-1]) is None
 
 
 def test_nothing_is_drawn_for_nobody(server, hopping):

@@ -26,7 +26,6 @@ from motorgrad.sim.live._messages import (
     Step,
     Thaw,
 )
-from motorgrad.sim.live._policy import SnapshotPolicy
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import BODIES, Camera, Setup, Stage, acting, is_path, setup_of
 from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
@@ -52,7 +51,6 @@ __all__ = [
     "Session",
     "Setup",
     "Snapshot",
-    "SnapshotPolicy",
     "Speed",
     "Stage",
     "Step",

@@ -1,6 +1,6 @@
-"""Messages between a page and the process of its run: orders to the run, and what the run replies.
+"""The protocol of a run: its subject, the orders that a page can give it, and what it replies.
 
-An order checks its own values when it is made, and its names against the session before it is sent. An intervention
+An order checks its own values when it is made, and its names against the `Session` before it is sent. An intervention
 also knows how to change the subject, so a new one is one class here.
 """
 
@@ -10,26 +10,100 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.sim.live._snapshot import Sizes
-
-if TYPE_CHECKING:
-    from motorgrad.sim.live._session import Session
-    from motorgrad.sim.live._subject import Subject
+from motorgrad.sim.live._snapshot import Look, Sizes, Tally
 
 SLOWEST = 0.05
 STRONGEST = 1e6  # N
 
 
+class Ready(NamedTuple):
+    """The first reply of a worker: array sizes, the period of a decision in s, the settings, and names."""
+
+    sizes: Sizes
+    period: float
+    settings: dict[str, float]
+    observations: list[str]
+    actions: list[str]
+    muscles: list[str]
+    feet: list[str]
+    readings: list[str]
+
+
+class Subject(Protocol):
+    """What a run simulates: a learner (`Learner`) or a bare model (`BareModel`).
+
+    - `decision`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
+    - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
+    """
+
+    frozen: bool
+    settings: dict[str, float]
+
+    @property
+    def decision(self) -> int: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def fields(self) -> dict[str, np.ndarray]: ...
+
+    def about(self) -> Ready:
+        """Array sizes, settings and names."""
+        ...
+
+    def skip(self, decisions: int) -> None:
+        """Make decisions without sampling them."""
+
+    def step(self) -> Look:
+        """Make one decision and sample it."""
+        ...
+
+    def look(self) -> Look:
+        """Sample the present moment; rewards and gradients are those of the last decision sampled."""
+        ...
+
+    def tally(self) -> Tally:
+        """Return the means since the last call, and begin new ones."""
+        ...
+
+    @property
+    def state(self) -> Any:
+        """Everything that the future depends on, copied."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Restore a state."""
+
+    def begin_again(self) -> None:
+        """Return to the start, keeping edits."""
+
+    def edit(self, name: str, value: float) -> None:
+        """Change one of `settings`. **Raises** `ValueError` for a value out of range, and then changes nothing."""
+
+    def freeze(self, on: bool) -> None: ...
+
+    def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None: ...
+
+    def compare(self, on: bool) -> None: ...
+
+    def save(self, path: str) -> None: ...
+
+    def load(self, path: str, seed: int | None) -> None: ...
+
+    def control(self, actuator: int, value: float) -> None: ...
+
+
 class Order:
     """A request to a run."""
 
-    def check(self, session: Session) -> None:
-        """Refuse an order that this session cannot carry out. **Raises** `ValueError`."""
+    def check(self, session: Any) -> None:
+        """Refuse an order that this `Session` cannot carry out. **Raises** `ValueError`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +151,7 @@ class Scrub(Order):
     def __post_init__(self) -> None:
         check(isinstance(self.decision, int) and self.decision >= 0, "decision", self.decision, "a whole number from 0")
 
-    def check(self, session: Session) -> None:
+    def check(self, session: Any) -> None:
         now = session.snapshot()
         fits = now.oldest <= self.decision <= now.newest
         check(fits, "decision", self.decision, f"from {now.oldest:,} to {now.newest:,}")
@@ -122,7 +196,7 @@ class Push(Intervention):
         check(valid, "force", self.force, f"three numbers in N, each at most {STRONGEST:g}")
         check(0 < self.seconds <= 60, "seconds", self.seconds, "above 0, at most 60")
 
-    def check(self, session: Session) -> None:
+    def check(self, session: Any) -> None:
         model = session.model
         names = [] if model is None else [model.body(i).name for i in range(1, model.nbody)]
         if self.body not in names:
@@ -143,7 +217,7 @@ class Edit(Intervention):
     def __post_init__(self) -> None:
         check(math.isfinite(self.value), self.name, self.value, "a finite number")
 
-    def check(self, session: Session) -> None:
+    def check(self, session: Any) -> None:
         if self.name not in session.settings:
             raise unknown("setting", self.name, session.settings)
 
@@ -209,26 +283,13 @@ class Control(Intervention):
     def __post_init__(self) -> None:
         check(math.isfinite(self.value), "control", self.value, "a finite number")
 
-    def check(self, session: Session) -> None:
+    def check(self, session: Any) -> None:
         known = 0 <= self.actuator < len(session.muscles) and session.task is None
         check(known, "actuator", self.actuator, f"one of the {len(session.muscles)} of a model without a learner")
 
     def apply(self, subject: Subject) -> str:
         subject.control(self.actuator, self.value)
         return ""
-
-
-class Ready(NamedTuple):
-    """The first reply of a worker: array sizes, the period of a decision in s, the settings, and names."""
-
-    sizes: Sizes
-    period: float
-    settings: dict[str, float]
-    observations: list[str]
-    actions: list[str]
-    muscles: list[str]
-    feet: list[str]
-    readings: list[str]
 
 
 class Event(NamedTuple):

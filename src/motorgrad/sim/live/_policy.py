@@ -1,4 +1,4 @@
-"""Policies of a live run: exploration on a dial, policies in files, and the policy at a snapshot."""
+"""Policies of a live run: exploration as one number, and policies in files and runs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import dataclasses
 import json
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.policies import (
@@ -24,12 +22,8 @@ from motorgrad.policies import (
     Softmax,
     SoftSpheres,
     describe,
-    split,
 )
 from motorgrad.training import Run, load
-
-if TYPE_CHECKING:
-    from motorgrad.sim.live._session import Session
 
 STRUCTURE = "structure"  # the entry of a file that describes the policy
 
@@ -149,27 +143,3 @@ def _check_structure(where: Any, found: Any, shape: Policy) -> None:
 def _short(description: Any) -> str:
     parts = [f"{name} {value}" for name, value in description.items() if isinstance(value, str) and name != "kind"]
     return f"{description['kind'].rsplit('.', 1)[-1]}({', '.join(parts)})"
-
-
-class SnapshotPolicy:
-    """Rebuilds the policy of a session from the flat parameters of a snapshot.
-
-    Parameters that are not trained are those of the policy with which the run began.
-    """
-
-    def __init__(self, session: Session) -> None:
-        assert session.agent is not None
-        initial = session.setup.initial
-        if initial is None:
-            whole = session.agent.init(jax.random.key(session.setup.seed)).policy
-        else:
-            whole = jax.tree.map(lambda leaf: leaf[0], initial)
-        trained, self._fixed = split(whole)
-        flat, self._unravel = ravel_pytree(trained)
-        self._size = flat.size
-
-    def of(self, parameters: np.ndarray) -> Policy | None:
-        """The policy with these parameters `(parameters,)`; None where it has grown since the run began."""
-        if parameters.shape != (self._size,):
-            return None
-        return eqx.combine(self._unravel(jnp.asarray(parameters, jnp.result_type(float))), self._fixed)

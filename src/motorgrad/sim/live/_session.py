@@ -2,6 +2,7 @@
 
 import atexit
 import contextlib
+import functools
 import multiprocessing
 import sys
 import threading
@@ -12,9 +13,13 @@ from collections.abc import Iterator
 from typing import Any, Self
 
 import cloudpickle
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
+from motorgrad.policies import Policy, split
 from motorgrad.sim.live._messages import Event, Order, Ready, Reply
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
@@ -32,7 +37,7 @@ class Session:
     **Attributes:**
 
     - `model`: the `mujoco.MjModel` of the body in view, with edits of muscles applied; None for worlds in JAX.
-    - `task`, `agent`, `policy_shape` (shapes of one seed's policy): None for a model without a learner.
+    - `task`, `agent`: None for a model without a learner.
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
     - `period`: simulated seconds of a decision.
     - `settings`: what `Edit` can change, by name, with its present value.
@@ -44,9 +49,6 @@ class Session:
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0):
         self.setup, self.name = setup, setup.name
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
-        self.policy_shape: Any = None
-        if setup.agent is not None:
-            self.policy_shape = jax.eval_shape(setup.agent.init, jax.random.key(0)).policy
         self._events: deque[Event] = deque(maxlen=KEPT)
         self.log: deque[Event] = deque(maxlen=KEPT)
         self._ended = threading.Event()
@@ -78,6 +80,32 @@ class Session:
         values |= {name: int(found[name]) for name in COUNTS}
         values |= {name: bool(found[name]) for name in ("playing", "frozen")}
         return Snapshot(**values, seconds=float(found["seconds"]), speed=float(found["speed"]))
+
+    def policy(self, parameters: np.ndarray) -> Policy | None:
+        """The policy with the flat `parameters` of a snapshot.
+
+        Parameters that are not trained are those with which the run began. None where there is no learner, or where the
+        policy has grown since then.
+        """
+        if self.agent is None:
+            return None
+        size, unravel, fixed = self._structure
+        if parameters.shape != (size,):
+            return None
+        return eqx.combine(unravel(jnp.asarray(parameters, jnp.result_type(float))), fixed)
+
+    @functools.cached_property
+    def _structure(self) -> tuple[int, Any, Any]:
+        """Of the policy: the number of trained parameters, the function that shapes them, and everything else."""
+        assert self.agent is not None
+        initial = self.setup.initial
+        if initial is None:
+            whole = self.agent.init(jax.random.key(self.setup.seed)).policy
+        else:
+            whole = jax.tree.map(lambda leaf: leaf[0], initial)
+        trained, fixed = split(whole)
+        flat, unravel = ravel_pytree(trained)
+        return flat.size, unravel, fixed
 
     def trail(self) -> Trail:
         """The last decisions, oldest first."""

@@ -8,6 +8,7 @@ from multiprocessing.connection import Connection
 import cloudpickle
 import numpy as np
 
+from motorgrad.sim.live._bare_model import BareModel
 from motorgrad.sim.live._learner import Learner
 from motorgrad.sim.live._messages import (
     Event,
@@ -21,11 +22,11 @@ from motorgrad.sim.live._messages import (
     Scrub,
     Speed,
     Step,
+    Subject,
 )
 from motorgrad.sim.live._playback import SLICE, STRETCH, History, Pace, SamplingBudget
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Look, SharedArrays, TrailRecorder, layout
-from motorgrad.sim.live._subject import BareModel, Subject
 
 FRAME = 1 / 30  # s of wall time between two snapshots
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept

@@ -20,7 +20,7 @@ from PIL import Image
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.sim.film import GAP, Painter, caption, check_picture, output_path, write_mp4
-from motorgrad.sim.live import BODY_LABELS, Session, Snapshot, SnapshotPolicy
+from motorgrad.sim.live import BODY_LABELS, Session, Snapshot
 from motorgrad.sim.panels._panel import Panel, brief, notify, send, table
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
@@ -166,14 +166,14 @@ class _Plane(Painting):
     """Pictures of a particle's plane with the units of its policy."""
 
     def __init__(self, session: Session, width: int, height: int, snapshot: Snapshot) -> None:
-        self._session, self._policy = session, SnapshotPolicy(session)
+        self._session = session
         side = min(width, height)
-        self._picture = PlanePicture(session.task, self._policy.of(snapshot.parameters[0]), side)
+        self._picture = PlanePicture(session.task, session.policy(snapshot.parameters[0]), side)
         self._canvas = np.full((height, width, 3), 255, np.uint8)
         self._corner = (height - side) // 2, (width - side) // 2
 
     def paint(self, snapshot: Snapshot) -> np.ndarray:
-        policy = self._policy.of(snapshot.parameters[0])
+        policy = self._session.policy(snapshot.parameters[0])
         if policy is not None:
             drawn = self._picture.paint(policy, self._session.trail().position[:, :2])
             top, left = self._corner
@@ -185,9 +185,7 @@ def painting_of(session: Session) -> type[Painting] | None:
     """What paints a session: its bodies, or the plane of a particle with local units; None for any other."""
     if session.model is not None:
         return _Bodies
-    if session.agent is None:
-        return None
-    policy = SnapshotPolicy(session).of(session.snapshot().parameters[0])
+    policy = session.policy(session.snapshot().parameters[0])
     return _Plane if has_local_units(session.task, policy) else None
 
 

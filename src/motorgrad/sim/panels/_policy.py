@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.sim.live import Session, Snapshot, SnapshotPolicy
+from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._panel import Numbers, Panel, columns_of
 from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, draw_portrait, limits_of, weights_of
 from motorgrad.sim.plane import PlanePicture, has_local_units
@@ -29,8 +29,8 @@ class PolicyPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
-        self._policy, self._field = SnapshotPolicy(session), Field()
-        policy = self._policy.of(session.snapshot().parameters[0])
+        self._field = Field()
+        policy = session.policy(session.snapshot().parameters[0])
         units, senses = (*session.actions,), (*session.observations,)
         self._units = None
         if has_local_units(session.task, policy):
@@ -55,7 +55,7 @@ class PolicyPanel(Panel):
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        policy = self._policy.of(snapshot.parameters[0])
+        policy = self.session.policy(snapshot.parameters[0])
         trail = self.session.trail()
         if self._arrows is not None and policy is not None:
             self._show_weights(weights_of(policy), snapshot.probability[0])

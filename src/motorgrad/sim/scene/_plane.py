@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 import viser
 
-from motorgrad.sim.live import Session, SnapshotPolicy
+from motorgrad.sim.live import Session
 from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
 from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
 from motorgrad.sim.scene._layer import Layer, MeshPool
@@ -136,8 +136,7 @@ class PlaneUnits(Layer):
         if not _is_particle(session) or session.agent is None:
             return
 
-        self._policy = SnapshotPolicy(session)
-        policy = self._policy.of(session.snapshot().parameters[0])
+        self._session, policy = session, session.policy(session.snapshot().parameters[0])
         try:
             shapes_of(policy)  # type: ignore[arg-type]
         except ValueError:  # units without a centre in the plane
@@ -169,7 +168,7 @@ class PlaneUnits(Layer):
 
     def _look(self, parameters: np.ndarray) -> None:
         """Update the positions of the units."""
-        policy = self._policy.of(parameters)
+        policy = self._session.policy(parameters)
         if policy is None:
             return
         shapes = shapes_of(policy)

@@ -1,9 +1,9 @@
-"""The subjects of a run: the interface that a worker drives, and a bare MuJoCo model that satisfies it."""
+"""A bare MuJoCo model as the subject of a run, driven by controls that are set by hand."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
 
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,72 +14,6 @@ from motorgrad.sim.live._body import check_number, muscle_fields, muscle_numbers
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import Look, Sizes, Tally
-
-
-class Subject(Protocol):
-    """What a worker runs: a learner (`Learner`) or a bare model (`BareModel`).
-
-    - `decision`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
-    - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
-    """
-
-    frozen: bool
-    settings: dict[str, float]
-
-    @property
-    def decision(self) -> int: ...
-
-    @property
-    def period(self) -> float: ...
-
-    @property
-    def fields(self) -> dict[str, np.ndarray]: ...
-
-    def about(self) -> Ready:
-        """Array sizes, settings and names."""
-        ...
-
-    def skip(self, decisions: int) -> None:
-        """Make decisions without sampling them."""
-
-    def step(self) -> Look:
-        """Make one decision and sample it."""
-        ...
-
-    def look(self) -> Look:
-        """Sample the present moment; rewards and gradients are those of the last decision sampled."""
-        ...
-
-    def tally(self) -> Tally:
-        """Return the means since the last call, and begin new ones."""
-        ...
-
-    @property
-    def state(self) -> Any:
-        """Everything that the future depends on, copied."""
-        ...
-
-    def restore(self, state: Any) -> None:
-        """Restore a state."""
-
-    def begin_again(self) -> None:
-        """Return to the start, keeping edits."""
-
-    def edit(self, name: str, value: float) -> None:
-        """Change one of `settings`. **Raises** `ValueError` for a value out of range, and then changes nothing."""
-
-    def freeze(self, on: bool) -> None: ...
-
-    def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None: ...
-
-    def compare(self, on: bool) -> None: ...
-
-    def save(self, path: str) -> None: ...
-
-    def load(self, path: str, seed: int | None) -> None: ...
-
-    def control(self, actuator: int, value: float) -> None: ...
-
 
 DECISION = 0.01  # s of simulated time, or one physics step where that is longer
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
