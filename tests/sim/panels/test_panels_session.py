@@ -123,7 +123,7 @@ def test_a_bare_models_muscles_are_driven_by_hand(server, legged):
     pose, snapshot = Pose(legged.model), legged.snapshot()
     pose.place(snapshot)
     muscles.show(snapshot, pose)
-    assert "75%" in muscles._said.content
+    assert "75%" in muscles._summary.content
 
 
 @pytest.fixture(scope="module")

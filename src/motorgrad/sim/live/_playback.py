@@ -88,7 +88,7 @@ class History:
     """Complete states in order of their decisions. The oldest are dropped when they become too many or too large.
 
     Random numbers are a function of the decision's number, so repeating decisions reproduces them bit for bit, unless
-    something was changed by hand in between: whoever changes something keeps a state at once.
+    something was changed by hand in between: after each such change a state is kept.
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES, most_states: int = MOST_STATES):

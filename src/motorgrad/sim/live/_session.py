@@ -179,16 +179,16 @@ class Session:
 
     def _first(self) -> Ready:
         """The worker's first reply."""
-        said: Any = None
+        reply: Any = None
         with contextlib.suppress(EOFError):
-            said = self._pipe.recv() if self._pipe.poll(START) else None
-        if isinstance(said, Ready):
-            return said
+            reply = self._pipe.recv() if self._pipe.poll(START) else None
+        if isinstance(reply, Ready):
+            return reply
         self._process.terminate()
         self._process.join()
         self._pipe.close()
-        if isinstance(said, Exception):
-            raise said
+        if isinstance(reply, Exception):
+            raise reply
         raise RuntimeError(f"{self.name}: the simulation did not start (exit status {self._process.exitcode})")
 
     def _await_first_snapshot(self) -> None:

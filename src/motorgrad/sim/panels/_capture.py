@@ -233,7 +233,7 @@ class CapturePanel(Panel):
         self._film: FilmRecorder | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._scene: SceneRecording | None = None
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         if painting_of(self.session) is not None:
             self._size = gui.add_dropdown("Film size", SIZES, initial_value=SIZES[0], hint=f"{FPS:g} frames a second.")
             self._film_button = gui.add_button(FILM[0], icon="video")
@@ -279,7 +279,7 @@ class CapturePanel(Panel):
         ]
         if film is not None and film.painted:
             rows.append(("time per frame", f"{brief(1e3 * film.busy / film.painted)} ms"))
-        self._said.content = table(rows)
+        self._summary.content = table(rows)
 
     def _toggle_film(self, event: Any) -> None:
         if self._film is None:

@@ -144,7 +144,7 @@ class GaitPanel(Panel):
         return is_hexapod(session.model) and {f"contact_{leg}" for leg in LEGS} <= set(session.feet)
 
     def fill(self, gui: Any) -> None:
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         self._diagram = gui.add_html("")
         self._reader = GaitReader(self.model, self.session.period, self.session.feet)
 
@@ -157,9 +157,9 @@ class GaitPanel(Panel):
         self._diagram.content = draw_footfall(trail.seconds, contact, names, first, self.session.period)
         gait = self._reader.gait(trail)
         if gait is None:
-            self._said.content = table([("gait", "unknown: too few decisions in a row")])
+            self._summary.content = table([("gait", "unknown: too few decisions in a row")])
             return
-        self._said.content = table(
+        self._summary.content = table(
             [
                 ("gait", str(gait.kind[0])),
                 ("speed", f"{brief(float(gait.speed[0]))} m/s"),

@@ -133,7 +133,7 @@ class MusclesPanel(Panel):
         session = self.session
         self._raster = gui.add_html("")
         self._which = gui.add_dropdown("Muscle", tuple(session.muscles), initial_value=session.muscles[0])
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         self._curve = gui.add_html("")
         self._range = _fresh()
         self._form = SettingsForm(self, "Settings of this muscle")
@@ -164,7 +164,7 @@ class MusclesPanel(Panel):
         activation = float(pose.activation[0, row])
         arms = [(f"moment arm, {arm.joint}", f"{brief(1e3 * arm.metres)} mm") for arm in law.moment_arms(data)[:ARMS]]
         unit = "m" if law.pulls else ""
-        self._said.content = table(
+        self._summary.content = table(
             [
                 ("activation", f"{activation:.0%}"),
                 ("length", f"{brief(length)} {unit}"),

@@ -48,10 +48,10 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
             labels.append(_label(start + along * (end - start), y + along * (v - y), brief(weight, 2), colour))
     nodes = [_node(4, y, wide[0], name, np.nan, name == "bias") for y, name in zip(left, senses, strict=True)]
     nodes += [_node(end, y, wide[1], name, float(p)) for y, name, p in zip(right, units, probability, strict=True)]
-    said = f"red: positive, blue: negative; the widest is {brief(largest, 2)}"
+    legend = f"red: positive, blue: negative; the widest is {brief(largest, 2)}"
     if weights.size > MOST:
-        said += f"; the {MOST} strongest of {weights.size:,}"
-    parts = [*arrows, *nodes, *labels, _charts.text(4, height + 9, said, extra='opacity=".75" font-size="9"')]
+        legend += f"; the {MOST} strongest of {weights.size:,}"
+    parts = [*arrows, *nodes, *labels, _charts.text(4, height + 9, legend, extra='opacity=".75" font-size="9"')]
     return _charts.document(_charts.WIDTH, height + 18, parts, "weights from observations to units")
 
 

@@ -153,7 +153,7 @@ class RunPanel(Panel):
     rate: ClassVar[float] = 8.0
 
     def fill(self, gui: Any) -> None:
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         buttons = gui.add_button_group(
             "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one decision."
         )
@@ -204,7 +204,7 @@ class RunPanel(Panel):
             ("decisions", f"{snapshot.decision:,}"),
             ("speed", f"{brief(snapshot.speed)}×" if snapshot.playing else "–"),
         ]
-        self._said.content = table(rows)
+        self._summary.content = table(rows)
         if time.monotonic() - self._touched > HELD:
             low = min(-self._step, (snapshot.oldest - snapshot.newest) * self.session.period)
             if not math.isclose(low, self._limits[0]):

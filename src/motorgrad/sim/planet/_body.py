@@ -197,7 +197,7 @@ def on_planet(task: T, planet: Planet) -> T:
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
     assert isinstance(task, BodyTask)
     kind: Any = type(task)
-    check(kind.batch is BodyTask.batch, "task", task.name, "a task on level ground, to be put on a planet")
+    check(kind.batch is BodyTask.batch, "task", task.name, "a task on level ground, to be moved to a planet")
     moved = OnPlanet(task.dynamics, planet)
     moved.spec()
 

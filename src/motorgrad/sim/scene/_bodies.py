@@ -233,7 +233,7 @@ class Labels(Layer):
         wanted = BODY_LABELS[: len(pose.bodies)] if len(pose.bodies) > 1 else ()
         while len(self._words) > len(wanted):
             self._words.pop().remove()
-        for said in wanted[len(self._words) :]:
-            self._words.append(self._scene.add_label(f"/labels/{said}", said, anchor="bottom-center"))
+        for label in wanted[len(self._words) :]:
+            self._words.append(self._scene.add_label(f"/labels/{label}", label, anchor="bottom-center"))
         for word, data, offset in zip(self._words, pose.bodies, pose.offset, strict=False):
             word.position = data.subtree_com[0] + offset + (0.0, 0.0, 0.55 * pose.size)

@@ -79,7 +79,7 @@ KEYS = {
 
 def add_help(client: Any) -> None:
     """Show a browser the list of keys on `?`, and by a button in the open container."""
-    rows = "\n".join(f"| `{key}` | {said} |" for key, said in KEYS.items())
+    rows = "\n".join(f"| `{key}` | {meaning} |" for key, meaning in KEYS.items())
 
     def show(_: Any) -> None:
         with client.gui.add_modal("Keys and mouse") as modal:
