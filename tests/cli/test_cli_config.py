@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from motorgrad._commands._help import descriptions
 
 import motorgrad as mg
-from motorgrad._commands._help import descriptions
 from motorgrad.cli import COMMANDS, main
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS

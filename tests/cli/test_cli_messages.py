@@ -5,9 +5,9 @@ import tomllib
 
 import numpy as np
 import pytest
+from motorgrad._commands._help import descriptions
 
 import motorgrad as mg
-from motorgrad._commands._help import descriptions
 from motorgrad._commands._shared import in_words, summary
 from motorgrad._settings import as_hinted, default_of, fields_of
 from motorgrad.cli import main

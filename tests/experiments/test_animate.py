@@ -210,7 +210,7 @@ def test_runs_that_cannot_be_filmed(tmp_path):
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"decision": np.array([0, 400, 300])}, "decision = .*: must be rising"),
+    ({"decision": np.array([0, 400, 300])}, "decision = .*: must be increasing"),
     ({"reward": np.zeros((2, 4))}, r"reward = \(2, 4\): must be of shape \(learners, 3\)"),
     ({"units": np.zeros((1, 3))}, r"units = \(1, 3\): must be the reward's, \(2, 3\)"),
     ({"shown": 2}, "shown = 2: must be a row of the reward, from 0 to 1"),

@@ -9,7 +9,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from motorgrad.sim import Motion, film, gl_problem, still
+from motorgrad.sim import Motion, gl_problem, still, write_film
 
 
 def decode(path) -> tuple[str, np.ndarray]:
@@ -24,7 +24,7 @@ def decode(path) -> tuple[str, np.ndarray]:
 
 def test_a_film_decodes_to_its_frames(hop, renderer, tmp_path):
     done = []
-    made = film(
+    made = write_film(
         hop, tmp_path / "new" / "hop.mp4", width=320, height=240, renderer=renderer, progress=lambda *n: done.append(n)
     )
     about, frames = decode(made.path)
@@ -47,7 +47,7 @@ def test_a_film_decodes_to_its_frames(hop, renderer, tmp_path):
 
 def test_before_and_after_side_by_side(hop, tmp_path):
     quiet = Motion(hop.model, hop.time[:11], hop.position[:11] * 0.5, hop.activation[:11] * 0, "before learning")
-    made = film([quiet, hop], tmp_path / "both.mp4", width=160, height=120, renderer="drawn", fps=25, speed=0.5)
+    made = write_film([quiet, hop], tmp_path / "both.mp4", width=160, height=120, renderer="drawn", fps=25, speed=0.5)
     _, frames = decode(made.path)
     assert len(frames) == made.frames == 26  # half a second at half speed
     assert frames.shape[1:] == (120, 324, 3)
@@ -90,7 +90,7 @@ def test_nothing_leaves_the_frame(hop, renderer):
 def test_speed_and_rate_interpolate_rotations(tmp_path):
     import mujoco
 
-    from motorgrad.sim._motion import resample
+    from motorgrad.sim.film._motion import resample
 
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><freejoint/><geom size=".1 .2 .3" type="box"/></body></worldbody></mujoco>'
@@ -104,16 +104,16 @@ def test_speed_and_rate_interpolate_rotations(tmp_path):
 
 def test_without_gl_the_film_is_drawn_and_says_why(hop, tmp_path, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "off")
-    made = film(hop, tmp_path / "hop.mp4", width=64, height=64, fps=10)
+    made = write_film(hop, tmp_path / "hop.mp4", width=64, height=64, fps=10)
     assert made.renderer == "drawn"
     assert "MUJOCO_GL" in made.note
     assert "libegl1" in made.note
     with pytest.raises(RuntimeError, match="libegl1"):
-        film(hop, tmp_path / "hop.mp4", renderer="gl")
+        write_film(hop, tmp_path / "hop.mp4", renderer="gl")
 
 
 def test_a_broken_driver_is_a_reason_and_not_a_crash(monkeypatch):
-    from motorgrad.sim import _gl
+    from motorgrad.sim.film import _gl
 
     monkeypatch.setattr(_gl, "_PROBE", "import os; os.abort()")
     assert "failed" in _gl._problem.__wrapped__("glfw")
@@ -124,7 +124,7 @@ def test_an_interrupted_film_leaves_nothing(hop, tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        film(hop, tmp_path / "hop.mp4", width=64, height=64, renderer="drawn", progress=stop)
+        write_film(hop, tmp_path / "hop.mp4", width=64, height=64, renderer="drawn", progress=stop)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -151,7 +151,7 @@ def test_bad_settings_are_refused_before_work(hop, tmp_path, settings, message):
     motion = Motion(mujoco.MjModel.from_xml_string(xml), [0], [[0]], np.zeros((1, 0)))
     arguments = {"motions": motion, "path": tmp_path / "new" / "hop.mp4", **settings}
     with pytest.raises(ValueError, match=message):
-        film(**arguments)
+        write_film(**arguments)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,11 +3,11 @@
 import jax
 import numpy as np
 import pytest
+from motorgrad.training._body_stepper import BodyStepper
 from training_examples import assert_same, learner
 
 from motorgrad.learning import Exponential
 from motorgrad.training import train
-from motorgrad.training._body_stepper import BodyStepper
 
 SEEDS, HURT, OTHERS = [5, 2, 9], 1, [0, 2]
 BEFORE = 140  # beyond a block of random numbers

@@ -7,11 +7,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from matplotlib.axes import Axes
+from motorgrad.training._plot_curves import trailing_mean
+from motorgrad.training._plot_labels import folders_of, labels_of
 
 import motorgrad as mg
 from motorgrad.training import Run, learning_curves
-from motorgrad.training._plot_curves import trailing_mean
-from motorgrad.training._plot_labels import folders_of, labels_of
 
 TRAINED = {
     "chain": {"task": "chain", "steps": 60, "seeds": 5, "window": 10},

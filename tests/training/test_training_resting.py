@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from motorgrad.training._packing import LARGE, Packing
 from training_examples import assert_differ, assert_same
 
 from motorgrad._compiler import in_one_piece
@@ -27,7 +28,6 @@ from motorgrad.learning import (
 from motorgrad.policies import Hyperplanes, hyperplanes
 from motorgrad.tasks import Hopper
 from motorgrad.training import stepper_of
-from motorgrad.training._packing import LARGE, Packing
 
 IMPROVE, INTERVAL = 20, 15
 CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, interval=INTERVAL))

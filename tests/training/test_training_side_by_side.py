@@ -6,13 +6,13 @@ import time
 import jax
 import numpy as np
 import pytest
+from motorgrad.training._side_by_side import MOST, SideBySide
 from training_examples import assert_differ, assert_same, columns
 
 import motorgrad as mg
 from motorgrad._compiler import in_one_piece
 from motorgrad.tasks import Hopper
 from motorgrad.training import BodyStepper, settings_for
-from motorgrad.training._side_by_side import MOST, SideBySide
 
 SEEDS = [*range(20, 20 + MOST), 3]  # one more than an engine takes
 TASK = Hopper(time_limit=0.5)

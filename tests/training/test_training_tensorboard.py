@@ -8,10 +8,10 @@ import time
 
 import numpy as np
 import pytest
+from motorgrad.training._tensorboard import FILE, EventFiles, began
 
 import motorgrad as mg
 from motorgrad.training import _tensorboard, write_tensorboard
-from motorgrad.training._tensorboard import FILE, EventFiles, began
 
 INSTALLED = importlib.util.find_spec("tensorboard") is not None
 needs_tensorboard = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[tensorboard]")

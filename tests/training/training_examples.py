@@ -5,10 +5,10 @@ import functools
 import jax
 import numpy as np
 import pytest
+from motorgrad.training._checkpoint import load as read_checkpoint
 
 from motorgrad.tasks import TASKS, BodyTask
 from motorgrad.training import settings_for, stepper_of
-from motorgrad.training._checkpoint import load as read_checkpoint
 
 TASK_NAMES = sorted(TASKS)
 

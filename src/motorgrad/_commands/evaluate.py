@@ -82,12 +82,12 @@ def run(arguments: list[str]) -> int:
             print(_said(name, value))
     outcome = outcomes[modes[0]]
     if outcome.position is not None and options.film:
-        from motorgrad.sim import film
+        from motorgrad.sim import write_film
 
         path = options.film_path
         seed = trained.seeds[0] if options.seed is None else options.seed
         motion = motion_of(trained, outcome, seed, f"seed {seed}", options.seconds)
-        made = film([motion], path)
+        made = write_film([motion], path)
         found |= {"video": str(path), "renderer": made.renderer}
         if not quiet:
             short = (

@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from motorgrad.benchmarks._measure import Row
-from motorgrad.sim.live import Pause, Play, Session, learner
+from motorgrad.sim.live import Pause, Play, Session, setup_of
 from motorgrad.sim.page import Page
 from motorgrad.training import settings_for, stepper_of
 
@@ -26,7 +26,7 @@ def watched_row(task: str, seconds: float, pairs: int, wanted: str = "") -> Row:
     alone = context.Process(target=_learn, args=(theirs, task), daemon=True)
     alone.start()
     rates: list[list[float]] = [[], []]
-    with Session(learner(task), playing=False, speed=math.inf) as session, Page(session) as page:
+    with Session(setup_of(task), playing=False, speed=math.inf) as session, Page(session) as page:
         port = page.server.get_port()
         length = 2 * pairs * (seconds + 5) + 60
         command = [sys.executable, "-m", "motorgrad.benchmarks._watcher", str(port), str(length)]

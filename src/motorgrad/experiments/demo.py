@@ -11,7 +11,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._motion import motion_of
 from motorgrad.experiments.chapter_5._behaviour import behaviour_figure
-from motorgrad.sim import film
+from motorgrad.sim import write_film
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, evaluate, settings_for, train
 
@@ -54,7 +54,7 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
         motion_of(run, outcome, shown, label, film_seconds)
         for outcome, label in ((before, "before learning"), (after, "after learning"))
     ]
-    made = film(motions, files["film before and after"])
+    made = write_film(motions, files["film before and after"])
     return Demonstration(run, before, after, files, [made.note] if made.note else [], time.monotonic() - started)
 
 

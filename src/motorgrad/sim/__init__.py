@@ -1,17 +1,18 @@
-"""TimSim: see a body move and a learner learn. A live view in the browser (`view`), films and still pictures of
-recorded motions of any MuJoCo model, and of what happens in the plane of a particle.
+"""TimSim: live views of bodies and learners in the browser, films and still pictures of recorded motions, and drawings
+of what a particle learns in its plane.
 
-Muscles are tubes along their wrapped path, pale while silent and strong red while firing. Pictures are rendered with
-OpenGL where it works and drawn with matplotlib where it does not; both show the same body. Importing this package is
-light: MuJoCo, matplotlib, JAX and ffmpeg load with the first picture.
+`view` opens a live page. `write_film`, `still` and `draw` show recorded motions of any MuJoCo model; `draw_reward`,
+`draw_units`, `draw_paths` and `draw_occupancy` show the plane of a particle.
+
+Muscles are tubes along their wrapped path, pale pink while silent and strong red while active. Pictures are rendered
+with OpenGL where it works and drawn with matplotlib otherwise; both show the same body. Importing this is cheap;
+MuJoCo, matplotlib, JAX and ffmpeg load with the first picture.
 """
 
-from motorgrad.sim._drawing import Drawing, draw
-from motorgrad.sim._film import Film, film, still
-from motorgrad.sim._gl import gl_problem
-from motorgrad.sim._motion import Motion
-from motorgrad.sim._painter import Painter
-from motorgrad.sim._plane import (
+from motorgrad.sim._view import view
+from motorgrad.sim.film import Drawing, Film, Motion, Painter, draw, gl_problem, still, write_film
+from motorgrad.sim.plane import (
+    Course,
     DrawnPaths,
     DrawnUnits,
     draw_occupancy,
@@ -19,11 +20,10 @@ from motorgrad.sim._plane import (
     draw_regions,
     draw_reward,
     draw_units,
+    film_learning,
+    occupancy,
+    trajectories,
 )
-from motorgrad.sim._plane_course import Course
-from motorgrad.sim._plane_film import film_learning
-from motorgrad.sim._plane_paths import occupancy, trajectories
-from motorgrad.sim._view import view
 
 __all__ = [
     "Course",
@@ -39,11 +39,11 @@ __all__ = [
     "draw_regions",
     "draw_reward",
     "draw_units",
-    "film",
     "film_learning",
     "gl_problem",
     "occupancy",
     "still",
     "trajectories",
     "view",
+    "write_film",
 ]

@@ -1,7 +1,7 @@
 """A live view of a learner or a model, from Python."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 from pathlib import Path
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from motorgrad.sim.page import Page
     from motorgrad.sim.planet import Planet
     from motorgrad.tasks import Task
-    from motorgrad.training import AgentSettings, Run
+    from motorgrad.training import Run
 
 
 def view(
     task: Task | Body | mujoco.MjModel | Path | str,
-    agent: Agent | AgentSettings | None = None,
+    agent: Agent | Mapping[str, Any] | None = None,
     *,
     seed: int = 0,
     run: Run | Path | str | None = None,
@@ -33,28 +33,44 @@ def view(
     host: str = "127.0.0.1",
     port: int | None = None,
 ) -> Page:
-    """Let an agent learn a task, or simulate a model, in a process of its own, and show it live in the browser.
+    """Train an agent on a task, or simulate a model, in a process of its own, and show it live in the browser.
 
     **Arguments:**
 
-    - `task`: a task or the name of one; or what has no learner: a body or the name of one (`"arm"`), a MuJoCo model, or
-      the path of an MJCF file.
-    - `agent`: what learns, or the settings of it; by default the learner that goes with the task.
-    - `seed`: of its random numbers; with a `run`, which of its seeds.
-    - `run`: a run of the task, or the directory of one, whose policy to begin with.
-    - `frozen`: begin without learning.
+    - `task`: a task or its name; or, without a learner, a body or its name (`"arm"`), a MuJoCo model, or the path of
+      an MJCF file.
+    - `agent`: what learns, or its settings; by default the learner that goes with the task.
+    - `seed`: of the random numbers; with a `run`, which of its seeds.
+    - `run`: a run of the task, or its directory, whose policy to start from.
+    - `frozen`: start without learning.
     - `stage`: gravity, physics step, terrain and cameras (`motorgrad.sim.live.Stage`).
-    - `planet`: a round world to walk on, for a task on level ground whose body hangs on nothing, such as `"hexapod"`.
-    - `playing`: whether it begins at once.
+    - `planet`: a round world (`motorgrad.sim.planet.Planet`), for a task on level ground whose body is free to move,
+      such as `"hexapod"`.
+    - `playing`: whether it starts at once.
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
-    - `host`, `port`: where the page listens. Whoever reaches another host than 127.0.0.1 can drive the simulation. By
-      default the port is 8080, or the next that is free.
+    - `host`, `port`: where the page listens. With a host other than 127.0.0.1, whoever reaches the page can drive the
+      simulation. The default port is 8080, or the next free one.
 
-    **Returns** a `Page`, which a notebook shows. `page.url` says where it is, `page.wait()` waits until it is over,
-    `page.close()` ends it; `page.session` is the run itself.
+    **Returns** a `Page`, which a notebook shows. `page.url` is its address, `page.wait()` waits until it ends,
+    `page.close()` ends it; `page.session` is the run.
 
-    **Raises** `ValueError` for what cannot be simulated, naming it, before anything starts.
+    **Raises** `ValueError` for anything that cannot be simulated, before anything starts.
+
+    ```py
+    page = view("hopper", seed=3, speed=2.0)
+    page.wait()
+    ```
     """
-    from motorgrad.sim.page import show
+    from motorgrad.sim.live import Session, Speed, setup_of
+    from motorgrad.sim.page import Page, check_port, warn_of
 
-    return show(task, agent, seed, run, frozen, stage, planet, playing, speed, host, port)
+    Speed(speed)  # refuses an impossible one before anything starts
+    check_port(host, port)
+    setup = setup_of(task, agent, seed, run=run, frozen=frozen, stage=stage, planet=planet)
+    warn_of(host)
+    session = Session(setup, playing=playing, speed=speed)
+    try:
+        return Page(session, host, port)
+    except BaseException:
+        session.close()
+        raise

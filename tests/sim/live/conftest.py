@@ -6,9 +6,8 @@ import threading
 
 import pytest
 
-from motorgrad.sim.live import learner
-from motorgrad.sim.live._shared import Shared
-from motorgrad.sim.live._snapshot import layout
+from motorgrad.sim.live import setup_of
+from motorgrad.sim.live._snapshot import SharedArrays, layout
 from motorgrad.sim.live._worker import Worker
 
 
@@ -25,17 +24,17 @@ class Driven:
 
     def _answer(self):
         about = self._pipe.recv()
-        self.blocks = {part: Shared(shapes) for part, shapes in layout(about.sizes).items()}
+        self.blocks = {part: SharedArrays(shapes) for part, shapes in layout(about.sizes).items()}
         self._pipe.send({part: block.name for part, block in self.blocks.items()})
 
     def __call__(self, *orders):
         """Obey; the lines that came back, as (kind, text)."""
         for order in orders:
-            self.worker._obey(order)
+            self.worker.obey(order)
         said = []
         while self._pipe.poll(0):
-            reply = self._pipe.recv()
-            said += [(reply.kind, reply.text)] if reply.text else []
+            event = self._pipe.recv().event
+            said += [(event.kind, event.text)] if event.text else []
         return said
 
     def seen(self, part="moment"):
@@ -50,7 +49,7 @@ class Driven:
 @pytest.fixture(scope="module")
 def hopper():
     """A hopper that learns, some decisions old; tests go on where others stopped."""
-    driven = Driven(learner("hopper", seed=3))
+    driven = Driven(setup_of("hopper", seed=3))
     yield driven
     driven.close()
 

@@ -11,15 +11,9 @@ import pytest
 
 from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
-from motorgrad.sim.live._history import History
-from motorgrad.sim.live._pace import Pace
-from motorgrad.sim.live._recorder import CurveRecorder
-from motorgrad.sim.live._shared import Shared
-from motorgrad.sim.live._snapshot import POINTS, Sizes, layout
-from motorgrad.sim.live._subject import Tally
-from motorgrad.sim.live._worker import LOOKS, STRETCH, Watching
-from motorgrad.sim.page._footing import footing_on
-from motorgrad.sim.planet import Planet, on_planet
+from motorgrad.sim.live._playback import LOOKS, STRETCH, History, Pace, SamplingBudget
+from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
+from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import make
 
 MUSCLE = """
@@ -58,8 +52,8 @@ def muscled(tmp_path):
 
 
 def test_a_reader_never_sees_half_a_write():
-    block = Shared({"a": (4000,), "b": (4000,)})
-    other, stop, seen = Shared({"a": (4000,), "b": (4000,)}, block.name), threading.Event(), []
+    block = SharedArrays({"a": (4000,), "b": (4000,)})
+    other, stop, seen = SharedArrays({"a": (4000,), "b": (4000,)}, block.name), threading.Event(), []
 
     def write():
         number = 0.0
@@ -86,8 +80,8 @@ def test_a_reader_never_sees_half_a_write():
 
 
 def test_a_writer_that_died_is_told(monkeypatch):
-    monkeypatch.setattr("motorgrad.sim.live._shared.PATIENCE", 0.5)
-    block = Shared({"a": (2,)})
+    monkeypatch.setattr("motorgrad.sim.live._snapshot.PATIENCE", 0.5)
+    block = SharedArrays({"a": (2,)})
     block._sequence[0] += 1
     with pytest.raises(RuntimeError, match="stopped while it was writing"):
         block.read()
@@ -120,20 +114,20 @@ def test_history_is_bounded_and_finds_the_state_before():
 
 
 def test_what_is_looked_at_comes_in_stretches():
-    watching = Watching()
-    assert watching.take(100) == 100
-    assert watching.take(450) == 450
-    assert watching.take(100) == 0
-    watching._credit = STRETCH - 1
-    watching._then += 100.0  # no time has passed
-    assert watching.take(100) == 0
-    watching._credit = STRETCH + LOOKS * 100
-    assert watching.take(100) == 100
+    budget = SamplingBudget()
+    assert budget.take(100) == 100
+    assert budget.take(450) == 450
+    assert budget.take(100) == 0
+    budget._credit = STRETCH - 1
+    budget._then += 100.0  # no time has passed
+    assert budget.take(100) == 0
+    budget._credit = STRETCH + LOOKS * 100
+    assert budget.take(100) == 100
 
 
 def test_a_curve_keeps_its_mean_while_it_is_thinned():
     sizes = Sizes(0, 0, 0, 0, 0, 0, 0, 0, 200, 1)
-    block = Shared(layout(sizes)["curve"])
+    block = SharedArrays(layout(sizes)["curve"])
     curve, rewards = CurveRecorder(block, sizes, 1.0), np.random.default_rng(0).normal(size=3 * POINTS)
     for decision, reward in enumerate(rewards, 1):
         happened = decision % 3 == 0
@@ -186,14 +180,14 @@ def test_a_camera_that_follows_keeps_its_distance():
         (lambda: live.Camera((0.0, 0.0, 0.0)), "target = "),
         (
             lambda: live.Stage(gravity=(0.0, 0.0, -1.0)).of_task(make("chain")),
-            "task = 'chain': must be one with a body",
+            "task = 'chain': must be a task with a body",
         ),
         (lambda: live.Camera((1.0, 0.0, 0.0), follow="fot").add(Hopper().spec(), "a"), "did you mean 'foot'"),
         (lambda: live.Camera((1.0, 0.0, 0.0)).add(Hopper().spec(), "side"), "cameras = 'side': must be other"),
         (lambda: live.Speed(0.01), "speed = 0.01: must be at least 0.05"),
         (lambda: live.Speed(math.nan), "speed = nan"),
         (lambda: live.Push("load", (1.0, 0.0), 1.0), "force = "),
-        (lambda: live.Edit("agent.rate", math.nan), "agent.rate = nan"),
+        (lambda: live.Edit("agent.optimizer.learning_rate", math.nan), "agent.optimizer.learning_rate = nan"),
         (lambda: live.Save("policy.txt"), "path = 'policy.txt': must be a file ending in .npz"),
         (lambda: live.setup_of("hoper"), "unknown task or body 'hoper': did you mean 'hopper'?"),
         (lambda: live.setup_of("arm", run="runs/x"), "run = 'runs/x': must be left out"),
@@ -249,8 +243,8 @@ def test_who_walks_on_a_planet_stands_on_its_ground():
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     pose = SimpleNamespace(bodies=[data], offset=np.array([[0.0, 5.0, 0.0]]))
-    footing = footing_on(task, model, pose)
-    ground, up = footing(np.array([4.0, 5.0, -3.0]))  # a quarter around
+    ground_at = ground_finder(task, model, pose)
+    ground, up = ground_at(np.array([4.0, 5.0, -3.0]))  # a quarter around
     np.testing.assert_allclose(ground, [3.0, 5.0, -3.0], atol=1e-6)
     np.testing.assert_allclose(up, [1.0, 0.0, 0.0], atol=1e-6)
-    assert footing_on(make("hexapod"), model, pose) is None
+    assert ground_finder(make("hexapod"), model, pose) is None

@@ -58,13 +58,13 @@ def test_a_page_is_played_stepped_and_left(page):
     session.order(live.Pause())
     until(lambda: not session.snapshot().playing)
     session.order(live.Edit("body.flexor_left.strength", 250.0))
-    session.order(live.Edit("agent.decay", 3.0))
+    session.order(live.Edit("agent.estimator.trace.decay", 3.0))
     until(lambda: session.settings["body.flexor_left.strength"] == 250.0)
     assert session.model.actuator_gainprm[0, 0] == -250.0
     until(lambda: len(session.log) == 2)
     assert [event.kind for event in session.log] == ["change", "error"]
     for wrong, says in (
-        (live.Edit("agent.ratte", 1.0), "did you mean 'agent.rate'"),
+        (live.Edit("agent.optimizer.learning_ratte", 1.0), "did you mean 'agent.optimizer.learning_rate'"),
         (live.Push("loaf", (1.0, 0.0, 0.0)), "did you mean 'load'"),
         (live.Control(0, 1.0), "actuator = 0"),
         (live.Scrub(10**9), "decision = 1000000000: must be from 0 to"),
@@ -72,7 +72,7 @@ def test_a_page_is_played_stepped_and_left(page):
         with pytest.raises(ValueError, match=r".") as refused:
             session.order(wrong)
         assert says in str(refused.value)
-    with pytest.raises(ValueError, match=f"port = {page.server.get_port()}: cannot be listened at"):
+    with pytest.raises(ValueError, match=f"port = {page.server.get_port()}: cannot listen on"):
         mg.sim.view("hopper", port=page.server.get_port())
     assert page.url in page._repr_html_()
     page.close()

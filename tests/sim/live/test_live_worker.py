@@ -24,7 +24,7 @@ def headless(task, seed, decisions):
 @pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("task", ["hopper", "particle"])
 def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
-    watched = driven(live.learner(task, seed=5))
+    watched = driven(live.setup_of(task, seed=5))
     for decisions in (1, 400, 1, 350):  # with and without looking at each
         watched(live.Step(decisions))
     seen, alone = watched.seen(), headless(task, 5, 752)
@@ -37,20 +37,30 @@ def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
 def test_going_back_and_on_again_is_the_same_to_the_last_bit(hopper):
     hopper(live.Reset(), live.Step(300))
     hopper.worker._keep()
-    hopper(live.Step(150), live.Edit("agent.rate", 2e-3), live.Step(100), live.Push("load", (30.0, 0.0, 0.0), 0.2))
+    hopper(
+        live.Step(150),
+        live.Edit("agent.optimizer.learning_rate", 2e-3),
+        live.Step(100),
+        live.Push("load", (30.0, 0.0, 0.0), 0.2),
+    )
     hopper(live.Step(100))
     end, trail = hopper.seen(), hopper.seen("trail")
     assert [kind for kind, _ in hopper(live.Scrub(10))] == ["change"]
     back = hopper.seen()
     assert back["decision"] == 10
     assert (back["oldest"], back["newest"]) == (0, 650)
-    assert hopper.worker.subject.settings["agent.rate"] == 5e-4
+    assert hopper.worker.subject.settings["agent.optimizer.learning_rate"] == 5e-4
     hopper(live.Scrub(650))
     assert same(hopper.seen(), end)
-    assert hopper.worker.subject.settings["agent.rate"] == 2e-3
+    assert hopper.worker.subject.settings["agent.optimizer.learning_rate"] == 2e-3
     hopper(live.Scrub(400), live.Step(1))  # what came after is forgotten with the first step
     assert hopper.seen()["newest"] == 401
-    hopper(live.Step(49), live.Edit("agent.rate", 2e-3), live.Step(100), live.Push("load", (30.0, 0.0, 0.0), 0.2))
+    hopper(
+        live.Step(49),
+        live.Edit("agent.optimizer.learning_rate", 2e-3),
+        live.Step(100),
+        live.Push("load", (30.0, 0.0, 0.0), 0.2),
+    )
     hopper(live.Step(100))
     assert same(hopper.seen(), end)
     again = hopper.seen("trail")
@@ -74,11 +84,14 @@ def test_a_push_moves_the_body_and_ends(hopper):
 def test_edits_take_effect_where_they_are_meant(hopper):
     hopper(live.Reset(), live.Step(50))
     said = hopper(
-        live.Edit("agent.rate", 1e-3),
+        live.Edit("agent.optimizer.learning_rate", 1e-3),
         live.Edit("body.extensor_left.strength", 500.0),
         live.Edit("exploration", 2.0),
     )
-    assert ("change", "agent.rate: 0.0005 → 0.001") in said or ("change", "agent.rate: 0.002 → 0.001") in said
+    assert ("change", "agent.optimizer.learning_rate: 0.0005 → 0.001") in said or (
+        "change",
+        "agent.optimizer.learning_rate: 0.002 → 0.001",
+    ) in said
     model = hopper.worker.subject._stepper.batch.model  # of the engine in use
     assert model.actuator_gainprm[1, 0] == -500.0
     before = hopper.seen()
@@ -88,21 +101,21 @@ def test_edits_take_effect_where_they_are_meant(hopper):
     assert same(after, before, ("position", "velocity", "baseline"))
     rates = hopper.worker.subject._see()["rates"]
     assert np.all(rates == np.float32(1e-3))
-    hopper(live.Edit("body.extensor_left.strength", 400.0), live.Edit("agent.rate", 5e-4))
+    hopper(live.Edit("body.extensor_left.strength", 400.0), live.Edit("agent.optimizer.learning_rate", 5e-4))
 
 
 def test_what_is_told_of_muscles_is_true_of_the_engine_in_use(hopper):
     for decay in (0.5, 0.6, 0.7, 0.8):  # an engine for each, until the first is forgotten
-        hopper(live.Edit("agent.decay", decay))
+        hopper(live.Edit("agent.estimator.trace.decay", decay))
     hopper(live.Edit("body.extensor_left.strength", 450.0))
     assert hopper.worker.subject.fields["actuator_gainprm"][1, 0] == -450.0
-    hopper(live.Edit("agent.decay", 0.995), live.Edit("body.extensor_left.strength", 400.0))
+    hopper(live.Edit("agent.estimator.trace.decay", 0.995), live.Edit("body.extensor_left.strength", 400.0))
 
 
 def test_decay_and_reward_go_on_from_the_same_state(hopper):
     hopper(live.Reset(), live.Step(50))
     before = hopper.seen()
-    hopper(live.Edit("agent.decay", 0.5), live.Edit("task.reward_scale", 7.0))
+    hopper(live.Edit("agent.estimator.trace.decay", 0.5), live.Edit("task.reward_scale", 7.0))
     assert same(hopper.seen(), before)
     task = mg.make("hopper", reward_scale=7.0)
     agent = settings_for(task, decay=0.5).agent(task)
@@ -111,14 +124,14 @@ def test_decay_and_reward_go_on_from_the_same_state(hopper):
     stepper.advance(80)
     hopper(live.Step(80))
     assert np.array_equal(hopper.seen()["parameters"][0], stepper.harvest()["parameters"][0])
-    hopper(live.Edit("agent.decay", 0.995), live.Edit("task.reward_scale", 100.0))
+    hopper(live.Edit("agent.estimator.trace.decay", 0.995), live.Edit("task.reward_scale", 100.0))
 
 
 @pytest.mark.parametrize(
     ("name", "value", "names"),
     [
-        ("agent.decay", 1.5, "decay = 1.5: must be in [0, 1)"),
-        ("agent.rate", -1.0, "agent.rate = -1.0: must be"),
+        ("agent.estimator.trace.decay", 1.5, "decay = 1.5: must be in [0, 1]"),
+        ("agent.optimizer.learning_rate", -1.0, "agent.optimizer.learning_rate = -1.0: must be"),
         ("task.penalty", -1.0, "penalty = -1.0: must be"),
         ("exploration", 0.0, "exploration = 0.0: must be above 0"),
         ("body.flexor_left.rest_length", 0.0, "body.flexor_left.rest_length = 0.0: must be above 0"),
@@ -164,13 +177,13 @@ def test_policies_are_saved_and_loaded(hopper, tmp_path, driven):
     assert hopper(live.Save(file)) == [("saved", f"policy saved to {file}")]
     hopper(live.Reset(), live.Load(file))
     assert np.array_equal(hopper.seen()["parameters"][0], learnt)
-    other = driven(live.learner("particle"))
+    other = driven(live.setup_of("particle"))
     ((kind, text),) = other(live.Load(file))
     assert (kind, text) == ("error", f"{file}: holds a policy of the task 'hopper', but this is 'particle'")
     (tmp_path / "broken.npz").write_bytes(b"no")
     ((kind, text),) = hopper(live.Load(str(tmp_path / "broken.npz")))
     assert kind == "error"
-    assert "broken.npz: no policy that was saved here" in text
+    assert "broken.npz: not a saved policy" in text
 
 
 def test_the_curve_is_the_mean_of_the_rewards(hopper):
@@ -189,11 +202,11 @@ def test_the_curve_is_the_mean_of_the_rewards(hopper):
 
 def test_a_run_is_gone_on_with(tmp_path, driven):
     run = mg.train("hopper", steps=300, seeds=[2, 7], out=tmp_path / "run", progress=False)
-    gone_on = driven(live.learner("hopper", seed=7, run=tmp_path / "run"))
+    gone_on = driven(live.setup_of("hopper", seed=7, run=tmp_path / "run"))
     policy = run.policy(7)
     flat = np.concatenate([np.ravel(policy.weights), np.ravel(policy.bias)])
     assert np.array_equal(np.sort(gone_on.seen()["parameters"][0]), np.sort(flat))
-    with pytest.raises(ValueError, match="a run of the task 'hopper', but this is 'chain'"):
-        live.learner("chain", run=tmp_path / "run", seed=7)
+    with pytest.raises(ValueError, match="holds a policy of the task 'hopper', but this is 'chain'"):
+        live.setup_of("chain", run=tmp_path / "run", seed=7)
     with pytest.raises(ValueError, match="seed = 3: must be one of the run's seeds"):
-        live.learner("hopper", run=tmp_path / "run", seed=3)
+        live.setup_of("hopper", run=tmp_path / "run", seed=3)

@@ -6,7 +6,7 @@ import mujoco
 import pytest
 from panel_studio import until
 
-from motorgrad.sim.live import Session, Setup, learner
+from motorgrad.sim.live import Session, Setup, setup_of
 
 LEG = Path(__file__).parents[1] / "leg.xml"
 
@@ -14,7 +14,7 @@ LEG = Path(__file__).parents[1] / "leg.xml"
 @pytest.fixture(scope="module")
 def hopping():
     """A hopper that learns, four times as fast as the clock."""
-    with Session(learner("hopper", seed=3), speed=4.0) as session:
+    with Session(setup_of("hopper", seed=3), speed=4.0) as session:
         assert until(lambda: session.snapshot().decision > 450, 120)
         yield session
 

@@ -156,16 +156,16 @@ def test_settings_are_edited_by_enter_and_nonsense_is_told(seen, hopping):
     rate = beside(seen, "step size α")
     rate.fill("1.5e-4")
     rate.press("Enter")
-    assert until(lambda: hopping.settings["agent.rate"] == pytest.approx(1.5e-4))
+    assert until(lambda: hopping.settings["agent.optimizer.learning_rate"] == pytest.approx(1.5e-4))
     assert until(lambda: rate.input_value() == "0.00015")  # as the run has it
     rate.fill("quick")
     rate.press("Enter")
     told(seen, "must be a number")
     assert until(lambda: rate.input_value() == "0.00015")
-    assert hopping.settings["agent.rate"] == pytest.approx(1.5e-4)
+    assert hopping.settings["agent.optimizer.learning_rate"] == pytest.approx(1.5e-4)
     rate.fill("-1")
     rate.press("Enter")
-    told(seen, "agent.rate")
+    told(seen, "agent.optimizer.learning_rate")
     assert until(lambda: rate.input_value() == "0.00015")
 
 
@@ -222,7 +222,7 @@ def test_diagrams_are_drawn(seen):
     seen.locator('svg[aria-label="activation of the muscles over time"]').wait_for()
     seen.locator('svg[aria-label="force against length and against velocity"]').wait_for()
     press(seen, "Policy")
-    seen.locator('svg[aria-label="weights from senses to units"]').wait_for()
+    seen.locator('svg[aria-label="weights from observations to units"]').wait_for()
     seen.locator('svg[aria-label="phase portrait"]').wait_for()
     assert seen.get_by_text("foot contact").count() > 0
 

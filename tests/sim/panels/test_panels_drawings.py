@@ -11,12 +11,20 @@ from PIL import Image
 
 from motorgrad.bodies import debounced
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians
-from motorgrad.sim.panels import _svg
-from motorgrad.sim.panels._arrows import MOST, NEGATIVE, POSITIVE, draw_arrows
-from motorgrad.sim.panels._footfall import FIRST, SECOND, draw_footfall
-from motorgrad.sim.panels._portrait import GRID, Field, draw_portrait, limits_of
-from motorgrad.sim.panels._present_policy import weights_of
-from motorgrad.sim.panels._raster import SECONDS, draw_raster
+from motorgrad.sim.panels import _charts
+from motorgrad.sim.panels._gait import FIRST, SECOND, draw_footfall
+from motorgrad.sim.panels._muscles import SECONDS, draw_raster
+from motorgrad.sim.panels._policy_diagrams import (
+    GRID,
+    MOST,
+    NEGATIVE,
+    POSITIVE,
+    Field,
+    draw_arrows,
+    draw_portrait,
+    limits_of,
+    weights_of,
+)
 
 
 def parsed(document):
@@ -40,25 +48,25 @@ def words(document):
 
 
 def test_a_chart_puts_its_limits_at_the_edges_of_its_box():
-    chart = _svg.Chart((2.0, 4.0), (-1.0, 1.0), box=(10, 20, 110, 70))
+    chart = _charts.Chart((2.0, 4.0), (-1.0, 1.0), box=(10, 20, 110, 70))
     np.testing.assert_allclose(chart.x(np.array([2.0, 3.0, 4.0])), [10, 60, 110])
     np.testing.assert_allclose(chart.y(np.array([-1.0, 1.0])), [70, 20])
 
 
 @pytest.mark.parametrize("limits", [(3.0, 3.0), (np.nan, 1.0), (np.inf, -np.inf), (2.0, 1.0)])
 def test_a_chart_can_be_drawn_whatever_its_limits(limits):
-    chart = _svg.Chart(limits, limits)
+    chart = _charts.Chart(limits, limits)
     chart.line(np.array([0.0, np.nan, 1.0]), np.zeros(3), "red")
     chart.dot(np.nan, 0.0, "red")
-    made = _svg.document(100, 100, chart.elements(), "test")
+    made = _charts.document(100, 100, chart.elements(), "test")
     assert "nan" not in made.lower()
     assert "inf" not in made.lower()
     assert len(shapes(made, "polyline")[0].get("points").split()) == 2
 
 
 def test_ticks_are_round_and_within():
-    assert _svg.ticks(-0.13, 0.42, 5) == pytest.approx([0.0, 0.2, 0.4])
-    assert all(1000 <= tick <= 1003 for tick in _svg.ticks(1000.0, 1003.0, 5))
+    assert _charts.ticks(-0.13, 0.42, 5) == pytest.approx([0.0, 0.2, 0.4])
+    assert all(1000 <= tick <= 1003 for tick in _charts.ticks(1000.0, 1003.0, 5))
 
 
 def test_names_from_models_are_text():
@@ -162,7 +170,7 @@ def test_a_footfall_has_a_bar_for_every_stance():
     lengths = np.array([float(bar.get("width")) for bar in bars])
     np.testing.assert_allclose(lengths / lengths[0], [1, 4, 4], rtol=0.02)
     right = float(bars[2].get("x")) + float(bars[2].get("width"))
-    assert right == pytest.approx(_svg.WIDTH - 8, abs=0.2)  # it stands there now
+    assert right == pytest.approx(_charts.WIDTH - 8, abs=0.2)  # it stands there now
 
 
 def test_a_footfall_does_not_bridge_what_was_not_seen():

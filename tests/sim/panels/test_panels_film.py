@@ -10,7 +10,7 @@ import pytest
 from panel_studio import until
 
 from motorgrad.sim import gl_problem
-from motorgrad.sim.live import Compare, Session, learner
+from motorgrad.sim.live import Compare, Session, setup_of
 from motorgrad.sim.panels import FilmRecorder
 
 needs_gl = pytest.mark.skipif(bool(gl_problem()), reason=f"no OpenGL here: {gl_problem()}")
@@ -101,10 +101,10 @@ def test_what_cannot_be_filmed_is_refused_before_it_begins(hopping, tmp_path, na
 
 @pytest.mark.slow
 def test_the_plane_of_a_particle_is_filmed_and_what_has_no_picture_is_not(tmp_path):
-    with Session(learner("particle-navigation", seed=1)) as session:
+    with Session(setup_of("particle-navigation", seed=1)) as session:
         film = FilmRecorder(session, tmp_path / "plane.mp4", width=160, height=120)
         assert until(lambda: film.painted >= 2)
         film.stop()
         assert read(film.path)[0].shape[1:] == (120, 160, 3)
-    with Session(learner("chain")) as session, pytest.raises(ValueError, match="nothing to film"):
+    with Session(setup_of("chain")) as session, pytest.raises(ValueError, match="nothing to film"):
         FilmRecorder(session, tmp_path / "chain.mp4")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from motorgrad.bodies import Hexapod, Hopper, compile_model
-from motorgrad.sim.panels._law import Law
-from motorgrad.sim.panels._operating import LEAST, Range, draw_operating
+from motorgrad.sim.panels._muscle_law import Law
+from motorgrad.sim.panels._muscles import LEAST, Range, draw_operating
 
 MOTORS = """<mujoco><worldbody><body><joint name="hinge" damping="0.1"/><geom size=".1"/>
 <body pos=".3 0 0"><joint name="slide" type="slide"/><geom size=".1"/></body></body></worldbody>

@@ -6,9 +6,10 @@ import io
 import numpy as np
 import pytest
 
-from motorgrad.sim.panels._curves import smoothed
-from motorgrad.sim.panels._numbers import brief, columns_of, csv_of, table
+from motorgrad.sim.panels._charts import smoothed
+from motorgrad.sim.panels._panel import brief, columns_of, csv_of, table
 from motorgrad.sim.panels._settings_form import number_of, words_of
+from motorgrad.training import agent_for
 
 
 def test_a_table_can_be_read_back():
@@ -65,7 +66,9 @@ def test_what_is_no_number_is_refused_by_name(text):
 
 
 def test_settings_have_words():
-    assert words_of("agent.rate")[0] == "step size α"
+    agent = agent_for("particle")
+    assert words_of("agent.estimator.trace.decay", agent)[0] == "trace decay"
+    assert "per decision" in words_of("agent.estimator.trace.decay", agent)[1]
     assert words_of("body.flexor_left.damping")[0] == "damping (N·s/m)"
-    assert words_of("agent.rates.log_width")[0] == "step size α, log width"
+    assert words_of("agent.optimizer.learning_rate.log_width", agent)[0] == "learning rate log width"
     assert words_of("task.hop_height")[0] == "hop height"

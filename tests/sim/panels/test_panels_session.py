@@ -12,9 +12,9 @@ from panel_studio import until
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
 from motorgrad.sim.live import Edit, Pause, Trail
 from motorgrad.sim.panels import Panels
-from motorgrad.sim.panels._numbers import csv_of
-from motorgrad.sim.panels._present_policy import PresentPolicy, weights_of
-from motorgrad.sim.panels._walked import Walked, is_hexapod
+from motorgrad.sim.panels._gait import GaitReader, is_hexapod
+from motorgrad.sim.panels._panel import csv_of
+from motorgrad.sim.panels._policy_diagrams import weights_of
 from motorgrad.sim.scene import Pose
 
 
@@ -63,12 +63,12 @@ def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping
 
 
 def test_the_policy_on_the_page_is_the_one_that_acts(hopping):
-    present, snapshot = PresentPolicy(hopping), hopping.snapshot()
-    policy = present.of(snapshot.parameters[0])
+    snapshot = hopping.snapshot()
+    policy = hopping.policy(snapshot.parameters[0])
     seen = np.asarray(snapshot.observation[0], np.float32)
     np.testing.assert_allclose(policy.prob(seen), snapshot.probability[0], atol=1e-5)
     assert weights_of(policy).shape == (2, 4)
-    assert present.of(snapshot.parameters[0][:-1]) is None
+    assert hopping.policy(snapshot.parameters[0][:-1]) is None
 
 
 def test_nothing_is_drawn_for_nobody(server, hopping):
@@ -84,14 +84,14 @@ def test_what_is_refused_changes_nothing_and_is_told(server, hopping):
     panels = panels_of(server, hopping)
     learning = panels.panels["Learning"]
     before, told = dict(hopping.settings), []
-    learning.guarded(lambda _: learning.order(Edit("agent.rate", -1.0)))(nobody())
+    learning.guarded(lambda _: learning.order(Edit("agent.optimizer.learning_rate", -1.0)))(nobody())
     assert until(lambda: told.extend(hopping.events()) or any(event.kind == "error" for event in told))
     (error,) = [event for event in told if event.kind == "error"]
     assert "\n" not in error.text
-    assert "agent.rate" in error.text
+    assert "agent.optimizer.learning_rate" in error.text
     assert hopping.settings == before
     learning.tell(told)
-    assert "agent.rate" in learning._lines.content
+    assert "agent.optimizer.learning_rate" in learning._lines.content
     learning.guarded(lambda _: learning.order(Edit("speed of light", 1.0)))(nobody())  # raises nothing
     assert hopping.settings == before
 
@@ -99,8 +99,8 @@ def test_what_is_refused_changes_nothing_and_is_told(server, hopping):
 def test_an_edit_is_made_and_logged(server, hopping):
     panels = panels_of(server, hopping)
     learning, told = panels.panels["Learning"], []
-    learning.order(Edit("agent.rate", 2.5e-4))
-    assert until(lambda: hopping.settings["agent.rate"] == pytest.approx(2.5e-4))
+    learning.order(Edit("agent.optimizer.learning_rate", 2.5e-4))
+    assert until(lambda: hopping.settings["agent.optimizer.learning_rate"] == pytest.approx(2.5e-4))
     assert until(lambda: told.extend(hopping.events()) or told)
     learning.tell(told)
     assert "0.00025" in learning._lines.content
@@ -123,7 +123,7 @@ def test_a_bare_models_muscles_are_driven_by_hand(server, legged):
     pose, snapshot = Pose(legged.model), legged.snapshot()
     pose.place(snapshot)
     muscles.show(snapshot, pose)
-    assert "75%" in muscles._said.content
+    assert "75%" in muscles._summary.content
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_a_gait_is_what_the_recording_of_the_walk_says(march):
         observation=nothing,
         probability=nothing,
     )
-    walked = Walked(model, recorded.period, feet)
+    walked = GaitReader(model, recorded.period, feet)
     found, expected = walked.gait(trail), measure_gait(reading, recorded.period)
     assert found.kind[0] == expected.kind[0] == "tripod"
     for name in ("phase", "correlation", "duty", "net", "frequency"):
@@ -191,15 +191,15 @@ def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
     assert until(lambda: hopping.snapshot().decision == begin)
     pose.place(hopping.snapshot())
     scene.update(hopping.snapshot(), pose)
-    drag = DragPush(scene.grips)
+    drag = DragPush(scene.draggable)
     drag.build(server, hopping)
     for _ in range(2):  # of which the second finds nothing new
         drag.update(hopping.snapshot(), pose)
-    handles = [handle for handle, _ in scene.grips()]
+    handles = [handle for handle, _ in scene.draggable()]
     assert handles
     assert [len(handle._impl.drag_cb) for handle in handles] == [1] * len(handles)
     free = hopping.model.body_weldid[hopping.model.geom_bodyid] > 0
-    handle, geoms = next((handle, geoms) for handle, geoms in scene.grips() if free[geoms].any())
+    handle, geoms = next((handle, geoms) for handle, geoms in scene.draggable() if free[geoms].any())
     pull, moving = handle._impl.drag_cb[0].callback, int(np.argmax(free[geoms]))
     ends = []
     for phase, copy in (("end", moving), ("update", len(geoms)), ("update", moving)):

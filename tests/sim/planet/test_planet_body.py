@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from motorgrad.bodies import LEGS, Hexapod, Hopper, OnTerrain, TripodController, compile_model, read_hexapod
 from motorgrad.sim.planet import Frame, OnPlanet, Planet, PlanetBatch
-from motorgrad.sim.planet._ellipsoid import Ellipsoid
-from motorgrad.sim.planet._frame import frame_at
+from motorgrad.sim.planet._geometry import Ellipsoid, frame_at
 
 WALKER = Hexapod(drive="servos")
 PLACES = st.tuples(st.floats(-90, 90), st.floats(-180, 180), st.floats(0, 360))
@@ -123,10 +122,10 @@ def test_motion_goes_on_where_the_patch_is_laid_anew():
     walking = Walking(Planet(height=0.1, travel=0.1, clearing=0.0))
     batch, found = walking.batch, []
     for _ in walking.go(4.0):
-        before, laid, frame = energy(batch), batch.laid, batch.frame
+        before, laid, frame = energy(batch), batch.patch_updates, batch.frame
         trunk = frame.rotation.T @ batch._qvel[:3]
-        batch.settle()
-        if batch.laid > laid:
+        batch.recentre()
+        if batch.patch_updates > laid:
             after = energy(batch)
             np.testing.assert_allclose(batch.frame.rotation.T @ batch._qvel[:3], trunk, atol=1e-12)
             np.testing.assert_allclose(after[2], before[2], atol=1e-12)
@@ -140,7 +139,7 @@ def test_motion_goes_on_where_the_patch_is_laid_anew():
 def test_gravity_points_to_the_ground_under_the_body():
     walking = Walking(Planet((3.0, 4.0, 3.5), height=0.0, patch=1.0, travel=0.3))
     for _ in walking.go(1.0):
-        walking.batch.settle()
+        walking.batch.recentre()
         down = walking.batch.frame.rotation.T @ walking.batch.model.opt.gravity
         planet = walking.batch.body.planet.ellipsoid
         np.testing.assert_allclose(down, -9.81 * planet.normals(planet.foot(walking.batch.place)), atol=1e-9)
@@ -150,7 +149,7 @@ def test_what_follows_a_snapshot_is_the_same_to_the_last_bit():
     walking = Walking(Planet(height=0.1))
     list(walking.go(1.5))
     batch = walking.batch
-    snapshot, laid = batch.snapshot(), batch.laid
+    snapshot, laid = batch.snapshot(), batch.patch_updates
     action = walking.controller.velocities(walking.states)
 
     def onwards():
@@ -166,7 +165,7 @@ def test_what_follows_a_snapshot_is_the_same_to_the_last_bit():
     second = onwards()
     np.testing.assert_array_equal(first[0], second[0])
     np.testing.assert_array_equal(first[1], second[1])
-    assert batch.laid > laid
+    assert batch.patch_updates > laid
 
 
 def test_local_coordinates_go_on():

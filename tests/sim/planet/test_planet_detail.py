@@ -6,12 +6,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorgrad.sim.planet import Planet
-from motorgrad.sim.planet._cover import Cover
-from motorgrad.sim.planet._culling import Camera, above_horizon, in_frustum, spheres
-from motorgrad.sim.planet._detail import select
-from motorgrad.sim.planet._ellipsoid import unit
-from motorgrad.sim.planet._tile import CELLS, HEM, SIDE, TRIANGLES, errors, make_tile
-from motorgrad.sim.planet._tree import ROOTS, Key, caps, keys, quarters, tile_of
+from motorgrad.sim.planet._detail import Camera, Cover, above_horizon, in_frustum, select_tiles, spheres
+from motorgrad.sim.planet._geometry import unit
+from motorgrad.sim.planet._tiles import (
+    CELLS,
+    HEM,
+    ROOTS,
+    SIDE,
+    TRIANGLES,
+    Key,
+    caps,
+    keys,
+    make_tile,
+    mesh_errors,
+    quarters,
+    tile_of,
+)
 
 PLANETS = [
     Planet(height=0.4, kind="waves"),
@@ -19,7 +29,7 @@ PLANETS = [
     Planet((200.0, 200.0, 180.0), height=20.0, kind="fractal", spacing=60.0),
 ]
 SEEDS = st.integers(0, 2**32 - 1)
-ERRORS = [1.5 * errors(planet.surface, 5) for planet in PLANETS]
+ERRORS = [1.5 * mesh_errors(planet.surface, 5) for planet in PLANETS]
 
 
 def camera_at(noise, planet):
@@ -95,7 +105,7 @@ def test_nothing_is_hidden_from_within():
 def test_the_budget_holds_and_what_is_seen_is_covered_once(seed, which, most, cameras):
     noise, planet = np.random.default_rng(seed), PLANETS[which]
     looking = [camera_at(noise, planet) for _ in range(cameras)]
-    chosen = select(planet.surface, ERRORS[which], looking, 2.0, most)
+    chosen = select_tiles(planet.surface, ERRORS[which], looking, 2.0, most)
     assert len(chosen) <= most
     assert len(set(chosen)) == len(chosen)
     seen = seen_from(looking[0], planet.surface, noise, 150)
@@ -112,17 +122,17 @@ def test_tiles_are_as_fine_as_the_tolerance_asks_and_no_finer():
         centre, radius = spheres(planet.surface, key.level, np.array([key[1:]]))
         return error[key.level] * scale / (np.linalg.norm(centre[0] - camera.position) - radius[0])
 
-    chosen = select(planet.surface, error, [camera], 3.0, 10_000)
+    chosen = select_tiles(planet.surface, error, [camera], 3.0, 10_000)
     assert all(pixels(key) <= 3.0 for key in chosen)
     assert all(pixels(key.parent) > 3.0 for key in chosen if key.level)
     assert len({key.level for key in chosen}) > 1
-    assert len(select(planet.surface, error, [camera], 1.0, 10_000)) > len(chosen)
+    assert len(select_tiles(planet.surface, error, [camera], 1.0, 10_000)) > len(chosen)
 
 
 def test_near_ground_is_finer():
     planet = PLANETS[2]
     camera = Camera(np.array([0.0, 0.0, 195.0]), np.diag([1.0, -1.0, -1.0]), 1.2, 1.0, 720)
-    chosen = select(planet.surface, ERRORS[2], [camera], 2.0, 60)
+    chosen = select_tiles(planet.surface, ERRORS[2], [camera], 2.0, 60)
     centres = [spheres(planet.surface, key.level, np.array([key[1:]]))[0][0] for key in chosen]
     away = np.linalg.norm(np.array(centres) - camera.position, axis=1)
     level = np.array([key.level for key in chosen])
@@ -235,7 +245,7 @@ def test_a_browser_never_shows_holes_or_overlaps_or_more_than_is_wanted(seed, ch
     noise, planet, cover = np.random.default_rng(seed), PLANETS[0], Cover(cache=10, settle=0.05)
     now, sent = 0.0, {}
     for _ in range(4):
-        wanted = select(planet.surface, ERRORS[0], [camera_at(noise, planet)], 2.0, 60)
+        wanted = select_tiles(planet.surface, ERRORS[0], [camera_at(noise, planet)], 2.0, 60)
         for _ in range(200):
             now += 0.03
             plan = cover.plan(wanted, now)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from motorgrad.sim.planet import Planet
 from motorgrad.sim.planet._elevation import MapElevation
-from motorgrad.sim.planet._ellipsoid import Ellipsoid, towards, unit
-from motorgrad.sim.planet._tree import ROOTS, Key, caps, directions, places, quarters, tile_of
+from motorgrad.sim.planet._geometry import Ellipsoid, normal_at, unit
+from motorgrad.sim.planet._tiles import ROOTS, Key, caps, directions, places, quarters, tile_of
 
 RADII = st.tuples(*[st.floats(1.0, 5.0)] * 3)
 KINDS = ("bumps", "steps", "waves", "fractal")
@@ -64,7 +64,7 @@ def test_seeded_ground_has_no_tears(kind):
 
 def test_the_body_starts_on_level_ground():
     planet = Planet(height=0.5, clearing=0.6, latitude=40.0, longitude=-70.0)
-    start = planet.ellipsoid.tangent(towards(40.0, -70.0))
+    start = planet.ellipsoid.tangent(normal_at(40.0, -70.0))
     around = unit(start + 0.15 * ways(5))
     near = np.linalg.norm(planet.ellipsoid.points(around) - planet.ellipsoid.points(start), axis=1) < 0.6
     assert near.sum() > 50
@@ -81,11 +81,11 @@ def test_a_map_is_read_where_its_points_are_and_goes_around():
     elevation = MapElevation(heights)
     for row, latitude in enumerate(np.linspace(90, -90, 7)[1:-1], 1):
         for column, longitude in enumerate(np.linspace(-180, 180, 12, endpoint=False)):
-            at = towards(latitude, longitude)
+            at = normal_at(latitude, longitude)
             assert elevation(at, at) == pytest.approx(heights[row, column])
-    between = towards(60.0, 165.0)  # in the middle between the last column and the first
+    between = normal_at(60.0, 165.0)  # in the middle between the last column and the first
     assert elevation(between, between) == pytest.approx((heights[1, -1] + heights[1, 0]) / 2)
-    for pole, row in ((towards(90, 0), 0), (towards(-90, 123), -1)):
+    for pole, row in ((normal_at(90, 0), 0), (normal_at(-90, 123), -1)):
         assert elevation(pole, pole) == pytest.approx(heights[row].mean())
     assert (elevation.least, elevation.greatest) == (elevation.heights.min(), elevation.heights.max())
 

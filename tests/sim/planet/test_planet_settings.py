@@ -10,8 +10,7 @@ import viser
 from motorgrad._settings import build, table
 from motorgrad.bodies import Hexapod, compile_model
 from motorgrad.sim.planet import Detail, OnPlanet, Planet, PlanetBatch, PlanetScene, on_planet
-from motorgrad.sim.planet._tile import TRIANGLES
-from motorgrad.sim.planet._tree import Key
+from motorgrad.sim.planet._tiles import TRIANGLES, Key
 from motorgrad.sim.scene import Pose
 from motorgrad.tasks import make
 
@@ -136,7 +135,7 @@ def test_the_part_draws_within_its_budget_and_keeps_the_planet_under_the_body(se
     field = model.hfield("patch").data.copy()
     for _ in range(3):
         batch._qpos[0] += 0.4
-        batch.settle()
+        batch.recentre()
         batch._batch.forward()
         pose.place(moment(batch))
         part.update(None, pose)

@@ -7,7 +7,7 @@ import pytest
 import viser
 
 from motorgrad.bodies import Hexapod, Hopper, compile_model
-from motorgrad.sim.live import bare
+from motorgrad.sim.live import setup_of
 from motorgrad.sim.scene import Pose, Scene
 
 
@@ -37,7 +37,7 @@ def staged(server):
         scene, pose = Scene(layers), Pose(model)
         for layer in scene.layers:
             layer.shown = True
-        scene.build(server, bare(model))
+        scene.build(server, setup_of(model))
         return scene, pose
 
     return build

@@ -10,7 +10,7 @@ from scene_moments import moment
 
 from motorgrad.benchmarks._watcher import watch
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
-from motorgrad.sim.live import bare
+from motorgrad.sim.live import setup_of
 from motorgrad.sim.scene import Cameras, Pose, Scene, View
 
 CHROMIUM = "/usr/bin/chromium"
@@ -31,7 +31,7 @@ class Walker:
         self.model = compile_model(OnTerrain(Hexapod(), terrain))
         self.pose, self.scene = Pose(self.model), Scene()
         self.view = View(self.scene)
-        session = bare(self.model)
+        session = setup_of(self.model)
         self.scene.build(server, session)
         next(layer for layer in self.scene.layers if layer.name == "Shadows").shown = False  # slow in software
         with server.gui.add_tab_group().add_tab("View"):
@@ -83,7 +83,7 @@ class Looker:
         self.page.goto(f"http://127.0.0.1:{walker.server.get_port()}")
         self.until(lambda: set(walker.server.get_clients()) - known)
         (self.id,) = set(walker.server.get_clients()) - known
-        self.until(lambda: self.id in walker.view.cameras._seats)
+        self.until(lambda: self.id in walker.view.cameras._viewers)
         self.camera = walker.server.get_clients()[self.id].camera
         self.page.wait_for_timeout(1000)
 
@@ -156,9 +156,9 @@ def test_each_camera_moves_as_it_should(walker, browser):
     looker.until(lambda: np.linalg.norm(camera.look_at - pose.centre) < 0.01)
 
     # walk: at eye height over the hills, whichever way it goes; the mouse looks around from where it stands
-    cameras._seats[looker.id].height = EYES
+    cameras._viewers[looker.id].height = EYES
     looker.choose("g", "Walk")
-    feet, _ = cameras._on_model(camera.position)
+    feet, _ = cameras._model_ground(camera.position)
     assert camera.position[2] - feet[2] == pytest.approx(EYES, abs=0.1 * EYES)
     for key in "ws":
         begun = camera.position.copy()
@@ -166,7 +166,7 @@ def test_each_camera_moves_as_it_should(walker, browser):
         looker.until(lambda begun=begun: np.linalg.norm((camera.position - begun)[:2]) > 0.7)
         looker.page.keyboard.up(key)
         looker.until(looker.stands)
-        feet, _ = cameras._on_model(camera.position)
+        feet, _ = cameras._model_ground(camera.position)
         assert camera.position[2] - feet[2] == pytest.approx(EYES, abs=0.1 * EYES)
     stood, looked = camera.position.copy(), looker.away / np.linalg.norm(looker.away)
     looker.drag(120)
@@ -201,8 +201,8 @@ def test_each_camera_moves_as_it_should(walker, browser):
     here, known = camera.position.copy(), set(walker.server.get_clients())
     other = threading.Thread(target=watch, args=(walker.server.get_port(), 4.0))
     other.start()
-    looker.until(lambda: set(cameras._seats) - known)
-    (second,) = set(cameras._seats) - known
+    looker.until(lambda: set(cameras._viewers) - known)
+    (second,) = set(cameras._viewers) - known
     cameras.choose(second, "Fixed: above")
     looker.until(lambda: cameras.chosen(second) == "Fixed: above")
     looker.page.wait_for_timeout(500)
@@ -211,12 +211,12 @@ def test_each_camera_moves_as_it_should(walker, browser):
     assert cameras.chosen(looker.id) == "Orbit"
     np.testing.assert_allclose(camera.position, here, atol=1e-3)
     other.join()
-    looker.until(lambda: second not in cameras._seats)
+    looker.until(lambda: second not in cameras._viewers)
 
 
 def test_a_camera_that_there_is_not_is_refused(hopper, server):
     cameras = Cameras()
-    cameras.build(server, bare(hopper))
+    cameras.build(server, setup_of(hopper))
     assert cameras.names == ["Orbit", "Walk", "Follow", "Fixed: stand", "Fixed: side"]
     with pytest.raises(ValueError, match=r"camera = 'Fly': must be one of Orbit, Walk, Follow, Fixed: stand"):
         cameras.choose(0, "Fly")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scene_moments import moment
 
-from motorgrad.sim._colours import geom_colours
-from motorgrad.sim.scene._meshes import Meshes
+from motorgrad.sim.film import geom_colours
+from motorgrad.sim.scene._bodies import Meshes
 
 SHAPES = """
 <mujoco>

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scene_moments import walk
 
-from motorgrad.sim.scene import _paths
+from motorgrad.sim.scene import _muscles as _paths
 
 PULLEY = """
 <mujoco>

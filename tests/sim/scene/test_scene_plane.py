@@ -5,10 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from motorgrad.sim.live import Session, Step, learner
+from motorgrad.sim.live import Session, Step, setup_of
 from motorgrad.sim.scene import Pose, Scene
-from motorgrad.sim.scene._board import Board
-from motorgrad.sim.scene._plane import BALL, Plane, PlaneUnits
+from motorgrad.sim.scene._plane import BALL, Board, Plane, PlaneUnits
 from motorgrad.worlds import Walls
 
 
@@ -24,7 +23,7 @@ def test_a_board_keeps_proportions_and_stands_on_the_floor():
 
 @pytest.mark.slow
 def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server):
-    with Session(learner("particle"), playing=False) as session:
+    with Session(setup_of("particle"), playing=False) as session:
         scene, pose = Scene(), Pose(session.model)
         scene.build(server, session)
         plane = next(layer for layer in scene.layers if isinstance(layer, Plane))
@@ -45,7 +44,7 @@ def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server)
         assert len(discs.batched_opacities) >= len(session.actions)
         order = np.argsort(discs.batched_opacities[: len(session.actions)])
         assert np.all(np.diff(snapshot.probability[0][order]) >= -1e-6)
-        policy = units._policy.of(snapshot.parameters[0])
+        policy = session.policy(snapshot.parameters[0])
         # the policy is looked at four times a second, and learns meanwhile
         centre = board.place(np.asarray(policy.centre)[:1, :2])[0]
         np.testing.assert_allclose(discs.batched_positions[0, [0, 2]], centre[[0, 2]], atol=1e-3)

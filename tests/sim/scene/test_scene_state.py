@@ -6,15 +6,12 @@ import pytest
 from scene_moments import moment, standing, walk
 
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
-from motorgrad.sim._ground import ground_height
-from motorgrad.sim._muscles import FIRING, SILENT
+from motorgrad.sim.film import FIRING, SILENT, ground_height
 from motorgrad.sim.scene import Pose
-from motorgrad.sim.scene._balance import Balance
 from motorgrad.sim.scene._bodies import Bodies
-from motorgrad.sim.scene._contacts import touches
-from motorgrad.sim.scene._ground import hills
-from motorgrad.sim.scene._muscles import SILENT_OPACITY, Muscles
-from motorgrad.sim.scene._tension import peak_force, tendon_tension
+from motorgrad.sim.scene._contacts import Balance, touches
+from motorgrad.sim.scene._muscles import SILENT_OPACITY, Muscles, peak_force, tendon_tension
+from motorgrad.sim.scene._surroundings import height_field_glb
 
 
 def layer_of(scene, kind):
@@ -178,7 +175,7 @@ def test_hills_are_those_of_the_field():
 
     model = compile_model(OnTerrain(Hexapod(), Terrain(kind="waves", height=0.4, size=(6.0, 4.0))))
     field = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)[0])
-    content = hills(model, model.geom_dataid[field], np.array([0.7, 0.7, 0.6]))
+    content = height_field_glb(model, model.geom_dataid[field], np.array([0.7, 0.7, 0.6]))
     (mesh,) = trimesh.load(trimesh.util.wrap_as_stream(content), file_type="glb").geometry.values()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

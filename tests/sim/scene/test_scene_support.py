@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motorgrad.sim.scene._support import level_axes, margin, support_polygon
+from motorgrad.sim.scene._contacts import level_axes, stability_margin, support_polygon
 
 UP = np.array([0.0, 0.0, 1.0])
 SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
@@ -28,7 +28,7 @@ def test_points_inside_are_left_out_and_the_order_is_anticlockwise():
 def test_the_margin_in_a_square(place, expected):
     polygon = support_polygon(SQUARE, UP)
     for height in (0.0, 3.0):  # how high the mass is does not count
-        assert margin(polygon, np.array([*place, height]), UP) == pytest.approx(expected, abs=1e-12)
+        assert stability_margin(polygon, np.array([*place, height]), UP) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("corners", [3, 5, 6, 12])
@@ -41,17 +41,17 @@ def test_a_regular_polygon_on_a_slope(corners, tilt):
     polygon = support_polygon(flat @ turn.T, turn @ UP)
     assert len(polygon) == corners
     assert area(polygon, turn @ UP) == pytest.approx(corners / 2 * np.sin(2 * np.pi / corners))
-    assert margin(polygon, turn @ [0, 0, 0.7], turn @ UP) == pytest.approx(np.cos(np.pi / corners))
+    assert stability_margin(polygon, turn @ [0, 0, 0.7], turn @ UP) == pytest.approx(np.cos(np.pi / corners))
 
 
 def test_too_few_points_to_stand_on():
     assert len(support_polygon(np.empty((0, 3)), UP)) == 0
-    assert margin(np.empty((0, 3)), UP, UP) == -np.inf
+    assert stability_margin(np.empty((0, 3)), UP, UP) == -np.inf
     one = support_polygon(SQUARE[:1], UP)
-    assert margin(one, np.array([3.0, 4.0, 0.0]), UP) == pytest.approx(-5.0)
+    assert stability_margin(one, np.array([3.0, 4.0, 0.0]), UP) == pytest.approx(-5.0)
     line = np.linspace((0, 0, 0), (2, 2, 0), 5)
     ends = support_polygon(line[[2, 0, 4, 1, 3]], UP)
     np.testing.assert_allclose(sorted(map(tuple, ends)), [(0, 0, 0), (2, 2, 0)])
-    assert margin(ends, np.array([1.0, 1.0, 0.0]), UP) == pytest.approx(0.0)
-    assert margin(ends, np.array([2.0, 0.0, 0.0]), UP) == pytest.approx(-np.sqrt(2))
+    assert stability_margin(ends, np.array([1.0, 1.0, 0.0]), UP) == pytest.approx(0.0)
+    assert stability_margin(ends, np.array([2.0, 0.0, 0.0]), UP) == pytest.approx(-np.sqrt(2))
     assert len(support_polygon(np.repeat(line[:1], 3, axis=0), UP)) == 1

@@ -1,10 +1,18 @@
-"""A run in a process of its own: sessions, snapshots, orders."""
+"""Live runs: a simulation in a process of its own, read through snapshots and steered by orders.
 
-from motorgrad.sim.live._given import is_path, setup_of
-from motorgrad.sim.live._orders import (
+```py
+session = Session(setup_of("hopper", seed=3), speed=2.0)
+session.order(Edit("agent.optimizer.learning_rate", 1e-3))
+session.snapshot().decision
+session.close()
+```
+"""
+
+from motorgrad.sim.live._messages import (
     Compare,
     Control,
     Edit,
+    Event,
     Freeze,
     Load,
     Order,
@@ -18,13 +26,13 @@ from motorgrad.sim.live._orders import (
     Step,
     Thaw,
 )
-from motorgrad.sim.live._session import Event, Session
-from motorgrad.sim.live._setup import BODIES, Setup, acting, bare, learner
-from motorgrad.sim.live._snapshot import Curve, Snapshot, Trail
-from motorgrad.sim.live._stage import Camera, Stage
+from motorgrad.sim.live._session import Session
+from motorgrad.sim.live._setup import BODIES, Camera, Setup, Stage, acting, is_path, setup_of
+from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
 
 __all__ = [
     "BODIES",
+    "BODY_LABELS",
     "Camera",
     "Compare",
     "Control",
@@ -49,8 +57,6 @@ __all__ = [
     "Thaw",
     "Trail",
     "acting",
-    "bare",
     "is_path",
-    "learner",
     "setup_of",
 ]

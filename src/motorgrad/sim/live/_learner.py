@@ -1,25 +1,28 @@
 """A learner that can be watched and changed while it runs."""
 
+import dataclasses
 from typing import Any
 
 import jax
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.learning import IndexedAgent
-from motorgrad.sim.live._body_part import BodyPart
-from motorgrad.sim.live._learner_settings import EXPLORATION, named_rates, put_rate, rebuilt, with_changes
-from motorgrad.sim.live._looking import Seen, gradient_norm, watch
-from motorgrad.sim.live._muscle_settings import check_number
-from motorgrad.sim.live._policy_file import load_policy, save_policy
-from motorgrad.sim.live._replies import Ready
+from motorgrad._tree import numbers_of
+from motorgrad.learning import SparseAgent
+from motorgrad.sim.live._body import BodyPart, check_number
+from motorgrad.sim.live._messages import Ready
+from motorgrad.sim.live._policy import load_policy, save_policy
+from motorgrad.sim.live._probe import Seen, gradient_norm, probe
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import Sizes
-from motorgrad.sim.live._subject import Look, Tally
-from motorgrad.training import Stepper, stepper_of
+from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+from motorgrad.tasks import Task
+from motorgrad.training import Stepper, stepper_for
 
 ROOM = 20.0  # simulated seconds of the trail
-MADE = 4  # engines kept, so that going back to a setting compiles nothing
+MOST_ENGINES = 4  # kept, so that going back to a setting makes nothing anew
+AGENT, TASK, EXPLORATION = "agent.", "task.", "exploration"
+SKIPPED = ("action_period", "time_limit")
+"""Numbers of tasks that do not change what is rewarded."""
 
 
 class Learner:
@@ -32,13 +35,13 @@ class Learner:
         self.frozen = setup.frozen
         self._changes: dict[str, float] = {}
         self._engines: dict[Any, Stepper] = {}
-        self._watches: dict[Stepper, Any] = {}
+        self._probes: dict[Stepper, Any] = {}
         self._body = BodyPart(stepper := self._engine())
         if setup.memory is not None:
             stepper.use(stepper.policies(), setup.memory)
         self._stepper, self._comparing = stepper, False
         self._untrained: Stepper | None = None
-        self.settings = named_rates(stepper.state) | rebuilt(self.task, self.agent) | self._body.read()
+        self.settings = agent_numbers(self.agent) | task_numbers(self.task) | self._body.read()
         if stepper.policy.has_temperature:
             self.settings[EXPLORATION] = 1.0
         self._pushed_until = self._counted = 0
@@ -126,26 +129,26 @@ class Learner:
         settings = {name: value for name, value in self.settings.items() if name != EXPLORATION}
         kept = {"frozen": self.frozen, "changes": self._changes, "settings": {**self._start["settings"], **settings}}
         self.restore({**self._start, **kept, "untrained": self._untouched if self._comparing else None})
-        for name in named_rates(self._stepper.state):
-            self._change_state(lambda state, name=name: put_rate(state, name, settings[name]))
+        for name in agent_numbers(self.agent):
+            self._stepper.set_number(name.removeprefix(AGENT), settings[name])
 
     def edit(self, name: str, value: float) -> None:
         value = float(value)
         if name in self._body.numbers:
             check_number(name, self._body.numbers[name], value)
             self._body.put({**self.settings, name: value}, self._all)
-        elif name in rebuilt(self.task, self.agent):
-            self._switch({**self._changes, name: value}, self.frozen)
+        elif name.startswith(TASK):
+            self._switch({**self._changes, name.removeprefix(TASK): value}, self.frozen)
         elif name == EXPLORATION:
             check(value > 0, name, value, "above 0")
             self._change_state(lambda state: _explore(state, value / self.settings[EXPLORATION]))
         else:
-            self._change_state(lambda state: put_rate(state, name, value))
+            self._set_number(name, value)
         self.settings[name] = value
 
     def freeze(self, on: bool) -> None:
         if on != self.frozen:
-            known = not isinstance(self.agent, IndexedAgent)
+            known = not isinstance(self.agent, SparseAgent)
             check(known, "freeze", on, "left alone with a learner whose units are indexed")
             self._switch(self._changes, on)
 
@@ -198,12 +201,15 @@ class Learner:
         """The engine for the present settings."""
         key = (self.frozen, *sorted(self._changes.items()))
         if key not in self._engines:
-            task, agent = with_changes(self.task, self.agent, self._changes)
+            try:
+                task: Any = dataclasses.replace(self.task, **self._changes) if self._changes else self.task  # type: ignore[type-var]
+            except ValueError as error:
+                raise ValueError(f"{TASK}{error}") from None
             mode = "sample" if self.frozen else "learn"
-            made = stepper_of(task, agent, [self._setup.seed], mode, threads=1, initial=self._setup.initial)
-            while len(self._engines) >= MADE:
+            made = stepper_for(task, self.agent, [self._setup.seed], mode, threads=1, initial=self._setup.initial)
+            while len(self._engines) >= MOST_ENGINES:
                 old = self._engines.pop(next(iter(self._engines)))
-                self._watches.pop(old, None)
+                self._probes.pop(old, None)
             self._engines[key] = made
         self._engines[key] = self._engines.pop(key)  # the newest last
         return self._engines[key]
@@ -212,10 +218,18 @@ class Learner:
     def _beside(self) -> Stepper:
         """The engine of the untrained body."""
         if self._untrained is None:
-            self._untrained = stepper_of(self.task, self.agent, [self._setup.seed], "sample", threads=1)
+            self._untrained = stepper_for(self.task, self.agent, [self._setup.seed], "sample", threads=1)
             self._untouched = self._untrained.state
             self._body.put(self.settings, [self._untrained])
         return self._untrained
+
+    def _set_number(self, name: str, value: float) -> None:
+        path = name.removeprefix(AGENT)
+        try:
+            self._stepper.set_number(path, value)
+        except ValueError as error:
+            raise ValueError(f"{AGENT}{error}" if str(error).startswith(path) else str(error)) from None
+        self._last = None
 
     def _change_state(self, change: Any) -> None:
         state = self._stepper.state
@@ -227,9 +241,9 @@ class Learner:
         """Every body in view as it is now, one below the other."""
         parts = []
         for stepper in self._shown:
-            if stepper not in self._watches:
-                self._watches[stepper] = watch(stepper, self._body.feet)
-            parts.append(self._watches[stepper]() | {"control": self._body.control(stepper)})
+            if stepper not in self._probes:
+                self._probes[stepper] = probe(stepper, self._body.feet)
+            parts.append(self._probes[stepper]() | {"control": self._body.control(stepper)})
         if len(parts) == 1:
             return parts[0]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -249,3 +263,16 @@ def _explore(state: Any, factor: float) -> None:
     cycle = state["cycle"]
     policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
     state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))
+
+
+def agent_numbers(agent: Any) -> dict[str, float]:
+    """The numbers of a learner that can be changed while it runs, by name."""
+    found = numbers_of(agent.hyperparameters)
+    return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}
+
+
+def task_numbers(task: Task) -> dict[str, float]:
+    """The numbers of a task that can be changed while it runs, by name."""
+    fields = [field.name for field in dataclasses.fields(task)] if dataclasses.is_dataclass(task) else []
+    values = {name: getattr(task, name) for name in fields if name not in SKIPPED}
+    return {f"{TASK}{name}": value for name, value in values.items() if isinstance(value, float)}

@@ -1,7 +1,8 @@
-"""A run as a page knows it: snapshots to look at, orders to give."""
+"""A session: a run in a worker process, which is read through snapshots and steered by orders."""
 
 import atexit
 import contextlib
+import functools
 import multiprocessing
 import sys
 import threading
@@ -9,61 +10,45 @@ import time
 import types
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import cloudpickle
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
-from motorgrad._errors import check, unknown
-from motorgrad.sim.live._orders import Control, Edit, Order, Push, Scrub
-from motorgrad.sim.live._replies import Ready, Reply
+from motorgrad.policies import Policy, split
+from motorgrad.sim.live._messages import Event, Order, Ready, Reply
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._shared import Shared
-from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, Sizes, Snapshot, Trail, layout
+from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
 from motorgrad.sim.live._worker import work
 
-START = 300.0  # seconds in which a worker must be ready; a large learner is compiled in some ten
-KEPT = 10_000  # events that nobody has read
-
-
-class Event(NamedTuple):
-    """What became of an order, or what happened by itself.
-
-    - `wall`: time of the day, s since the epoch; `decision` at which it happened.
-    - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, or `"ended"` where the worker is no more.
-    - `text`: one line.
-    """
-
-    wall: float
-    decision: int
-    text: str
-    kind: str
+START = 300.0  # s in which a worker must be ready; compiling a large learner takes about ten
+KEPT = 10_000  # events that have not been read
 
 
 class Session:
-    """A run in a process of its own, which goes on whether or not anyone looks.
+    """A run in a process of its own, which goes on whether or not anyone watches.
 
-    **Arguments:** `setup`; `playing`, whether it begins at once; `speed`, simulated seconds per second of wall time.
+    **Arguments:** `setup`; `playing`: whether it starts at once; `speed`: simulated seconds per second of wall time.
 
     **Attributes:**
 
     - `model`: the `mujoco.MjModel` of the body in view, with edits of muscles applied; None for worlds in JAX.
-    - `task`, `agent`, `policy_shape` (one seed's policy, of shapes): None for a model without a learner.
-    - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): their names.
+    - `task`, `agent`: None for a model without a learner.
+    - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
     - `period`: simulated seconds of a decision.
     - `settings`: what `Edit` can change, by name, with its present value.
-    - `log`: the last events, whether or not they were asked for.
+    - `log`: the last events, whether or not `events` has returned them.
 
-    **Raises** `ValueError` or `RuntimeError` with the worker's own line where it cannot begin.
+    **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
     """
 
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0):
         self.setup, self.name = setup, setup.name
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
-        self.policy_shape: Any = None
-        if setup.agent is not None:
-            self.policy_shape = jax.eval_shape(setup.agent.init, jax.random.key(0)).policy
         self._events: deque[Event] = deque(maxlen=KEPT)
         self.log: deque[Event] = deque(maxlen=KEPT)
         self._ended = threading.Event()
@@ -80,7 +65,7 @@ class Session:
         self.period, self.settings = ready.period, dict(ready.settings)
         self.observations, self.actions, self.muscles = ready.observations, ready.actions, ready.muscles
         self.feet, self.readings = ready.feet, ready.readings
-        self._shared = {part: Shared(shapes) for part, shapes in layout(self.sizes).items()}
+        self._shared = {part: SharedArrays(shapes) for part, shapes in layout(self.sizes).items()}
         self._pipe.send({part: block.name for part, block in self._shared.items()})
         self._await_first_snapshot()
         self._listener = threading.Thread(target=self._listen, name="motorgrad sim events", daemon=True)
@@ -95,6 +80,32 @@ class Session:
         values |= {name: int(found[name]) for name in COUNTS}
         values |= {name: bool(found[name]) for name in ("playing", "frozen")}
         return Snapshot(**values, seconds=float(found["seconds"]), speed=float(found["speed"]))
+
+    def policy(self, parameters: np.ndarray) -> Policy | None:
+        """The policy with the flat `parameters` of a snapshot.
+
+        Parameters that are not trained are those with which the run began. None where there is no learner, or where the
+        policy has grown since then.
+        """
+        if self.agent is None:
+            return None
+        size, unravel, fixed = self._structure
+        if parameters.shape != (size,):
+            return None
+        return eqx.combine(unravel(jnp.asarray(parameters, jnp.result_type(float))), fixed)
+
+    @functools.cached_property
+    def _structure(self) -> tuple[int, Any, Any]:
+        """Of the policy: the number of trained parameters, the function that shapes them, and everything else."""
+        assert self.agent is not None
+        initial = self.setup.initial
+        if initial is None:
+            whole = self.agent.init(jax.random.key(self.setup.seed)).policy
+        else:
+            whole = jax.tree.map(lambda leaf: leaf[0], initial)
+        trained, fixed = split(whole)
+        flat, unravel = ravel_pytree(trained)
+        return flat.size, unravel, fixed
 
     def trail(self) -> Trail:
         """The last decisions, oldest first."""
@@ -114,20 +125,20 @@ class Session:
         return Curve(decision.astype(np.int64), seconds, values["reward"], values, frozen.astype(bool))
 
     def order(self, order: Order) -> None:
-        """Ask the run for something. What became of it comes with `events`.
+        """Send an order to the run; `events` reports the outcome.
 
-        **Raises** `ValueError` for what this run does not have; `RuntimeError` where it is no more.
+        **Raises** `ValueError` for an order that this run cannot carry out; `RuntimeError` where the run has ended.
         """
         if not isinstance(order, Order):
-            raise TypeError(f"order = {order!r}: must be one of the orders of motorgrad.sim.live")
-        self._check(order)
+            raise TypeError(f"order = {order!r}: must be an order of motorgrad.sim.live")
+        order.check(self)
         if self._ended.is_set():
             raise RuntimeError(f"{self.name}: the simulation has ended")
         with self._lock:
             self._pipe.send(order)
 
     def events(self) -> list[Event]:
-        """What happened since this was asked last, oldest first; a page asks, and shows it."""
+        """The events since the last call, oldest first; a page calls it to show them."""
         found = []
         while self._events:
             found.append(self._events.popleft())
@@ -135,11 +146,11 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Whether the run is no more: closed, or broken, of which the last event tells."""
+        """Whether the run has ended: it was closed, or it failed, which the last event tells."""
         return self._ended.is_set()
 
     def close(self) -> None:
-        """End the run and give its memory back. A second call does nothing."""
+        """End the run and free its memory. A second call does nothing."""
         if self._process.is_alive():
             with self._lock, contextlib.suppress(OSError):
                 self._pipe.send(None)
@@ -166,52 +177,37 @@ class Session:
             raise RuntimeError(f"{self.name}: the session is closed")
         return self._shared[part].read()
 
-    def _check(self, order: Order) -> None:
-        if isinstance(order, Edit) and order.name not in self.settings:
-            raise unknown("setting", order.name, self.settings)
-        if isinstance(order, Push):
-            names = [] if self.model is None else [self.model.body(i).name for i in range(1, self.model.nbody)]
-            if order.body not in names:
-                raise unknown("body", order.body, names)
-        if isinstance(order, Control):
-            known = 0 <= order.actuator < len(self.muscles) and self.task is None
-            check(known, "actuator", order.actuator, f"one of the {len(self.muscles)} of a model without a learner")
-        if isinstance(order, Scrub):
-            now = self.snapshot()
-            fits = now.oldest <= order.decision <= now.newest
-            check(fits, "decision", order.decision, f"from {now.oldest:,} to {now.newest:,}")
-
     def _first(self) -> Ready:
-        """What the worker says when it can begin."""
-        said: Any = None
+        """The worker's first reply."""
+        reply: Any = None
         with contextlib.suppress(EOFError):
-            said = self._pipe.recv() if self._pipe.poll(START) else None
-        if isinstance(said, Ready):
-            return said
+            reply = self._pipe.recv() if self._pipe.poll(START) else None
+        if isinstance(reply, Ready):
+            return reply
         self._process.terminate()
         self._process.join()
         self._pipe.close()
-        if isinstance(said, Exception):
-            raise said
-        raise RuntimeError(f"{self.name}: the simulation did not begin (exit status {self._process.exitcode})")
+        if isinstance(reply, Exception):
+            raise reply
+        raise RuntimeError(f"{self.name}: the simulation did not start (exit status {self._process.exitcode})")
 
     def _await_first_snapshot(self) -> None:
         until = time.monotonic() + START
         while self._shared["moment"].read()["bodies"] < 1:
             if not self._process.is_alive() or time.monotonic() > until:
-                raise RuntimeError(f"{self.name}: the simulation ended as it began")
+                raise RuntimeError(f"{self.name}: the simulation ended as it started")
             time.sleep(0.005)
 
     def _listen(self) -> None:
-        """Take in what the worker says, so that it never waits."""
+        """Receive the worker's replies, so that it never waits."""
         with contextlib.suppress(EOFError, OSError):
             while True:
                 reply: Reply = self._pipe.recv()
                 self.settings.update(reply.settings)
                 if self.model is not None:
-                    reply.put_into(self.model)
-                if reply.text:
-                    self._note(Event(reply.wall, reply.decision, reply.text, reply.kind))
+                    reply.update(self.model)
+                if reply.event.text:
+                    self._note(reply.event)
         if not self._ended.is_set():
             self._ended.set()
             self._note(Event(time.time(), 0, f"{self.name}: the simulation has ended", "ended"))
@@ -223,8 +219,10 @@ class Session:
 
 @contextlib.contextmanager
 def _bare_main() -> Iterator[None]:
-    """Keep a new process from running the user's script again, so that it needs no guard: what the script defines
-    crosses by value."""
+    """Keep the new process from running the user's script again, so that scripts need no guard.
+
+    What the script defines crosses by value.
+    """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")
     try:

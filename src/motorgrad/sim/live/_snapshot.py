@@ -1,29 +1,36 @@
-"""What a page sees of a run: its present moment, the moments just before, and the learning curve so far."""
+"""What a page sees of a run, and the shared memory that carries it: snapshot, trail and learning curve."""
 
-from typing import NamedTuple
+import contextlib
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-MOST_BODIES = 2
-"""Side by side: the body that learns, and an untrained one."""
+BODY_LABELS = ("learning", "untrained")
+"""The bodies in view side by side: the one that learns, and an untrained one to compare with."""
+MOST_BODIES = len(BODY_LABELS)
 
 
 class Snapshot(NamedTuple):
-    """One moment of the bodies in view, copied out of shared memory; all of it belongs to the same decision.
+    """One moment of the bodies in view, copied out of shared memory; all values belong to the same decision.
 
     - `decision`: decisions made; `seconds`: simulated time, in s.
-    - `playing`; `frozen`, whether nothing is learnt; `speed`: simulated seconds per second of wall time, as achieved.
+    - `playing`; `frozen`: whether learning is off; `speed`: simulated seconds per second of wall time, as achieved.
     - `position`, `velocity`, `activation`, `control`: MuJoCo's `qpos`, `qvel`, `act` and `ctrl` of each body. In a
-      JAX world the first two are the state's, or the first all of it.
-    - `observation`; `probability`: each unit's probability of firing on it, or its mean activation.
-    - `reward` of the last decision; `baseline`; `gradient_norm`: of the last gradient, NaN where it is not known.
-    - `parameters`: the trainable ones of the policy that acts, flat.
-    - `reset_count`: how often the run began anew or was put elsewhere; `oldest`, `newest`: the decisions between which
-      it can be put back.
+      JAX world, `position` and `velocity` of its state, or the whole state in `position`.
+    - `observation`; `probability`: each unit's probability of firing given it, or its mean activation.
+    - `reward` of the last decision; `baseline`; `gradient_norm` of the last gradient, NaN where unknown.
+    - `parameters`: the trainable parameters of the acting policy, flat.
+    - `reset_count`: how often the run was reset or set to another decision; `oldest`, `newest`: the range of decisions
+      that it can go to.
 
-    The first axis is of bodies: the one that learns, then an untrained one while both stand side by side. NaN is what
-    the subject does not have.
+    The first axis is of bodies: the one that learns, then an untrained one while both are compared. Values that the
+    subject does not have are NaN.
     """
 
     decision: int
@@ -47,13 +54,12 @@ class Snapshot(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """The last decisions of the body that learns, oldest first: some 20 s of simulated time at most.
+    """The last decisions of the body that learns, oldest first: at most about 20 s of simulated time.
 
-    Where the run is much faster than can be watched, stretches of consecutive decisions are kept and those between
-    them are left out; `decision` says which there are.
+    Of a fast run only stretches of consecutive decisions are sampled; `decision` tells which.
 
-    - `activation`: of each actuator; `action`: what the policy chose; both are under way from this decision on.
-    - `contacts`: of each foot (`Session.feet`), the force of its touch sensor, in N.
+    - `activation`: of each actuator; `action`: what the policy chose; both take effect from this decision on.
+    - `contacts`: the force of each foot's touch sensor (`Session.feet`), in N.
     """
 
     decision: Int[np.ndarray, " n"]
@@ -69,10 +75,10 @@ class Trail(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """The learning curve since the start, thinned to at most 2,000 points: means over the decisions before each point.
+    """The learning curve since the start, of at most 2,000 points: means over the decisions before each point.
 
     - `values`: by name, `reward`, then the task's readings (`apex`, `speed`, …), NaN where one did not occur.
-    - `frozen`: whether nothing was learnt then.
+    - `frozen`: whether learning was off.
     """
 
     decision: Int[np.ndarray, " points"]
@@ -82,8 +88,19 @@ class Curve(NamedTuple):
     frozen: Bool[np.ndarray, " points"]
 
 
+Look = dict[str, np.ndarray]
+"""One moment, by the names of `Snapshot`'s arrays and `action` and `contacts`, with a leading axis of bodies."""
+
+
+class Tally(NamedTuple):
+    """Means and counts since the last tally: of the reward of a decision, then of the task's readings."""
+
+    values: np.ndarray
+    counts: np.ndarray
+
+
 class Sizes(NamedTuple):
-    """How large everything is, which the worker finds out and tells the page."""
+    """The sizes of all arrays; the worker determines them and sends them to the session."""
 
     position: int
     velocity: int
@@ -105,7 +122,7 @@ SCALARS = ("reward", "baseline", "gradient_norm")
 
 
 def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
-    """The arrays in shared memory, by part: their shapes; all are of double precision."""
+    """The shapes of the arrays in shared memory, by part; all are double precision."""
     named = sizes._asdict() | {"probability": sizes.action, "contacts": sizes.feet}
     moment = dict.fromkeys(NUMBERS, ())
     moment |= {name: (MOST_BODIES, named[name]) for name in ARRAYS}
@@ -118,3 +135,151 @@ def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
     points: dict[str, tuple[int, ...]] = dict.fromkeys(("decision", "seconds", "frozen"), (POINTS,))
     curve = points | {"count": (), "values": (1 + sizes.readings, POINTS)}
     return {"moment": moment, "trail": trail | {"count": (), "next": ()}, "curve": curve}
+
+
+WORD = 8  # bytes of a double, and of the sequence count
+PATIENCE = 10.0  # s; far longer than a write takes, even on an overloaded machine
+
+
+class SharedArrays:
+    """Named arrays of doubles in one block of shared memory, guarded by a sequence lock.
+
+    The count in the first word is odd while the writer is at work; a reader that finds it odd, or changed, reads again.
+    The writer never waits.
+
+    **Arguments:** `shapes`: of the arrays, by name; `name`: of an existing block to attach to, or None to create one.
+    """
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]], name: str | None = None):
+        size = WORD * (1 + sum(math.prod(shape) for shape in shapes.values()))
+        self._memory = SharedMemory(name, create=name is None, size=size)
+        self.owner, self.name = name is None, self._memory.name
+        memory: Any = self._memory.buf
+        self._sequence = np.frombuffer(memory, np.int64, 1)
+        self.arrays: dict[str, np.ndarray] = {}
+        place = WORD
+        for key, shape in shapes.items():
+            count = math.prod(shape)
+            self.arrays[key] = np.frombuffer(memory, np.float64, count, place).reshape(shape)
+            place += WORD * count
+
+    @contextmanager
+    def writing(self) -> Iterator[dict[str, np.ndarray]]:
+        """The arrays, for writing; readers discard what they read meanwhile."""
+        self._sequence[0] += 1
+        try:
+            yield self.arrays
+        finally:
+            self._sequence[0] += 1
+
+    def read(self) -> dict[str, np.ndarray]:
+        """Consistent copies of the arrays.
+
+        **Raises** `RuntimeError` where the writer died in the middle of a write.
+        """
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            before = int(self._sequence[0])
+            if before % 2 == 0:
+                copies = {name: array.copy() for name, array in self.arrays.items()}
+                if int(self._sequence[0]) == before:
+                    return copies
+            time.sleep(0)
+        raise RuntimeError("shared memory: the simulation stopped while it was writing")
+
+    def close(self) -> None:
+        """Detach from the block; its creator also removes it."""
+        self.arrays.clear()
+        self._sequence = np.empty(0)
+        with contextlib.suppress(BufferError):  # a reader still holds a view; the memory goes with it
+            self._memory.close()
+        if self.owner:
+            self._memory.unlink()
+
+
+ROWS = ("position", "velocity", "action", "contacts", "observation", "probability")
+
+
+class TrailRecorder:
+    """Writes the last decisions of the first body to a ring buffer."""
+
+    def __init__(self, shared: SharedArrays, sizes: Sizes, period: float):
+        self._shared, self._room, self._period = shared, sizes.trail, period
+        self._count = self._next = 0
+
+    def add(self, decision: int, looks: Sequence[Look]) -> None:
+        """Append consecutive decisions, the last of which is `decision`."""
+        if not looks:
+            return
+        with self._shared.writing() as arrays:
+            for number, look in zip(range(decision - len(looks) + 1, decision + 1), looks, strict=True):
+                row = self._next
+                arrays["decision"][row], arrays["seconds"][row] = number, number * self._period
+                arrays["reward"][row], arrays["activation"][row] = look["reward"][0], look["control"][0]
+                for name in ROWS:
+                    arrays[name][row] = look[name][0]
+                self._next = (row + 1) % self._room
+                self._count = min(self._count + 1, self._room)
+            self._publish(arrays)
+
+    def drop_after(self, decision: int) -> None:
+        """Drop the decisions after this one."""
+        with self._shared.writing() as arrays:
+            while self._count and arrays["decision"][(self._next - 1) % self._room] > decision:
+                self._next, self._count = (self._next - 1) % self._room, self._count - 1
+            self._publish(arrays)
+
+    def _publish(self, arrays: dict[str, np.ndarray]) -> None:
+        arrays["count"][...], arrays["next"][...] = self._count, self._next
+
+
+class CurveRecorder:
+    """Writes the learning curve, in points of equally many decisions; when full, pairs of points are merged."""
+
+    def __init__(self, shared: SharedArrays, sizes: Sizes, period: float):
+        self._shared, self._period = shared, period
+        self._ends, self._frozen = np.zeros(POINTS, np.int64), np.zeros(POINTS)
+        self._sums, self._counts = (np.zeros((1 + sizes.readings, POINTS)) for _ in range(2))
+        self._points = 0
+        self._first = self.window = max(1, round(1.0 / period))
+
+    def add(self, decision: int, tally: Tally, frozen: bool) -> None:
+        """Add what happened since the last call to the last point, or begin the next one."""
+        last = self._points - 1
+        begun = 0 if last < 1 else self._ends[last - 1]
+        if last < 0 or self._ends[last] - begun >= self.window:
+            last, self._points = last + 1, self._points + 1
+            self._sums[:, last] = self._counts[:, last] = 0
+        self._sums[:, last] += np.where(tally.counts > 0, tally.values * tally.counts, 0.0)
+        self._counts[:, last] += tally.counts
+        self._ends[last], self._frozen[last] = decision, frozen
+        if self._points == POINTS:
+            self._thin()
+        self._publish()
+
+    def drop_after(self, decision: int) -> None:
+        """Drop the points that end after this decision."""
+        self._points = int(np.searchsorted(self._ends[: self._points], decision, side="right"))
+        self._publish()
+
+    def clear(self) -> None:
+        """Drop all points."""
+        self._points, self.window = 0, self._first
+        self._publish()
+
+    def _thin(self) -> None:
+        half = POINTS // 2
+        for array in (self._sums, self._counts):
+            array[:, :half] = array[:, ::2] + array[:, 1::2]
+        self._ends[:half], self._frozen[:half] = self._ends[1::2], self._frozen[1::2]
+        self._points, self.window = half, 2 * self.window
+
+    def _publish(self) -> None:
+        n = self._points
+        with self._shared.writing() as arrays:
+            arrays["count"][...] = n
+            arrays["decision"][:n], arrays["frozen"][:n] = self._ends[:n], self._frozen[:n]
+            arrays["seconds"][:n] = self._ends[:n] * self._period
+            seen = self._counts[:, :n] > 0
+            means = np.divide(self._sums[:, :n], self._counts[:, :n], out=np.full((len(seen), n), np.nan), where=seen)
+            arrays["values"][:, :n] = means

@@ -1,7 +1,5 @@
-"""The page in the browser: a session with its scene and its panels."""
+"""The page of TimSim: a session shown in the browser, with its scene and its panels."""
 
-from motorgrad.sim.page._address import HERE, ExposedWarning, check_port, warn_of
-from motorgrad.sim.page._page import Page
-from motorgrad.sim.page._show import show
+from motorgrad.sim.page._page import HERE, ExposedWarning, Page, check_port, warn_of
 
-__all__ = ["HERE", "ExposedWarning", "Page", "check_port", "show", "warn_of"]
+__all__ = ["HERE", "ExposedWarning", "Page", "check_port", "warn_of"]

@@ -1,9 +1,10 @@
-"""A page in the browser: a session, its scene and its panels."""
+"""The page in the browser: a session, its scene and its panels, at an address."""
 
 import contextlib
 import io
 import logging
 import os
+import socket
 import sys
 import threading
 import time
@@ -14,24 +15,52 @@ from typing import Any, Self
 
 import viser
 
+from motorgrad._errors import check
 from motorgrad.sim.live import Session
-from motorgrad.sim.page._address import HERE, PORT, check_port
-from motorgrad.sim.page._footing import footing_on
 from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
-from motorgrad.sim.planet import PlanetScene
 from motorgrad.sim.scene import Pose, Scene, View
 
-FRAME = 1 / 30
+HERE = "127.0.0.1"
+PORT = 8080
+
+
+class ExposedWarning(UserWarning):
+    """The page can be reached from other machines."""
+
+
+def warn_of(host: str) -> None:
+    """Warn where a host is not this machine's own address."""
+    if host not in (HERE, "localhost", "::1"):
+        text = f"host = {host!r}: whoever reaches this port can drive the simulation, and read and write policy files"
+        warnings.warn(text, ExposedWarning, stacklevel=3)
+
+
+def check_port(host: str, port: int | None) -> None:
+    """Refuse a port that cannot be used. **Raises** `ValueError`."""
+    if port is None:
+        return
+    check(isinstance(port, int) and 1 <= port <= 65535, "port", port, "from 1 to 65535")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise ValueError(f"port = {port}: cannot listen on {host}: {why.lower()}") from None
+
+
+FRAME = 1 / 30  # s
 log = logging.getLogger(__name__)
 
 
 class Page:
-    """What is seen of a session in browsers, as many as like; none is needed.
+    """Shows a session in any number of browsers, or none.
 
-    **Arguments:** `session`; the `host` and `port` to listen at; port None is 8080, or the next that is free.
+    **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one.
 
-    **Attributes:** `url`; `server`, viser's; `session`; `scene` and `panels`; `failures`, how many frames a part could
-    not draw; `spent`, seconds that drawing has taken in all.
+    **Attributes:** `url`; `server`, viser's; `session`; `scene` and `panels`; `failures`: how many frames a part could
+    not draw; `spent`: seconds spent drawing in all.
 
     **Raises** `ValueError` for a port that is in use.
     """
@@ -39,7 +68,7 @@ class Page:
     def __init__(self, session: Session, host: str = HERE, port: int | None = None):
         check_port(host, port)
         self.session, self.host = session, host
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is told by who asked for the page
+        with contextlib.redirect_stdout(io.StringIO()):  # viser's banner; whoever made the page tells its address
             self.server = viser.ViserServer(host, PORT if port is None else port, label=session.name, verbose=False)
         try:
             self._build()
@@ -50,41 +79,46 @@ class Page:
         self._thread.start()
 
     def _build(self) -> None:
-        # a browser may leave between two elements that it is told of
+        # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        # to share a page would let anyone in the world drive the simulation
+        # a share button would let anyone in the world drive the simulation
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
         session = self.session
         self.scene, self.panels = Scene(), Panels()
-        self.planet = PlanetScene()
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
-        self.view = View(self.scene, footing=footing_on(session.task, session.model, self._pose))
-        self._stop = threading.Event()
         self._pose.place(session.snapshot())
-        drag = DragPush(self.scene.grips)
-        for part in (self.scene, self.planet, self.panels, drag):
+        planet, ground_at = None, None
+        if getattr(getattr(session.task, "dynamics", None), "planet", None) is not None:
+            from motorgrad.sim.planet import PlanetScene, ground_finder  # not met by who does not ask for a planet
+
+            planet, ground_at = PlanetScene(), ground_finder(session.task, session.model, self._pose)
+        self.view = View(self.scene, ground_at=ground_at)
+        self._stop = threading.Event()
+        drag = DragPush(self.scene.draggable)
+        drawn = [self.scene, *([] if planet is None else [planet])]
+        for part in (*drawn, self.panels, drag):
             part.build(self.server, session)
         with self.panels.tabs.add_tab(View.title, View.icon):
             self.view.build(self.server, session)
-        self.parts: list[Any] = [self.scene, self.planet, self.view, self.panels, drag]
+        self.parts: list[Any] = [*drawn, self.view, self.panels, drag]
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """The address of the page."""
         shown = "localhost" if self.host in (HERE, "0.0.0.0", "::") else self.host
         return f"http://{shown}:{self.server.get_port()}"
 
     @property
     def last_words(self) -> str:
-        """Why the run ended, as far as it is known."""
+        """Why the run ended, as far as is known."""
         known = [event.text for event in self.session.log if event.kind in ("error", "ended")]
         return " ".join(dict.fromkeys(known[-2:])) or f"{self.session.name}: the simulation has ended"
 
     def open(self) -> None:
-        """Show the page in the user's browser, where there is a screen to see it on."""
+        """Open the page in the user's browser, where there is a screen."""
         if sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(self.url)
 
@@ -93,7 +127,7 @@ class Page:
         return FilmRecorder(self.session, path, **settings)
 
     def wait(self) -> None:
-        """Until the page or its run is closed, or Ctrl-C."""
+        """Wait until the page or its run is closed, or for Ctrl-C."""
         while not self._stop.wait(0.2) and not self.session.ended:
             pass
 
@@ -118,17 +152,17 @@ class Page:
         return f"Page({self.session.name}, {self.url})"
 
     def _repr_html_(self) -> str:
-        """In a notebook the page shows itself."""
+        """Show the page in a notebook."""
         return f'<iframe src="{self.url}" width="100%" height="600" style="border: 0"></iframe>'
 
     def _run(self) -> None:
-        """Thirty times a second: the newest snapshot into every part. The run takes no notice."""
+        """Draw the newest snapshot thirty times a second; the run does not wait for it."""
         due = time.perf_counter()
         while not self._stop.is_set():
             start = time.perf_counter()
             try:
                 snapshot = self.session.snapshot()
-            except RuntimeError:  # closed, or its worker died in the middle of a write
+            except RuntimeError:  # the session is closed, or its worker died in the middle of a write
                 return
             self._guard("pose", self._pose.place, snapshot)
             for part in self.parts:
@@ -139,13 +173,13 @@ class Page:
             self._stop.wait(due - now)
 
     def _guard(self, name: str, act: Any, *arguments: Any) -> None:
-        """A part that cannot draw a moment must not take the others with it; it is told once."""
+        """Draw a part; one that fails does not stop the others, and is logged once."""
         try:
             try:
                 act(*arguments)
             except RuntimeError as error:
-                # viser wakes its senders by asyncio's Event, which threads may not share: once in some 10,000 frames a
-                # sender goes to sleep at that moment
+                # viser wakes its senders through asyncio's Event, which is not thread-safe: about once in 10,000 frames
+                # a sender goes to sleep at that very moment. Trying again succeeds
                 if "mutated during iteration" not in str(error):
                     raise
                 act(*arguments)

@@ -1,12 +1,12 @@
-"""The panels of TimSim's page: the run, the learning, the muscles, the policy, the gait; and capture.
+"""The panels of TimSim's page: run, learning, muscles, policy, gait and capture.
 
-Every panel is a tab that adds its own elements and renews them; none knows another, and one that does not apply to a
-run does not appear. They see a run through its `Session` alone.
+Each panel is a tab that adds its own elements and updates them. Panels do not know each other, see a run through its
+`Session` alone, and appear only where they apply.
 """
 
-from motorgrad.sim.panels._film import FilmRecorder
+from motorgrad.sim.panels._capture import FilmRecorder
 from motorgrad.sim.panels._panel import Panel
 from motorgrad.sim.panels._panels import PANELS, Panels
-from motorgrad.sim.panels._push import DragPush
+from motorgrad.sim.panels._run import DragPush
 
 __all__ = ["PANELS", "DragPush", "FilmRecorder", "Panel", "Panels"]

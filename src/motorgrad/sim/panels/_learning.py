@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from motorgrad.sim.panels._curves import CurvePlot, TracePlot
-from motorgrad.sim.panels._numbers import brief, table
-from motorgrad.sim.panels._panel import Numbers, Panel
+from motorgrad.sim.panels._charts import CurvePlot, TracePlot
+from motorgrad.sim.panels._panel import Numbers, Panel, brief, table
 from motorgrad.sim.panels._settings_form import SettingsForm
 
 if TYPE_CHECKING:

@@ -1,27 +1,125 @@
-"""Muscles: when they fire, and where one of them is on its curves."""
+"""Muscles: their activation over time, and where one of them works on its force–length–velocity curves."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from motorgrad.sim.panels._law import Law
-from motorgrad.sim.panels._numbers import brief, columns_of, table
-from motorgrad.sim.panels._operating import LEAST, Range, draw_operating
-from motorgrad.sim.panels._panel import Numbers, Panel
-from motorgrad.sim.panels._raster import draw_raster
+from motorgrad.sim.film import muscle_colour
+from motorgrad.sim.live import Control, Event, Session, Snapshot
+from motorgrad.sim.panels import _charts
+from motorgrad.sim.panels._charts import FAINT, STRONG
+from motorgrad.sim.panels._muscle_law import Law
+from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, table
 from motorgrad.sim.panels._settings_form import SettingsForm
+from motorgrad.sim.scene import Pose
 
-if TYPE_CHECKING:
-    from motorgrad.sim.live import Event, Session, Snapshot
-    from motorgrad.sim.scene import Pose
+SECONDS = 4.0
+COLUMNS = 320
+ROW, LOW = 15.0, 216.0
+"""Height of a row, and of all rows where there are many, in the diagram's units."""
 
-ARMS = 3  # joints of which the moment arm is told
+
+def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1) -> str:
+    """The activations of the last seconds as SVG: the stronger the red, the more active; blank where the run was not
+    sampled.
+
+    **Arguments:** `seconds` `(n,)` at which `level` `(n, muscles)`, in [0, 1], begins; `names` of the muscles; `period`
+    of a decision in s; `chosen`: the row to mark.
+    """
+    count = len(names)
+    row = min(ROW, max(LOW / count, 2.5))
+    named = row >= 7
+    left = 12 + min(124.0, 0.53 * min(row, _charts.SIZE) * max(map(len, names), default=0)) if named else 30.0
+    end = (seconds[-1] if len(seconds) else 0.0) + period
+    start = end - SECONDS
+    box = (left, 6.0, _charts.WIDTH - 8, 6 + row * count)
+    side = "" if named else f"{count} muscles, the first at the top"
+    labels = [*reversed(names)] if named else [""]
+    chart = _charts.Chart(
+        (start - end, 0.0), (0.0, float(count)), "time before now (s)", side, box, labels, min(row, 10.5)
+    )
+    chart.image(_pixels(seconds, level, start, end, period))
+    if 0 <= chosen < count:
+        height = float(count - chosen)
+        edge = np.array([height, height])
+        span = np.array([start - end, 0.0])
+        for side in (edge, edge - 1):
+            chart.line(span, side, _charts.INK, 0.8, 'stroke-opacity=".8"')
+    return _charts.document(_charts.WIDTH, box[3] + 30, chart.elements(), "activation of the muscles over time")
+
+
+def _pixels(seconds: np.ndarray, level: np.ndarray, start: float, end: float, period: float) -> np.ndarray:
+    """Colours `(muscles, COLUMNS, 4)` of the last level before each column, if that is recent."""
+    at = start + (np.arange(COLUMNS) + 0.5) / COLUMNS * (end - start)
+    row = np.searchsorted(seconds, at, side="right") - 1
+    known = (row >= 0) & (at - seconds[np.maximum(row, 0)] <= 1.5 * period) if len(seconds) else np.zeros(COLUMNS, bool)
+    shown = np.clip(level[np.maximum(row, 0)], 0, 1) if len(seconds) else np.zeros((COLUMNS, level.shape[1]))
+    colour = muscle_colour(shown.T.ravel()).reshape(level.shape[1], COLUMNS, 3)
+    strength = np.where(known, 0.10 + 0.90 * shown.T, 0.0)
+    return np.round(255 * np.concatenate([colour, strength[..., None]], axis=2)).astype(np.uint8)
+
+
+POINTS = 61
+LEAST = 0.1  # m/s, the least range of velocities
+HALF = (34.0, 8.0, 164.0, 140.0)
+OTHER = (210.0, 8.0, _charts.WIDTH - 8, 140.0)
+HERE = "#d0021b"
+
+
+class Range(NamedTuple):
+    """The limits of both curves, which widen with the muscle's motion."""
+
+    length: tuple[float, float]
+    speed: float
+
+    def holding(self, length: float, velocity: float, rest: float) -> Range:
+        """The range widened to contain a moment."""
+        if np.isfinite(rest):
+            low, high = min(self.length[0], 0.4 * rest), max(self.length[1], 1.6 * rest)
+        else:
+            low, high = self.length
+        room = 0.1 * abs(length) + 1e-3  # an actuator without a path may have a negative length
+        low, high = min(low, length - room), max(high, length + room)
+        return Range((low, high), max(self.speed, 1.15 * abs(velocity), LEAST))
+
+
+def draw_operating(law: Law, activation: float, length: float, velocity: float, where: Range) -> str:
+    """Force against length and against velocity as SVG: faint at full activation, strong at the present one, with the
+    operating point.
+    """
+    lengths = np.linspace(*where.length, POINTS)
+    speeds = np.linspace(-where.speed, where.speed, POINTS)
+    now = float(law.force(activation, np.array(length), np.array(velocity)))
+    still = np.zeros(POINTS)
+    along = [law.force(a, lengths, still + velocity) for a in (1.0, activation)]
+    across = [law.force(a, still + length, speeds) for a in (1.0, activation)]
+    every = np.concatenate([*along, *across, [0.0, now]])
+    room = 0.06 * max(float(np.ptp(every)), 1e-9)
+    up = (float(every.min()) - room, float(every.max()) + room)
+    parts: list[str] = []
+    for x, curves, here, words, box, side in (
+        (lengths, along, length, "length (m)", HALF, "force (N)"),
+        (speeds, across, velocity, "velocity (m/s)", OTHER, ""),
+    ):
+        chart = _charts.Chart((float(x[0]), float(x[-1])), up, words, side, (box[0] + 12, *box[1:]) if side else box)
+        chart.line(np.array([x[0], x[-1]]), np.zeros(2), _charts.INK, 0.6, 'stroke-opacity=".4"')
+        chart.line(x, curves[0], FAINT, 1.6)
+        chart.line(x, curves[1], STRONG, 2.0)
+        chart.dot(here, now, HERE)
+        parts += chart.elements()
+    parts.append(_charts.text(46, 180, "— full activation", extra=f'style="fill:{FAINT}"'))
+    parts.append(_charts.text(136, 180, f"— present activation ({activation:.0%})", extra=f'style="fill:{STRONG}"'))
+    return _charts.document(_charts.WIDTH, 190, parts, "force against length and against velocity")
+
+
+ARMS = 3  # joints whose moment arm is shown
 
 
 class MusclesPanel(Panel):
-    """A raster of activations; the chosen muscle's length, velocity, force, moment arms, operating point, settings."""
+    """Activations over time; length, velocity, force, moment arms, operating point and settings of one muscle."""
 
     title: ClassVar[str] = "Muscles"
     icon: ClassVar[str] = "wave-sine"
@@ -35,10 +133,10 @@ class MusclesPanel(Panel):
         session = self.session
         self._raster = gui.add_html("")
         self._which = gui.add_dropdown("Muscle", tuple(session.muscles), initial_value=session.muscles[0])
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         self._curve = gui.add_html("")
         self._range = _fresh()
-        self._form = SettingsForm(self, "Numbers of this muscle")
+        self._form = SettingsForm(self, "Settings of this muscle")
         self._editable = any(self._settings_of(name) for name in session.muscles)
         if self._editable:
             first = max(session.muscles, key=lambda name: len(self._settings_of(name)))
@@ -66,7 +164,7 @@ class MusclesPanel(Panel):
         activation = float(pose.activation[0, row])
         arms = [(f"moment arm, {arm.joint}", f"{brief(1e3 * arm.metres)} mm") for arm in law.moment_arms(data)[:ARMS]]
         unit = "m" if law.pulls else ""
-        self._said.content = table(
+        self._summary.content = table(
             [
                 ("activation", f"{activation:.0%}"),
                 ("length", f"{brief(length)} {unit}"),
@@ -95,7 +193,7 @@ class MusclesPanel(Panel):
         return self.session.muscles.index(self._which.value)
 
     def _share(self, activation: np.ndarray) -> np.ndarray:
-        """Activations as shares of the most that each can be."""
+        """Activations as shares of their maximum."""
         model = self.model
         most = np.abs(model.actuator_ctrlrange).max(axis=1)
         return np.abs(activation) / np.where((model.actuator_ctrllimited > 0) & (most > 0), most, 1.0)
@@ -120,8 +218,6 @@ class MusclesPanel(Panel):
         return (low, high) if model.actuator_ctrllimited[row] and high > low else (-1.0, 1.0)
 
     def _control(self, event: Any) -> None:
-        from motorgrad.sim.live import Control
-
         if event.client is not None:
             self.order(Control(self._chosen, float(self._drive.value)))
 

@@ -1,10 +1,13 @@
-"""All panels of a page, as tabs."""
+"""The tabs of a page: all panels that apply to its session."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import viser
+
+from motorgrad.sim.live import Event, Session, Snapshot
 from motorgrad.sim.panels._capture import CapturePanel
 from motorgrad.sim.panels._gait import GaitPanel
 from motorgrad.sim.panels._learning import LearningPanel
@@ -12,28 +15,23 @@ from motorgrad.sim.panels._muscles import MusclesPanel
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
-
-if TYPE_CHECKING:
-    import viser
-
-    from motorgrad.sim.live import Event, Session, Snapshot
-    from motorgrad.sim.scene import Pose
+from motorgrad.sim.scene import Pose
 
 PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
-"""In the order of their tabs."""
-SAID = {
+"""All panels, in the order of their tabs."""
+NOTIFIED = {
     "saved": ("Saved", "green"),
     "loaded": ("Loaded", "green"),
-    "error": ("Not done", "red"),
+    "error": ("Refused", "red"),
     "ended": ("Ended", "red"),
 }
 
 
 class Panels:
-    """The tabs of a page: those of `PANELS` that apply to its run.
+    """The tabs of a page: those of `PANELS` that apply to its session.
 
-    It takes in the session's events: every browser is told of what was refused, saved or loaded, and the log of
-    changes keeps the rest. Nothing else may read them.
+    It reads the session's events, which nothing else may do: every browser is notified of refusals, saved and loaded
+    files, and the log of changes keeps the rest.
 
     **Attributes:** `tabs`, viser's tab group, to which others may add; `panels`, by title.
     """
@@ -43,7 +41,7 @@ class Panels:
         self.tabs: Any = None
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Add the tabs, in the container that is open."""
+        """Add the tabs to the open container."""
         self._server, self._session = server, session
         self.tabs = server.gui.add_tab_group()
         for kind in PANELS:
@@ -54,13 +52,13 @@ class Panels:
                 self.panels[kind.title] = panel
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Show the present moment; each panel sees to it that it is not renewed too often."""
+        """Show the present moment; each panel limits its own rate."""
         self._tell(self._session.events())
         for panel in self.panels.values():
             panel.update(snapshot, pose)
 
     def close(self) -> None:
-        """End recordings that are under way, so that their files are whole."""
+        """End recordings, so that their files are complete."""
         capture = self.panels.get(CapturePanel.title)
         if isinstance(capture, CapturePanel):
             capture.close()
@@ -72,6 +70,6 @@ class Panels:
             panel.tell(list(events))
             panel.renew()
         for event in events:
-            if event.kind in SAID:
-                title, colour = SAID[event.kind]
+            if event.kind in NOTIFIED:
+                title, colour = NOTIFIED[event.kind]
                 notify(self._server, event.text, title, colour)

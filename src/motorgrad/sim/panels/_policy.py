@@ -1,24 +1,19 @@
-"""The policy: its weights, what it does with two of the observations, and where its local units are."""
+"""The policy: its weights, its response to two of the observations, and the positions of its local units."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.sim.panels._arrows import draw_arrows
-from motorgrad.sim.panels._numbers import columns_of
-from motorgrad.sim.panels._panel import Numbers, Panel
-from motorgrad.sim.panels._portrait import Field, draw_portrait, limits_of
-from motorgrad.sim.panels._present_policy import PresentPolicy, weights_of
-from motorgrad.sim.panels._units import UnitsPicture, is_local
-
-if TYPE_CHECKING:
-    from motorgrad.sim.live import Session, Snapshot
-    from motorgrad.sim.scene import Pose
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.panels._panel import Numbers, Panel, columns_of
+from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, draw_portrait, limits_of, weights_of
+from motorgrad.sim.plane import PlanePicture, has_local_units
+from motorgrad.sim.scene import Pose
 
 ALL = "all"
-MANY = 12  # units beyond which one at a time is shown to begin with
+MANY = 12  # with more units, only one is shown at first
 
 
 class PolicyPanel(Panel):
@@ -34,12 +29,12 @@ class PolicyPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
-        self._policy, self._field = PresentPolicy(session), Field()
-        policy = self._policy.of(session.snapshot().parameters[0])
+        self._field = Field()
+        policy = session.policy(session.snapshot().parameters[0])
         units, senses = (*session.actions,), (*session.observations,)
         self._units = None
-        if is_local(session.task, policy):
-            self._units = UnitsPicture(session.task, policy)
+        if has_local_units(session.task, policy):
+            self._units = PlanePicture(session.task, policy)
             with gui.add_folder("Units in the plane"):
                 self._plane = gui.add_image(self._units.blank, format="png")
         self._arrows: Any = None
@@ -60,7 +55,7 @@ class PolicyPanel(Panel):
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        policy = self._policy.of(snapshot.parameters[0])
+        policy = self.session.policy(snapshot.parameters[0])
         trail = self.session.trail()
         if self._arrows is not None and policy is not None:
             self._show_weights(weights_of(policy), snapshot.probability[0])

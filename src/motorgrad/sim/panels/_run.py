@@ -1,40 +1,161 @@
-"""The run itself: go on, stop, one step, how fast, and back in time."""
+"""The run: play, pause, single decisions, speed, going back in time, and pushes."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
+import mujoco
 import numpy as np
+import viser
 
-from motorgrad.sim.panels._numbers import brief, columns_of, table
-from motorgrad.sim.panels._panel import Numbers, Panel, command
-from motorgrad.sim.panels._push import PushFolder
+from motorgrad.sim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step
+from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, command, notify, table
+from motorgrad.sim.scene import Pose
 
-if TYPE_CHECKING:
-    from motorgrad.sim.live import Snapshot
-    from motorgrad.sim.scene import Pose
+DIRECTIONS = {
+    "+x": (1.0, 0.0, 0.0),
+    "−x": (-1.0, 0.0, 0.0),
+    "+y": (0.0, 1.0, 0.0),
+    "−y": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+PULL = 5.0  # force of a drag by the size of the body, in weights of the body
+SHARE = 0.5  # initial force of a push, in weights of the body
+PULL_SECONDS = 0.1  # duration of a pull, unless the drag goes on
+
+
+class PushFolder:
+    """A folder to push a part of the body: which part, direction, force and duration.
+
+    **Arguments:** `panel`: that it belongs to.
+    """
+
+    def __init__(self, panel: Panel) -> None:
+        self._panel = panel
+
+    def fill(self, gui: Any) -> None:
+        """Add the elements."""
+        model = self._panel.model
+        names = [model.body(index).name for index in range(1, model.nbody)]
+        named = [name for name in names if name]
+        if not named:
+            return
+        moving = [name for name in named if model.body_weldid[model.body(name).id] != 0] or named
+        weight = weight_of(model)
+        with gui.add_folder("Push"):
+            self._body = gui.add_dropdown("Part", moving, initial_value=moving[0])
+            first = movable(model, moving[0])
+            self._way = gui.add_dropdown("Direction", (*DIRECTIONS,), initial_value=first, hint="In world coordinates.")
+            strength = float(f"{SHARE * weight:.1g}")
+            self._strength = gui.add_number("Force (N)", strength, min=0.0, step=strength / 10)
+            self._seconds = gui.add_number("For (s)", 0.1, min=0.01, max=60.0, step=0.01)
+            button = gui.add_button("Push", icon="hand-finger")
+            button.on_click(self._panel.guarded(self._push))
+        command(gui, "Push", "P", self._panel.guarded(self._push))
+
+    def _push(self, _: Any) -> None:
+        x, y, z = (self._strength.value * part for part in DIRECTIONS[self._way.value])
+        self._panel.order(Push(self._body.value, (x, y, z), self._seconds.value))
+
+
+def movable(model: Any, part: str) -> str:
+    """The first direction in which a part can move at the start; not every body is free to move in all."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_fwdPosition(model, data)
+    shifts = np.zeros((3, model.nv))
+    mujoco.mj_jacBodyCom(model, data, shifts, None, model.body(part).id)
+    free = [name for name, way in DIRECTIONS.items() if np.abs(way @ shifts).max(initial=0.0) > 1e-6]
+    return free[0] if free else next(iter(DIRECTIONS))
+
+
+def weight_of(model: Any) -> float:
+    """The weight of everything that moves, in N; 1 without mass."""
+    moving = np.asarray(model.body_weldid) != 0
+    pull = float(np.linalg.norm(model.opt.gravity)) or 9.81
+    return float(np.sum(model.body_mass[moving])) * pull or 1.0
+
+
+class DragPush:
+    """Pulls parts of the body that are dragged with Ctrl (or Cmd) towards the pointer.
+
+    It is a part of the page, updated after the scene.
+
+    **Arguments:** `draggable`: a function that returns viser's handles of batched meshes, and the geom of each of their
+    copies.
+    """
+
+    def __init__(self, draggable: Callable[[], Sequence[tuple[Any, np.ndarray]]]) -> None:
+        self._draggable = draggable
+        self._held: list[Any] = []
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Remember the session."""
+        self._server, self._session = server, session
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Listen to new meshes."""
+        del snapshot
+        for handle, geoms in self._draggable():
+            if not any(handle is known for known in self._held):
+                self._held.append(handle)
+                self._hold(handle, geoms, pose.size)
+
+    def _hold(self, handle: Any, geoms: np.ndarray, size: float) -> None:
+        model: Any = self._session.model
+        bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
+        names = [model.body(body).name if model.body_weldid[body] else "" for body in bodies]
+
+        async def pull(event: Any) -> None:
+            copy = event.instance_index or 0
+            if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond: the untrained body
+                return
+            force = drag_force(model, event.start_position, event.end_position, size)
+            try:
+                self._session.order(Push(names[copy], force, PULL_SECONDS))
+            except (ValueError, RuntimeError) as error:
+                notify(self._server, str(error), client=event.client)
+
+        handle.on_drag("left", modifier="cmd/ctrl")(pull)
+
+
+def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
+    """The force of a drag in N, as of a spring, at most ten times the weight.
+
+    **Arguments:** `model`; `start`: where the body was grabbed, and `end`: where the pointer is, (3,) in m; `size` of
+    the body in m.
+    """
+    weight = weight_of(model)
+    force = PULL * weight * (np.asarray(end, float) - np.asarray(start, float)) / size
+    force *= min(1.0, 10 * weight / max(float(np.linalg.norm(force)), 1e-9))
+    x, y, z = force.tolist()
+    return x, y, z
+
 
 MARKS = (0.05, 0.2, 1.0, 5.0, 20.0)
 FASTEST = 60.0
-"""From here to the right end, which is as fast as possible, the slider has no speed of its own."""
-HELD = 1.0  # seconds for which a slider that the user moved is left alone
+"""The slider's fastest speed; its right end is as fast as possible."""
+HELD = 1.0  # s for which a slider that the user moved is left alone
 
 
 class RunPanel(Panel):
-    """Play, pause, one step, reset, speed, scrubbing, and pushes."""
+    """Play, pause, single decisions, reset, speed, going back in time, and pushes."""
 
     title: ClassVar[str] = "Run"
     icon: ClassVar[str] = "player-play"
     rate: ClassVar[float] = 8.0
 
     def fill(self, gui: Any) -> None:
-        from motorgrad.sim.live import Step
-
-        self._said = gui.add_html("")
+        self._summary = gui.add_html("")
         buttons = gui.add_button_group(
-            "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one step."
+            "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one decision."
         )
         buttons.on_click(self.guarded(lambda event: self._press(event.target.value)))
         self._speed = gui.add_multi_slider(
@@ -44,17 +165,17 @@ class RunPanel(Panel):
             step=0.01,
             initial_value=(self._place(1.0),),
             marks=(*((math.log10(mark), f"{mark:g}×") for mark in MARKS), (math.log10(FASTEST), "max")),
-            hint="Simulated seconds per second; at the right end as fast as possible.",
+            hint="Simulated seconds per second; the right end is as fast as possible.",
         )
-        self._speed.on_update(self.guarded(self._hasten))
+        self._speed.on_update(self.guarded(self._set_speed))
         with gui.add_folder("Back in time"):
             self._back = gui.add_slider(
-                "To (s)", min=-1.0, max=0.0, step=self._step, initial_value=0.0, hint="Body and learner as they were."
+                "To (s)", min=-1.0, max=0.0, step=self._step, initial_value=0.0, hint="Restores body and learner."
             )
             self._back.on_update(self._scrub)
             go = gui.add_button("Continue from here", icon="player-play")
             go.on_click(self.guarded(lambda _: self._press("Play")))
-        reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Body and learner as at the start.")
+        reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Returns body and learner to the start.")
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
         self._push = PushFolder(self) if self.model is not None else None
@@ -62,19 +183,19 @@ class RunPanel(Panel):
             self._push.fill(gui)
         for label, key, action in (
             ("Play or pause", "space", lambda _: self._press("Pause" if self.session.snapshot().playing else "Play")),
-            ("One step", "N", lambda _: self.order(Step())),
+            ("One decision", "N", lambda _: self.order(Step())),
         ):
             command(gui, label, key, self.guarded(action))
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        if self._wanted is not None:  # once a frame, however quickly the slider moves
+        if self._wanted is not None:  # at most once a frame, however fast the slider moves
             wanted, self._wanted = self._wanted, None
             self.guarded(lambda _: self._go_to(*wanted))(wanted[1])
         super().update(snapshot, pose)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        doing = "paused" if not snapshot.playing else "acting, frozen" if snapshot.frozen else "running"
+        doing = "paused" if not snapshot.playing else "acting, learning frozen" if snapshot.frozen else "running"
         if snapshot.playing and not snapshot.frozen and self.session.agent is not None:
             doing = "learning"
         rows = [
@@ -83,7 +204,7 @@ class RunPanel(Panel):
             ("decisions", f"{snapshot.decision:,}"),
             ("speed", f"{brief(snapshot.speed)}×" if snapshot.playing else "–"),
         ]
-        self._said.content = table(rows)
+        self._summary.content = table(rows)
         if time.monotonic() - self._touched > HELD:
             low = min(-self._step, (snapshot.oldest - snapshot.newest) * self.session.period)
             if not math.isclose(low, self._limits[0]):
@@ -109,24 +230,18 @@ class RunPanel(Panel):
         return math.log10(min(speed, FASTEST))
 
     def _press(self, button: str) -> None:
-        from motorgrad.sim.live import Pause, Play, Reset, Step
-
         self.order({"Play": Play, "Pause": Pause, "Step": Step, "Reset": Reset}[button]())
 
-    def _hasten(self, event: Any) -> None:
-        from motorgrad.sim.live import Speed
-
+    def _set_speed(self, event: Any) -> None:
         factor = 10 ** event.target.value[0]
         self.order(Speed(math.inf if factor > FASTEST * 0.97 else max(factor, MARKS[0])))
 
     def _scrub(self, event: Any) -> None:
-        if event.client is not None:  # and not by this panel itself
+        if event.client is not None:  # not by this panel itself
             self._touched = time.monotonic()
             self._wanted = (float(event.target.value), event)
 
     def _go_to(self, seconds: float, event: Any) -> None:
-        from motorgrad.sim.live import Scrub
-
         del event
         now = self.session.snapshot()
         decision = now.newest + round(seconds / self.session.period)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._docstrings import descriptions
+from motorgrad._tree import Part
+
 if TYPE_CHECKING:
     from motorgrad.sim.panels._panel import Panel
 
 WORDS = {
-    "agent.rate": ("step size α", "Of every parameter; the learning rate."),
-    "agent.decay": ("trace decay β", "How much of the trace is left after a decision, from 0 to 1."),
     "task.reward_scale": ("reward scale", "A factor on every reward."),
     "exploration": ("exploration", "A factor on the temperature of the units, or on their noise."),
     "strength": ("strength (N)", "The greatest force."),
@@ -18,7 +19,9 @@ WORDS = {
     "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
 }
 
-RATES = "agent.rates."
+AGENT = "agent."
+OUTER = ("estimator", "optimizer")
+"""Parts of a learner whose names are left out of the labels of their numbers."""
 
 
 class SettingsForm:
@@ -40,7 +43,7 @@ class SettingsForm:
         self._names = list(names)
         with gui.add_form(self._label) as form:
             for name in names:
-                label, hint = words_of(name)
+                label, hint = self._words(name)
                 self._fields.append(gui.add_text(label, self._text(name), hint=f"{hint} {name}".strip()))
             button = gui.add_button(self._button, icon="check")
         button.on_click(lambda _: form.submit())
@@ -50,7 +53,7 @@ class SettingsForm:
         """Show other settings in the same fields; one too many is hidden."""
         self._names = list(names)
         for field, name in zip(self._fields, names, strict=False):
-            field.value, field.label = self._text(name), words_of(name)[0]
+            field.value, field.label = self._text(name), self._words(name)[0]
         for row, field in enumerate(self._fields):
             field.visible = row < len(names)
 
@@ -59,6 +62,9 @@ class SettingsForm:
         for field, name in zip(self._fields, self._names, strict=False):
             if self._shown.get(name) != self._panel.session.settings[name]:
                 field.value = self._text(name)
+
+    def _words(self, name: str) -> tuple[str, str]:
+        return words_of(name, self._panel.session.agent)
 
     def _text(self, name: str) -> str:
         value = self._panel.session.settings[name]
@@ -72,7 +78,7 @@ class SettingsForm:
             changes = []
             for field, name in zip(self._fields, self._names, strict=False):
                 if field.value.strip() != f"{self._shown[name]:.6g}":
-                    changes.append(Edit(name, number_of(words_of(name)[0], field.value)))
+                    changes.append(Edit(name, number_of(self._words(name)[0], field.value)))
             for change in changes:
                 self._panel.order(change)
         finally:
@@ -86,15 +92,27 @@ class SettingsForm:
         self.follow()
 
 
-def words_of(name: str) -> tuple[str, str]:
-    """A setting's label and what it means."""
-    if name.startswith(RATES):  # of parameters that have step sizes of their own
-        label, hint = WORDS["agent.rate"]
-        return f"{label}, {name.removeprefix(RATES).replace('_', ' ')}", hint
+def words_of(name: str, agent: Any = None) -> tuple[str, str]:
+    """A setting's label and what it means; of a learner's number, what its part's docstring says."""
+    if name.startswith(AGENT):
+        return _agent_words(name.removeprefix(AGENT).split("."), agent)
     for key in (name, name.rsplit(".", 1)[-1] if name.startswith("body.") else name):
         if key in WORDS:
             return WORDS[key]
     return name.split(".", 1)[-1].replace("_", " "), ""
+
+
+def _agent_words(path: list[str], agent: Any) -> tuple[str, str]:
+    part, hint, label = agent, "", []
+    for name in path:
+        if isinstance(part, Part):
+            hint = descriptions(type(part)).get(name, hint)
+            label = [*label[-1:], name] if name not in OUTER else []
+            part = getattr(part, name)
+        else:  # a group of parameters, or a part that is not known here
+            label = [*label, name]
+            part = part[name] if isinstance(part, dict) else None
+    return " ".join(label).replace("_", " "), hint
 
 
 def number_of(name: str, text: str) -> float:

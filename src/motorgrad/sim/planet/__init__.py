@@ -1,14 +1,12 @@
-"""A round world to walk on: terrain as an ellipsoid in a quad-tree of height-field tiles, drawn as finely as it is
-looked at, and the physics of one body on a patch of it that is laid anew as the body goes.
+"""A round world to walk on, drawn as finely as each camera needs and simulated on a patch of ground around one body.
 
-`Planet` holds its settings, `on_planet` puts a task there, `PlanetScene` shows it in the page.
+`Planet` holds the settings, `on_planet` moves a task there, `PlanetBatch` is the physics, and `PlanetScene` draws the
+planet in the page. Nothing else of TimSim imports this package unless a planet is asked for.
 """
 
-from motorgrad.sim.planet._batch import PlanetBatch
-from motorgrad.sim.planet._body import OnPlanet
-from motorgrad.sim.planet._frame import Frame
+from motorgrad.sim.planet._body import OnPlanet, PlanetBatch, on_planet
+from motorgrad.sim.planet._geometry import Frame
 from motorgrad.sim.planet._planet import Detail, Planet
-from motorgrad.sim.planet._scene import PlanetScene
-from motorgrad.sim.planet._task import on_planet
+from motorgrad.sim.planet._scene import PlanetScene, ground_finder
 
-__all__ = ["Detail", "Frame", "OnPlanet", "Planet", "PlanetBatch", "PlanetScene", "on_planet"]
+__all__ = ["Detail", "Frame", "OnPlanet", "Planet", "PlanetBatch", "PlanetScene", "ground_finder", "on_planet"]

@@ -1,20 +1,85 @@
-"""Which tiles to draw: as fine as the cameras want them and the budget of triangles allows."""
+"""Level of detail: which tiles the cameras can see, how finely to draw them, and in what order to send them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from motorgrad.sim.planet._culling import Camera, above_horizon, in_frustum, spheres
-from motorgrad.sim.planet._surface import Surface
-from motorgrad.sim.planet._tree import ROOTS, Key, Tiles, quarters
+from motorgrad.sim.planet._elevation import Surface
+from motorgrad.sim.planet._geometry import unit
+from motorgrad.sim.planet._tiles import ROOTS, Key, Tiles, caps, quarters
 
-_NEAR = 1e-3  # m; no nearer is a tile taken to be
+Spheres = tuple[Float[np.ndarray, "tiles 3"], Float[np.ndarray, " tiles"]]
+
+
+class Camera(NamedTuple):
+    """A camera in the planet's coordinates.
+
+    - `position` (3,) in m.
+    - `rotation` (3, 3): columns to the right, down and ahead.
+    - `fov`: from the lower to the upper edge of the picture, rad; `aspect`: width over height.
+    - `pixels`: height of the picture.
+    """
+
+    position: Float[np.ndarray, " 3"]
+    rotation: Float[np.ndarray, "3 3"]
+    fov: float
+    aspect: float
+    pixels: int
+
+
+def spheres(surface: Surface, level: int, tiles: Tiles) -> Spheres:
+    """Centres (tiles, 3) and radii (tiles,) in m of bounding spheres of tiles, without their skirts."""
+    middle, angle = caps(level, tiles)
+    return surface.ellipsoid.points(middle), 2.0 * np.sin(angle / 2.0) * surface.ellipsoid.greatest + surface.reach
+
+
+def in_frustum(camera: Camera, balls: Spheres) -> Bool[np.ndarray, " tiles"]:
+    """Whether part of each sphere may be in the picture, at any distance; false only where none is."""
+    centres, radii = balls
+    right, down, ahead = ((centres - camera.position) @ camera.rotation).T
+    up = np.tan(camera.fov / 2.0)
+    seen = ahead >= -radii
+    for across, slope in ((right, up * camera.aspect), (down, up)):
+        seen &= slope * ahead - np.abs(across) >= -radii * np.hypot(1.0, slope)
+    return seen
+
+
+def above_horizon(
+    camera: Camera, surface: Surface, level: int, tiles: Tiles, slack: float
+) -> Bool[np.ndarray, " tiles"]:
+    """Whether part of each tile may be above the horizon; false only for those that the planet hides.
+
+    They are hidden by an ellipsoid within the ground, of the same shape. In units of its radii it is the unit sphere,
+    and a point at distance ρ from the centre is visible from one at distance c if the angle between them is at most
+    arccos(1/c) + arccos(1/ρ).
+
+    **Arguments:** `slack` (m): how far the drawn ground may lie below the true one.
+    """
+    ellipsoid, middle_angle = surface.ellipsoid, caps(level, tiles)
+    within = 1.0 - (max(0.0, -surface.elevation.least) + slack) / ellipsoid.least
+    eye = camera.position / (within * np.asarray(ellipsoid.radii))
+    far = np.linalg.norm(eye)
+    if within <= 0.0 or far <= 1.0:  # nothing is hidden from inside
+        return np.ones(len(tiles), bool)
+    middle, angle = middle_angle
+    # on an ellipsoid, raising ground along its normal also shifts it sideways in these units
+    ratio = (ellipsoid.greatest / ellipsoid.least) ** 2
+    raised = surface.reach / ellipsoid.least
+    sideways = np.arcsin(min(1.0, raised * (ratio - 1.0) / (ratio + 1.0)))
+    top = (1.0 + max(0.0, surface.elevation.greatest) / ellipsoid.least) / within
+    between = 2.0 * np.arcsin(np.clip(np.linalg.norm(middle - unit(eye), axis=1) / 2.0, 0.0, 1.0))
+    return between - angle - sideways <= np.arccos(1.0 / far) + np.arccos(1.0 / top)
+
+
+_NEAR = 1e-3  # m, the least distance of a tile
 
 
 class _Level(NamedTuple):
-    """The visible tiles of a level: the number of the parent of each among all, how urgent it is to divide it."""
+    """The visible tiles of a level: the index of each one's parent among all tiles, and how urgently it should be
+    divided.
+    """
 
     tiles: Tiles
     parent: Int[np.ndarray, " tiles"]
@@ -22,7 +87,7 @@ class _Level(NamedTuple):
     wanting: Bool[np.ndarray, " tiles"]
 
 
-def select(
+def select_tiles(
     surface: Surface,
     errors: Float[np.ndarray, " levels"],
     cameras: Sequence[Camera],
@@ -31,21 +96,21 @@ def select(
 ) -> list[Key]:
     """The tiles that the cameras need, the most urgent first; no two overlap.
 
-    A tile is divided into four while what its mesh is off by is more than `tolerance` pixels in some picture. Of all
-    tiles that want to be divided, those that are farthest off come first, until the tiles are `most`.
+    A tile is divided into four while the error of its mesh exceeds `tolerance` pixels in some picture. Tiles with the
+    largest errors are divided first, until there are `most` tiles.
 
-    **Arguments:** `errors` (levels,) in m, of each level's meshes; `tolerance` in pixels; `most` tiles, at least 6.
+    **Arguments:** `errors` (levels,) in m of each level's meshes; `tolerance` in pixels; `most` tiles, at least 6.
 
-    **Returns:** tiles that some camera may see, wholly covering what it sees.
+    **Returns:** tiles that some camera may see, which cover everything it sees.
     """
     levels: list[_Level] = []
     tiles, parent, urgency, count = ROOTS, np.full(6, -1), np.full(6, np.inf), 0
     for level, error in enumerate(errors):
         seen, pixels = _look(surface, float(errors[0]), cameras, level, tiles, float(error))
-        # none is divided before the tile that it is a quarter of
+        # no tile is divided before its parent
         tiles, parent, urgency = tiles[seen], parent[seen], np.minimum(urgency, pixels)[seen]
         wanting = (urgency > tolerance) & (level < len(errors) - 1)
-        if np.count_nonzero(wanting) > most:  # the others would not be divided in the end either
+        if np.count_nonzero(wanting) > most:  # the others would not be divided in the end
             wanting &= urgency >= np.partition(urgency, -most)[-most]
         levels.append(_Level(tiles, parent, urgency, wanting))
         parent = np.repeat(count + np.flatnonzero(wanting), 4)
@@ -59,7 +124,7 @@ def select(
 def _look(
     surface: Surface, slack: float, cameras: Sequence[Camera], level: int, tiles: Tiles, error: float
 ) -> tuple[Bool[np.ndarray, " tiles"], Float[np.ndarray, " tiles"]]:
-    """For each tile whether some camera may see it, and by how many pixels its mesh is off there at most."""
+    """For each tile, whether some camera may see it, and the largest error of its mesh in pixels."""
     seen, pixels = np.zeros(len(tiles), bool), np.zeros(len(tiles))
     balls = spheres(surface, level, tiles)
     for camera in cameras:
@@ -85,3 +150,63 @@ def _cut(levels: list[_Level], most: int) -> list[Key]:
     leaves = np.flatnonzero(~divided & ((parent < 0) | divided[parent]))
     leaves = leaves[np.argsort(-urgency[leaves], kind="stable")]
     return [Key(int(depth[n]), *map(int, tiles[n])) for n in leaves]
+
+
+class Plan(NamedTuple):
+    """What to do next: tiles to `send`, in this order, to `drop`, and the only ones to `show`."""
+
+    send: list[Key]
+    drop: list[Key]
+    show: set[Key]
+
+
+class Cover:
+    """The tiles that were sent, and those of them that are shown, without holes or overlaps.
+
+    The nearest ancestor that has arrived stands in for a missing tile. So the six faces are sent first, and every tile
+    after its parent; and no more tiles are shown than wanted.
+
+    **Arguments:** `cache`: how many unused tiles are kept; `settle` (s): after how long a sent tile is assumed to have
+    arrived.
+    """
+
+    def __init__(self, cache: int, settle: float):
+        self._cache, self._settle = cache, settle
+        self._sent: dict[Key, float] = {}
+        self._used: dict[Key, None] = {}  # in the order of last use
+
+    @property
+    def sent(self) -> set[Key]:
+        """The tiles that were sent and not dropped."""
+        return set(self._sent)
+
+    def plan(self, wanted: Iterable[Key], now: float) -> Plan:
+        """What to do in order to show `wanted`, at the time `now` in s."""
+        wanted = list(wanted)
+        chain = [(*reversed(key.ancestors), key) for key in wanted]
+        needed = dict.fromkeys(key for each in chain for key in each)
+        for key in needed:
+            self._used.pop(key, None)
+            self._used[key] = None
+        missing = sorted((key for key in needed if key not in self._sent), key=lambda key: key.level)
+        idle = [key for key in self._used if key in self._sent and key not in needed]
+        drop = idle[: max(0, len(idle) - self._cache)]
+        for key in drop:
+            del self._used[key]
+        shown = {key for each in chain if (key := self._nearest(each, now)) is not None}
+        return Plan(missing, drop, {key for key in shown if not shown.intersection(key.ancestors)})
+
+    def note(self, sent: Iterable[Key], dropped: Iterable[Key], now: float) -> None:
+        """Record what was done."""
+        self._sent |= dict.fromkeys(sent, now)
+        for key in dropped:
+            del self._sent[key]
+
+    def _nearest(self, chain: tuple[Key, ...], now: float) -> Key | None:
+        """The last tile of a chain, from a face down, up to which all have arrived."""
+        found = None
+        for key in chain:
+            if self._sent.get(key, now) > now - self._settle:
+                break
+            found = key
+        return found

@@ -1,43 +1,55 @@
-"""A planet in the page: its tiles follow the cameras of those who watch."""
+"""A planet in the page: tiles that follow the cameras of all browsers, and the ground for walkers."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from motorgrad.sim.planet._body import PLANET, OnPlanet, check_names
-from motorgrad.sim.planet._cover import Cover
-from motorgrad.sim.planet._culling import Camera
-from motorgrad.sim.planet._detail import select
-from motorgrad.sim.planet._ellipsoid import Ellipsoid
-from motorgrad.sim.planet._frame import Frame, quaternion
-from motorgrad.sim.planet._glb import to_glb
-from motorgrad.sim.planet._patch import FIELD
-from motorgrad.sim.planet._planet import Planet
-from motorgrad.sim.planet._tile import TRIANGLES, errors, make_tile
-from motorgrad.sim.planet._tree import CELLS, Key
+from motorgrad.sim.planet._body import PLANET, OnPlanet, has_planet
+from motorgrad.sim.planet._detail import Camera, Cover, select_tiles
+from motorgrad.sim.planet._geometry import Ellipsoid, Frame, quaternion
+from motorgrad.sim.planet._planet import FIELD, Planet
+from motorgrad.sim.planet._tiles import CELLS, TRIANGLES, Key, make_tile, mesh_errors, tile_glb
 
-if TYPE_CHECKING:
-    import viser
+GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-SETTLE = 1.0  # s, from sending a tile to taking it as arrived
-_SAFE = 1.5  # errors are measured at some places; others may be somewhat worse
-_READ = 0.5  # s, between two readings on the page
+
+def ground_finder(task: Any, model: Any, pose: Any) -> GroundAt | None:
+    """For a task on a planet, a function from a place `(3,)` to the point of the ground under it and the upward
+    direction there, in the coordinates of the scene; None for others.
+    """
+    body = getattr(task, "dynamics", None)
+    if model is None or not isinstance(body, OnPlanet):
+        return None
+    surface, first = body.planet.surface, int(model.joint(PLANET).qposadr[0])
+
+    def ground_at(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        frame, offset = Frame.of_pose(pose.bodies[0].qpos[first : first + 7]), pose.offset[0]
+        way = surface.ellipsoid.foot(frame.to_planet(np.asarray(place) - offset))
+        ground = frame.to_local(surface.points(way)) + offset
+        return ground, frame.rotation @ surface.ellipsoid.normals(way)
+
+    return ground_at
+
+
+SETTLE = 1.0  # s after which a sent tile is assumed to have arrived
+_SAFE = 1.5  # errors are sampled; elsewhere they may be somewhat larger
+_READ = 0.5  # s between two updates of the numbers shown
 _SHADOW = 0.35
 
 
 class PlanetScene:
-    """A part of the page that draws the planet under a body, where the task's body is `OnPlanet`; else it is nothing.
+    """Draws the planet under a body, as a part of the page; it draws nothing unless the task's body is `OnPlanet`.
 
-    The planet stands where the body's posture has it, so that every other part goes on in local coordinates. At each
-    update it asks where all cameras are, finds the tiles that they need, sends some of those that are missing, and
-    shows the best of what has arrived.
+    The planet is placed as the body's posture tells, so that all other parts keep local coordinates. Each update finds
+    the tiles that all cameras need, sends some of the missing ones, and shows the best of those that have arrived.
 
-    **Attributes:** `triangles` shown now; `milliseconds` that the last update took; `tiles` that browsers have.
+    **Attributes:** `triangles` shown now; `milliseconds` of the last update; `tiles` that browsers have.
     """
 
     def __init__(self) -> None:
@@ -46,17 +58,17 @@ class PlanetScene:
 
     @property
     def applies(self) -> bool:
-        """Whether there is a planet, once it was built."""
+        """Whether there is a planet, after `build`."""
         return self._planet is not None
 
-    def build(self, server: viser.ViserServer, session: Any) -> None:
-        """Add the planet's node and a folder "Planet" with what it costs."""
+    def build(self, server: Any, session: Any) -> None:
+        """Add the planet's node, and a folder "Planet" that shows its cost."""
         body = getattr(session.task, "dynamics", None)
-        if session.model is None or not isinstance(body, OnPlanet) or not check_names(session.model):
+        if session.model is None or not isinstance(body, OnPlanet) or not has_planet(session.model):
             return
         planet = body.planet
         self._planet, self._server, self._detail = planet, server, planet.detail
-        self._errors = _SAFE * errors(planet.surface, deepest(planet))
+        self._errors = _SAFE * mesh_errors(planet.surface, deepest(planet))
         self._cover = Cover(planet.detail.cache, SETTLE)
         self._handles: dict[Key, Any] = {}
         self._frame: Frame | None = None
@@ -68,7 +80,7 @@ class PlanetScene:
         self._read = 0.0
 
     def update(self, snapshot: Any, pose: Any) -> None:
-        """Put the planet under the body and send what the cameras need, within the budget."""
+        """Place the planet under the body and send what the cameras need, within the budget."""
         if self._planet is None or not pose.bodies:
             return
         begin = time.perf_counter()
@@ -76,10 +88,10 @@ class PlanetScene:
         address = int(model.joint(PLANET).qposadr[0])
         frame = Frame.of_pose(data.qpos[address : address + 7])
         if self._frame is None or any(np.any(a != b) for a, b in zip(frame, self._frame, strict=True)):
-            self._frame, self._middle = frame, self._planet.ground.lay(model, frame)
+            self._frame, self._middle = frame, self._planet.ground.write(model, frame)
             with self._server.atomic():
                 self._node.position, self._node.wxyz = frame.shift + pose.offset[0], quaternion(frame.rotation)
-        # so that contacts that the page works out for itself are those of the ground under the body
+        # so that contacts that the page computes are with the ground under the body
         data.mocap_pos[model.body(FIELD).mocapid[0]] = self._middle
         self._draw(frame, pose.offset[0], begin)
         self.milliseconds = 1e3 * (time.perf_counter() - begin)
@@ -92,7 +104,7 @@ class PlanetScene:
         cameras = [each for client in clients if (each := _camera(client, frame, offset, planet.ellipsoid)) is not None]
         self._cameras = cameras or self._cameras or [_overview(planet)]
         most = detail.triangles // TRIANGLES
-        wanted = select(planet.surface, self._errors, self._cameras, detail.tolerance, most)
+        wanted = select_tiles(planet.surface, self._errors, self._cameras, detail.tolerance, most)
         plan = self._cover.plan(wanted, time.monotonic())
         sent = []
         for key in plan.send[: detail.changes]:
@@ -110,18 +122,18 @@ class PlanetScene:
         self.triangles, self.tiles = TRIANGLES * len(plan.show), len(self._handles)
 
     def _send(self, key: Key) -> None:
-        """A tile, hidden until it has arrived; its skirts reach below the coarsest neighbour that it may have."""
+        """Send a tile, hidden until it has arrived; its skirts reach below the coarsest possible neighbour."""
         assert self._planet is not None
         coarsest, coarser, own = (float(self._errors[level]) for level in (0, max(0, key.level - 1), key.level))
         tile = make_tile(self._planet.surface, key, coarser + own, coarsest)
         name = f"/planet/{key.level}_{key.face}_{key.column}_{key.row}"
         place: Any = tuple(map(float, tile.centre))
         self._handles[key] = self._server.scene.add_glb(
-            name, to_glb(tile), position=place, visible=False, cast_shadow=False, receive_shadow=_SHADOW
+            name, tile_glb(tile), position=place, visible=False, cast_shadow=False, receive_shadow=_SHADOW
         )
 
     def _tell(self) -> None:
-        """Show on the page what it costs, not more often than can be read."""
+        """Show the cost on the page, at a readable rate."""
         if time.monotonic() - self._read > _READ:
             self._read = time.monotonic()
             self._cost.value = f"{self.triangles:,} of {self._detail.triangles:,}"
@@ -129,13 +141,13 @@ class PlanetScene:
 
 
 def deepest(planet: Planet) -> int:
-    """The deepest level of tiles: their cells are half of those that the body feels, or smaller."""
+    """The deepest level of tiles: its cells are at most half of those that the body feels."""
     longest = planet.ellipsoid.greatest * np.pi / 2.0 / CELLS
     return max(0, int(np.ceil(np.log2(2.0 * longest / planet.cell))))
 
 
 def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid) -> Camera | None:
-    """A browser's camera in the planet's coordinates; None while it has not said where it is."""
+    """A browser's camera in the planet's coordinates; None until it has reported its position."""
     import viser.transforms as vt
 
     try:
@@ -152,7 +164,7 @@ def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid)
         return None
     if seen.pixels <= 0 or not (np.isfinite(seen.position).all() and seen.aspect > 0.0 and 0.0 < seen.fov < np.pi):
         return None
-    # the far side of what can be seen of a large planet, which the page would cut off
+    # otherwise the page would clip the far parts of a large planet
     far = 1.1 * (float(np.linalg.norm(seen.position)) + ellipsoid.greatest)
     if far > camera.far:
         camera.far = 2.0 * far
@@ -160,7 +172,7 @@ def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid)
 
 
 def _overview(planet: Planet) -> Camera:
-    """Of the whole planet, for pages without a browser, whose scene may be recorded."""
+    """A camera that shows the whole planet, for recordings without a browser."""
     up = planet.start.rotation[2]
     turn = np.stack([planet.start.rotation[1], planet.start.rotation[0], -up], axis=1)
     return Camera(3.0 * planet.ellipsoid.greatest * up, turn, np.pi / 3.0, 1.0, 720)

@@ -1,34 +1,38 @@
-"""The parts of bodies that are spheres, ellipsoids, capsules, cylinders and boxes."""
+"""Bodies: geoms and meshes of their parts, and on request sites, joint axes and labels."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
+import trimesh
+import viser
 
-from motorgrad.sim import _framing
-from motorgrad.sim._colours import geom_colours
-from motorgrad.sim.scene import _turns
-from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._pool import Pool
-from motorgrad.sim.scene._shapes import Shape, ball, block, rod
+from motorgrad.sim.film import geom_colours, texture_of, texture_pixels, visible_geoms
+from motorgrad.sim.live import BODY_LABELS, Session
+from motorgrad.sim.scene._geometry import (
+    Shape,
+    arrow,
+    ball,
+    block,
+    quaternions_from_matrices,
+    quaternions_from_z,
+    rod,
+    smooth_shaded,
+    textured_glb,
+)
+from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._pose import Pose
 
-if TYPE_CHECKING:
-    import mujoco
-    import viser
-
-    from motorgrad.sim.live import Session
-    from motorgrad.sim.scene._pose import Pose
-
-
-APART = 0.02  # of its radius a ball is larger than the one before; more than its facets depart from the sphere
+APART = 0.02  # relative difference in size of two coinciding balls; more than facets depart from a sphere
 
 
 class Pieces(NamedTuple):
-    """Copies of one unit shape: of `geom` `(n,)`, `shift` `(n,)` m along its own z, of `size` `(n, 3)`."""
+    """Copies of one unit shape: of `geom` `(n,)`, at `shift` `(n,)` m along its own z, of `size` `(n, 3)`."""
 
     geom: np.ndarray
     shift: np.ndarray
@@ -36,13 +40,13 @@ class Pieces(NamedTuple):
 
 
 class Bodies(Layer):
-    """Geoms as copies of three unit meshes: a capsule is a rod and two balls.
+    """Draws geoms as copies of three unit meshes; a capsule is a rod and two balls.
 
-    So the number of messages does not grow with the body, and only places and turns are sent.
+    So the number of messages does not grow with the body, and only positions and rotations are sent.
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        self._parts: list[tuple[Pool, Pieces, np.ndarray]] = []
+        self._parts: list[tuple[MeshPool, Pieces, np.ndarray]] = []
         model = session.model
         if model is None:
             return
@@ -54,12 +58,12 @@ class Bodies(Layer):
                     continue
                 some = Pieces(*(column[chosen] for column in pieces))
                 node = f"/bodies/{kind}{'/clear' if clear else ''}"
-                pool = Pool(server.scene, node, shape, len(some.geom), shadow=not clear, faded=clear)
+                pool = MeshPool(server.scene, node, shape, len(some.geom), shadow=not clear, faded=clear)
                 self._parts.append((pool, some, colours[some.geom]))
         self.pools = [pool for pool, *_ in self._parts]
         self.applies = bool(self.pools)
 
-    def grips(self) -> list[tuple[Any, np.ndarray]]:
+    def draggable(self) -> list[tuple[Any, np.ndarray]]:
         """What can be taken hold of: viser's handles, and of which geom each copy is."""
         return [(pool.handle, pieces.geom) for pool, pieces, _ in self._parts if pool.handle is not None]
 
@@ -74,15 +78,13 @@ class Bodies(Layer):
 def _placed(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces, colours: np.ndarray) -> tuple[np.ndarray, ...]:
     turn = data.geom_xmat[pieces.geom].reshape(-1, 3, 3)
     place = data.geom_xpos[pieces.geom] + pieces.shift[:, None] * turn[:, :, 2] + offset
-    return place, _turns.of_matrices(turn), pieces.size, colours[:, :3], colours[:, 3]
+    return place, quaternions_from_matrices(turn), pieces.size, colours[:, :3], colours[:, 3]
 
 
 def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
-    """What is copied how often, by unit shape."""
-    import mujoco
-
+    """The copies of each unit shape."""
     kinds = mujoco.mjtGeom
-    seen = _framing.visible_geoms(model)
+    seen = visible_geoms(model)
 
     def of(kind: int) -> tuple[np.ndarray, np.ndarray]:
         geoms = seen[model.geom_type[seen] == kind]
@@ -94,7 +96,7 @@ def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
     cylinders, cylinder = of(kinds.mjGEOM_CYLINDER)
     boxes, box = of(kinds.mjGEOM_BOX)
     none, half = np.zeros(len(capsules)), capsule[:, 1]
-    # where two limbs meet their ends are the same ball, of two colours: one is drawn over the other
+    # where two limbs meet, their ends are the same ball in two colours: make one of them larger
     ends = capsule[:, [0, 0, 0]] * (1 + APART * (model.geom_bodyid[capsules, None] % 3))
     yield (
         "balls",
@@ -115,3 +117,123 @@ def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
         ),
     )
     yield "blocks", block(), Pieces(boxes, 0 * box[:, 0], box)
+
+
+class Meshes(Layer):
+    """Draws mesh geoms as nodes under a frame of their body part, so that only frames of moving parts are sent."""
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        self._frames: list[dict[int, Any]] = []
+        self._server, model = server, session.model
+        if model is None:
+            return
+
+        seen = visible_geoms(model)
+        kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+        self._geoms = seen[np.isin(model.geom_type[seen], kinds)]
+        self.applies = bool(self._geoms.size)
+        self._parts = np.unique(model.geom_bodyid[self._geoms])
+
+    def draw(self, pose: Pose) -> None:
+        assert pose.model is not None
+        while len(self._frames) < len(pose.bodies):
+            self._add(pose.model, len(self._frames))
+        for frames, data, offset in zip(self._frames, pose.bodies, pose.offset, strict=False):
+            for part, frame in frames.items():
+                frame.position, frame.wxyz = data.xpos[part] + offset, data.xquat[part]
+        for row, frames in enumerate(self._frames):
+            for frame in frames.values():
+                frame.visible = row < len(pose.bodies)
+
+    def _add(self, model: mujoco.MjModel, row: int) -> None:
+        """Add the nodes of one more body."""
+        scene, colours = self._server.scene, geom_colours(model)
+        self._frames.append({part: scene.add_frame(f"/meshes/{row}/{part}", show_axes=False) for part in self._parts})
+        for geom in self._geoms:
+            name = f"/meshes/{row}/{model.geom_bodyid[geom]}/{geom}"
+            where = {"position": model.geom_pos[geom], "wxyz": model.geom_quat[geom]}
+            vertices, faces, uv = _mesh(model, model.geom_dataid[geom])
+            texture = texture_of(model, int(geom))
+            if uv is not None and texture >= 0 and model.tex_nchannel[texture] >= 3:
+                mesh = trimesh.Trimesh(vertices, faces, process=False)
+                scene.add_glb(name, textured_glb(mesh, uv, texture_pixels(model, texture)[..., :3] / 255), **where)
+                continue
+            shape, colour = smooth_shaded(vertices, faces), colours[geom]
+            opacity = None if colour[3] >= 1 else float(colour[3])
+            scene.add_mesh_simple(name, shape.vertices, shape.faces, color=tuple(colour[:3]), opacity=opacity, **where)
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices, faces and texture coordinates; with these, each face has three vertices of its own."""
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    rows = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    vertices, faces = model.mesh_vert[first : first + count], model.mesh_face[rows]
+    start = model.mesh_texcoordadr[mesh]
+    if start < 0:
+        return vertices, faces, None
+    uv = model.mesh_texcoord[start + model.mesh_facetexcoord[rows].ravel()]
+    return vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), np.array(uv, float)
+
+
+SITE, HINGE, SLIDE = (0.55, 0.25, 0.75), (0.10, 0.35, 0.85), (0.95, 0.55, 0.10)
+
+
+class Sites(Layer):
+    """Draws every site as a small ball: ends of muscles, and sensors."""
+
+    name = "Sites"
+    initially_shown = False
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        if session.model is not None and session.model.nsite:
+            self.applies = True
+            self.pools = [MeshPool(server.scene, "/sites", ball(12), session.model.nsite, shadow=False)]
+
+    def draw(self, pose: Pose) -> None:
+        place = np.concatenate([data.site_xpos + at for data, at in zip(pose.bodies, pose.offset, strict=True)])
+        self.pools[0].show_balls(place, 0.014 * pose.size, SITE)
+
+
+class JointAxes(Layer):
+    """Draws an arrow through each hinge, about which it turns by the right-hand rule, and along each slide."""
+
+    name = "Joint axes"
+    initially_shown = False
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        model = session.model
+        if model is None:
+            return
+        kinds = mujoco.mjtJoint
+        self._joints = np.flatnonzero(np.isin(model.jnt_type, (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)))
+        if self._joints.size:
+            slides = model.jnt_type[self._joints] == kinds.mjJNT_SLIDE
+            self._colours = np.where(slides[:, None], SLIDE, HINGE)
+            self.applies = True
+            self.pools = [MeshPool(server.scene, "/joints", arrow(), self._joints.size, shadow=False)]
+
+    def draw(self, pose: Pose) -> None:
+        at = self._joints
+        axes = np.concatenate([data.xaxis[at] for data in pose.bodies])
+        anchors = np.concatenate([data.xanchor[at] + by for data, by in zip(pose.bodies, pose.offset, strict=True)])
+        long = 0.13 * pose.size
+        colours = np.tile(self._colours, (len(pose.bodies), 1))
+        turn, size = quaternions_from_z(axes), np.full((len(axes), 3), long)
+        self.pools[0].show(anchors - axes * long / 2, turn, size, colours)
+
+
+class Labels(Layer):
+    """Writes a word above each body while two are compared."""
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        self.applies, self._scene = session.model is not None, server.scene
+        self._words: list[Any] = []
+
+    def draw(self, pose: Pose) -> None:
+        wanted = BODY_LABELS[: len(pose.bodies)] if len(pose.bodies) > 1 else ()
+        while len(self._words) > len(wanted):
+            self._words.pop().remove()
+        for label in wanted[len(self._words) :]:
+            self._words.append(self._scene.add_label(f"/labels/{label}", label, anchor="bottom-center"))
+        for word, data, offset in zip(self._words, pose.bodies, pose.offset, strict=False):
+            word.position = data.subtree_com[0] + offset + (0.0, 0.0, 0.55 * pose.size)

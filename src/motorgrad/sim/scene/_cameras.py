@@ -1,68 +1,205 @@
-"""The cameras of every browser that looks: each has its own, chosen in its own list or by its own keys."""
+"""Cameras: orbit, walk, follow and the model's own, chosen by each browser for itself."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Callable
+from typing import Any
 
+import mujoco
 import numpy as np
+import viser
 
 from motorgrad._errors import check
-from motorgrad.sim import _framing
-from motorgrad.sim._ground import ground_height
-from motorgrad.sim.scene._eyes import Eye, Fixed, Follow, Footing, Orbit, Walk, look
+from motorgrad.sim.film import camera_axes, ground_height, natural_angles
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._pose import Pose
 
-if TYPE_CHECKING:
-    import viser
+GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""A function from a place `(3,)` to the point of the ground under it and the upward direction there."""
+DAMPING = 0.25  # s in which a following camera makes up 63 % of its lag
+HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
+NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
-    from motorgrad.sim.live import Session, Snapshot
-    from motorgrad.sim.scene._pose import Pose
+
+class CameraMode:
+    """One way in which a camera moves. `begin` takes over a client's camera, `move` is called every frame, `end` gives
+    it back.
+
+    The browser itself moves the camera by viser's mouse and keys, and reports its position about 20 times a second.
+    """
+
+    def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        """Take the camera over."""
+
+    def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        """Correct or move the camera."""
+
+    def end(self, camera: viser.CameraHandle) -> None:
+        """Undo what the next mode must not inherit."""
+
+
+class Orbit(CameraMode):
+    """Turns about a fixed target by the user's hand."""
+
+    def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        aim(camera, camera.position, pose.centre)
+
+
+class Follow(CameraMode):
+    """Orbits the first body and follows its centre of mass with damping, so that it does not shake with the body."""
+
+    def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        self._target = pose.centre.copy()
+        away = camera.position - self._target
+        distance = np.clip(np.linalg.norm(away), 0.8 * pose.size, 3 * pose.size)
+        away = away * distance / max(float(np.linalg.norm(away)), 1e-9)
+        self._away, self._then, self._turned = away, time.monotonic(), 0.0
+        aim(camera, self._target + away, self._target)
+
+    def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        now = time.monotonic()
+        self._target += (pose.centre - self._target) * (1 - np.exp(-(now - self._then) / DAMPING))
+        self._then = now
+        away = camera.position - camera.look_at
+        if np.linalg.norm(away - self._away) > 1e-3 * np.linalg.norm(self._away):
+            self._away, self._turned = away, now
+        # sending now would undo a movement that has not been reported yet
+        if now - self._turned > HANDS_OFF:
+            aim(camera, self._target + self._away, self._target)
+
+
+class Walk(CameraMode):
+    """Stands on the ground: viser's keys W, A, S, D walk, the mouse and the arrows look around.
+
+    The camera's target is a point just before it, about which the browser turns it. It is put back at eye height where
+    the ground rises or falls.
+
+    **Arguments:** `ground_at`; `height` of the eyes in m.
+    """
+
+    REACH = 0.02  # distance of the target, as a share of the height
+    LOOSE = 0.03  # tolerance of the height, as a share of it
+
+    def __init__(self, ground_at: GroundAt, height: float) -> None:
+        self.ground_at, self.height = ground_at, height
+        self._last: tuple[float, np.ndarray] | None = None
+        self._speed = np.zeros(3)
+
+    def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        ground, up = self.ground_at(camera.position)
+        eye = ground + self.height * up
+        ahead = pose.centre - eye
+        ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+        reach = max(self.REACH * self.height, 2 * NEAREST)
+        camera.up_direction = up
+        aim(camera, eye, eye + reach * ahead)
+        camera.min_orbit_distance, camera.max_orbit_distance = 0.99 * reach, 1.01 * reach
+
+    def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        place, now = self._place_now(camera)
+        ground, up = self.ground_at(place)
+        error = self.height - (place - ground) @ up
+        if abs(error) > self.LOOSE * self.height:
+            ahead = camera.look_at - camera.position
+            target = place + error * up
+            aim(camera, target, target + ahead)
+            self._last = (now, target)
+
+    def _place_now(self, camera: viser.CameraHandle) -> tuple[np.ndarray, float]:
+        """Where the camera is by now, extrapolated from its last report and its speed, and the time."""
+        now, told = camera.update_timestamp, camera.position.copy()
+        if self._last is not None and now > self._last[0]:
+            self._speed = (told - self._last[1]) / max(now - self._last[0], 0.02)
+            self._last = (now, told)
+        elif self._last is None:
+            self._last = (now, told)
+        return told + self._speed * np.clip(time.time() - now, 0, 0.1), time.time()
+
+    def end(self, camera: viser.CameraHandle) -> None:
+        camera.max_orbit_distance, camera.min_orbit_distance = FARTHEST, NEAREST
+        camera.up_direction = (0.0, 0.0, 1.0)
+
+
+class Fixed(CameraMode):
+    """A camera of the model, with its field of view; it moves as the model moves it.
+
+    **Arguments:** `index`, of the camera in the model.
+    """
+
+    def __init__(self, index: int) -> None:
+        self._index = index
+
+    def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        self._fov = camera.fov
+        self.move(camera, pose)
+
+    def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
+        if not pose.bodies or pose.model is None:
+            return
+        data, index = pose.bodies[0], self._index
+        place, turn = data.cam_xpos[index] + pose.offset[0], data.cam_xmat[index].reshape(3, 3)
+        ahead, up = -turn[:, 2], turn[:, 1]
+        distance = max(float((pose.centre - place) @ ahead), 0.1 * pose.size)
+        camera.fov = float(np.radians(pose.model.cam_fovy[index]))
+        if abs(camera.up_direction @ up) < 0.999 * np.linalg.norm(camera.up_direction):
+            camera.up_direction = up
+        aim(camera, place, place + distance * ahead)
+
+    def end(self, camera: viser.CameraHandle) -> None:
+        camera.fov = self._fov
+        camera.up_direction = (0.0, 0.0, 1.0)
+
+
+def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
+    """Place a camera and let it look at a target. Nothing is sent where the values are unusable."""
+    if not (np.isfinite(place).all() and np.isfinite(target).all()) or np.linalg.norm(place - target) < 1e-6:
+        return
+    camera.position = place
+    camera.look_at = target
+
 
 ORBIT, WALK, FOLLOW = "Orbit", "Walk", "Follow"
 KEYS = {ORBIT: "O", WALK: "G", FOLLOW: "F"}
-"""W, A, S, D, Q, E and the arrows are viser's own."""
+"""W, A, S, D, Q, E and the arrows are viser's."""
 FIELD_OF_VIEW = 45.0  # degrees
-LEAST_SLOPE = -12.0  # degrees; lower down the ground is seen too flat
-LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's eyes
+LEAST_SLOPE = -12.0  # degrees; any lower, the ground looks too flat
+LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's height
 
 
-class Seat:
-    """One browser's camera: which kind, and what it needs to move."""
+class Viewer:
+    """One browser's camera: its mode, and what it needs to change it."""
 
     def __init__(self, client: Any, wanted: str, height: float) -> None:
         self.client, self.height = client, height
-        self.eye, self.name = Eye(), ""
+        self.mode, self.name = CameraMode(), ""
         self.wanted: str | None = wanted
         self.choice: Any = None
 
 
 class Cameras:
-    """Orbit, walk, follow and the model's fixed cameras, for every browser by itself.
+    """Orbit, walk, follow and the model's fixed cameras, independently for every browser.
 
-    A body that can go away is followed at first; of one that cannot the camera stands still.
+    A body that can travel is followed at first; for others the camera stands still. Build it inside the GUI container
+    for its list.
 
-    Build it in the container in which the choice is to stand.
+    **Arguments:** `ground_at`: where the ground is, if it is not the model's own.
 
-    **Arguments:** `footing`, where a walker's feet are, other than on the model's own ground.
-
-    **Attributes:** `names`, of the cameras there are, in the order of the list.
+    **Attributes:** `names` of the cameras, in the order of the list.
     """
 
-    def __init__(self, footing: Footing | None = None) -> None:
-        self._footing = footing or self._on_model
-        self._seats: dict[int, Seat] = {}
+    def __init__(self, ground_at: GroundAt | None = None) -> None:
+        self._ground_at = ground_at or self._model_ground
+        self._viewers: dict[int, Viewer] = {}
         self._lock = threading.Lock()
         self._pose: Pose | None = None
         self.names: list[str] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Add the list of cameras, and take every browser's camera over as it comes."""
-        import mujoco
-
-        from motorgrad.sim.scene._pose import Pose
-
+        """Add the list of cameras, and take over every browser's camera as it connects."""
         self._server, model = server, session.model
         self._fixed = [] if model is None else [model.camera(index).name or str(index) for index in range(model.ncam)]
         self.names = [ORBIT, WALK, FOLLOW, *(f"Fixed: {name}" for name in self._fixed)]
@@ -76,54 +213,54 @@ class Cameras:
         server.on_client_disconnect(self._leave)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Move the cameras that move by themselves."""
+        """Move the cameras."""
         del snapshot
         self._pose = pose
         here = self._server.get_clients()
         with self._lock:
-            seats = [seat for client, seat in self._seats.items() if client in here]
-        for seat in seats:
-            if seat.wanted is not None:
-                self._switch(seat, pose)
-            if isinstance(seat.eye, Walk):
-                seat.eye.height = seat.height
-            with seat.client.atomic():
-                seat.eye.move(seat.client.camera, pose)
+            viewers = [viewer for client, viewer in self._viewers.items() if client in here]
+        for viewer in viewers:
+            if viewer.wanted is not None:
+                self._switch(viewer, pose)
+            if isinstance(viewer.mode, Walk):
+                viewer.mode.height = viewer.height
+            with viewer.client.atomic():
+                viewer.mode.move(viewer.client.camera, pose)
 
     def choose(self, client_id: int, name: str) -> None:
-        """Give a browser another camera, at the next moment. **Raises** `ValueError` for a name that is not known."""
+        """Give a browser another camera in the next frame. **Raises** `ValueError` for an unknown name."""
         check(name in self.names, "camera", name, f"one of {', '.join(self.names)}")
-        seat = self._seats[client_id]
-        seat.wanted = name
-        if seat.choice.value != name:
-            seat.choice.value = name
+        viewer = self._viewers[client_id]
+        viewer.wanted = name
+        if viewer.choice.value != name:
+            viewer.choice.value = name
 
     def chosen(self, client_id: int) -> str:
         """The name of a browser's camera; empty before it has one."""
-        return self._seats[client_id].name
+        return self._viewers[client_id].name
 
-    def _switch(self, seat: Seat, pose: Pose) -> None:
-        name, seat.wanted = seat.wanted, None
-        if name is None or name == seat.name:
+    def _switch(self, viewer: Viewer, pose: Pose) -> None:
+        name, viewer.wanted = viewer.wanted, None
+        if name is None or name == viewer.name:
             return
-        camera = seat.client.camera
-        if not seat.name:  # it has just come, and the body may have gone far
-            look(camera, pose.centre + self._away, pose.centre)
-        seat.eye.end(camera)
-        seat.name, seat.eye = name, self._make(name, seat.height)
-        seat.eye.begin(camera, pose)
+        camera = viewer.client.camera
+        if not viewer.name:  # it has just connected, and the body may have gone far
+            aim(camera, pose.centre + self._away, pose.centre)
+        viewer.mode.end(camera)
+        viewer.name, viewer.mode = name, self._make(name, viewer.height)
+        viewer.mode.begin(camera, pose)
 
-    def _make(self, name: str, height: float) -> Eye:
+    def _make(self, name: str, height: float) -> CameraMode:
         if name == WALK:
-            return Walk(self._footing, height)
+            return Walk(self._ground_at, height)
         if name in (ORBIT, FOLLOW):
             return Orbit() if name == ORBIT else Follow()
         return Fixed(self.names.index(name) - 3)
 
     def _start(self, server: viser.ViserServer, pose: Pose) -> None:
-        """Where a browser looks from at first: aslant from the side, the body in the middle of the picture."""
-        azimuth, elevation = (95.0, -4.0) if pose.model is None else _framing.natural_angles(pose.model)
-        towards = _framing.axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
+        """Set the initial view: obliquely from the side, with the body in the middle of the picture."""
+        azimuth, elevation = (95.0, -4.0) if pose.model is None else natural_angles(pose.model)
+        towards = camera_axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
         self._away = 1.9 * pose.size * towards
         first = server.initial_camera
         first.look_at, first.position = pose.middle, pose.middle + self._away
@@ -131,29 +268,29 @@ class Cameras:
 
     def _connect(self, client: Any) -> None:
         """Give a browser its list, its slider and its keys."""
-        seat = Seat(client, self._first, self._tall)
-        with self._lock, self._folder:  # one at a time: several browsers may come at once
-            seat.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
-            eyes = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
-        seat.choice.on_update(lambda event: self._want(seat, event.target.value))
-        eyes.on_update(lambda event: setattr(seat, "height", float(event.target.value)))
+        viewer = Viewer(client, self._first, self._tall)
+        with self._lock, self._folder:  # one at a time: several browsers may connect at once
+            viewer.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
+            height = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
+        viewer.choice.on_update(lambda event: self._want(viewer, event.target.value))
+        height.on_update(lambda event: setattr(viewer, "height", float(event.target.value)))
         for number, name in enumerate(self.names):
             key = KEYS.get(name, str(number - 2) if number < 12 else None)
             command = client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon="camera")
             command.on_trigger(lambda _, name=name: self.choose(client.client_id, name))
         with self._lock:
-            self._seats[client.client_id] = seat
+            self._viewers[client.client_id] = viewer
 
     @staticmethod
-    def _want(seat: Seat, name: str) -> None:
-        seat.wanted = name
+    def _want(viewer: Viewer, name: str) -> None:
+        viewer.wanted = name
 
     def _leave(self, client: Any) -> None:
         with self._lock:
-            self._seats.pop(client.client_id, None)
+            self._viewers.pop(client.client_id, None)
 
-    def _on_model(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The highest plane or height field of the model under a place; level with the origin where it has none."""
+    def _model_ground(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The highest plane or height field of the model under a place; at the origin's height where it has none."""
         pose, height = self._pose, None
         if pose is not None and pose.model is not None and pose.bodies:
             height = ground_height(pose.model, pose.bodies[0], place[None])
@@ -161,4 +298,4 @@ class Cameras:
         return np.array([place[0], place[1], level]), np.array([0.0, 0.0, 1.0])
 
 
-HINT = "Keys: O orbit, G walk on the ground, F follow the body, 1, 2, … the model's own; ? lists all."
+HINT = "Keys: O orbit, G walk on the ground, F follow the body, 1, 2, … the model's cameras; ? lists all keys."

@@ -1,33 +1,32 @@
-"""Where a body touches, and with which force."""
+"""Contacts and their forces, the centre of mass, and the support polygon."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
+import viser
+from scipy.spatial import ConvexHull, QhullError
 
-from motorgrad.sim.scene import _turns
-from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._pool import Pool
-from motorgrad.sim.scene._shapes import arrow, ball
-
-if TYPE_CHECKING:
-    import mujoco
-    import viser
-
-    from motorgrad.sim.live import Session
-    from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.live import Session
+from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, rod
+from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._pose import Pose
 
 FORCE, POINT = (0.10, 0.55, 0.85), (1.0, 0.72, 0.10)
-LONGEST, SHORTEST = 0.45, 0.01  # sizes of the body: what no arrow reaches; what is left out
-THICK = 0.2  # sizes, of the arrow's unit mesh
-ROOM, MOST = 32, 128  # contacts of all bodies: how many there is room for at first, and how many strongest are drawn
+LONGEST, SHORTEST = (
+    0.45,
+    0.01,
+)  # limits of an arrow's length, in sizes of the body; a shorter one is omitted
+THICK = 0.2  # of an arrow's unit mesh, in sizes of the body
+ROOM, MOST = 32, 128  # contacts of all bodies: initial room, and how many of the strongest are drawn
 
 
 class Touch(NamedTuple):
-    """Contacts that press.
+    """Contacts under pressure.
 
     `point` `(n, 3)`: on the surface of the ground; `force` `(n, 3)` in N, on the moving part; `ground` `(n,)`: whether
     the other part is fixed to the world.
@@ -39,9 +38,7 @@ class Touch(NamedTuple):
 
 
 def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
-    """The contacts of a posture that press, after `mj_forward`; between two moving parts the force on the second."""
-    import mujoco
-
+    """The contacts under pressure, after `mj_forward`; between two moving parts, `force` acts on the second."""
     points, forces, ground = [], [], []
     wrench = np.zeros(6)
     for index in range(data.ncon):
@@ -50,9 +47,9 @@ def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
         if contact.exclude or wrench[0] <= 0:
             continue
         fixed = [geom >= 0 and model.body_weldid[model.geom_bodyid[geom]] == 0 for geom in contact.geom]
-        frame = contact.frame.reshape(3, 3)  # its x points to the second geom, on which the force acts
+        frame = contact.frame.reshape(3, 3)  # x points to the second geom, on which the force acts
         sign = -1.0 if fixed[1] else 1.0
-        # MuJoCo's point is half way between the surfaces, which overlap: under a soft ground one would not see it
+        # MuJoCo's point lies halfway between the overlapping surfaces, where a soft ground would hide it
         points.append(contact.pos - sign * 0.5 * contact.dist * frame[0])
         forces.append(sign * wrench[:3] @ frame)
         ground.append(any(fixed))
@@ -60,10 +57,10 @@ def touches(model: mujoco.MjModel, data: mujoco.MjData) -> Touch:
 
 
 class Contacts(Layer):
-    """A dot at each contact, and an arrow of its force.
+    """Draws a dot at each contact and an arrow of its force.
 
-    Arrows grow with the force, and less and less so: a blow of ten times the weight would hide the body. One of the
-    body's weight has 63 % of the greatest length.
+    The length of an arrow saturates with the force, as a blow of ten times the weight would hide the body: the body's
+    weight gives 63 % of the greatest length.
     """
 
     name = "Contacts"
@@ -76,8 +73,8 @@ class Contacts(Layer):
         self._weight = float(model.body_mass.sum()) * (gravity or 9.81)
         self.applies = True
         self.pools = [
-            Pool(server.scene, "/contacts/points", ball(12), ROOM, shadow=False),
-            Pool(server.scene, "/contacts/forces", arrow(), ROOM, shadow=False),
+            MeshPool(server.scene, "/contacts/points", ball(12), ROOM, shadow=False),
+            MeshPool(server.scene, "/contacts/forces", arrow(), ROOM, shadow=False),
         ]
 
     def draw(self, pose: Pose) -> None:
@@ -91,9 +88,133 @@ class Contacts(Layer):
         thick = np.minimum(THICK, 1.5 * long[seen])
         size = pose.size * np.stack([thick, thick, long[seen]], axis=1)
         dots, arrows = self.pools
-        dots.show(point, _turns.still(len(point)), np.full((len(point), 3), 0.012 * pose.size), _same(POINT, point))
-        arrows.show(point[seen], _turns.towards(force[seen]), size, _same(FORCE, point[seen]))
+        dots.show_balls(point, 0.012 * pose.size, POINT)
+        arrows.show(point[seen], quaternions_from_z(force[seen]), size, np.tile(FORCE, (len(size), 1)))
 
 
-def _same(colour: tuple[float, float, float], rows: np.ndarray) -> np.ndarray:
-    return np.tile(colour, (len(rows), 1))
+def support_polygon(points: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """The corners of the smallest convex polygon around points, seen along `up`.
+
+    **Arguments:** `points` `(n, 3)`: where the body rests; `up` `(3,)`: away from gravity.
+
+    **Returns:** rows of `points`, `(corners, 3)`, anticlockwise as seen from above; the two ends of collinear points,
+    none without points.
+    """
+    points = np.asarray(points, float).reshape(-1, 3)
+    flat = points @ level_axes(up).T
+    if len(points) > 2:
+        try:
+            return points[ConvexHull(flat).vertices]
+        except QhullError:  # collinear
+            pass
+    if len(points) < 2:
+        return points
+    along = flat[np.argmax(np.linalg.norm(flat - flat[0], axis=1))] - flat[0]
+    place = flat @ along
+    return points[[np.argmin(place), np.argmax(place)]] if np.ptp(place) > 0 else points[:1]
+
+
+def stability_margin(polygon: np.ndarray, point: np.ndarray, up: np.ndarray) -> float:
+    """How far, in m, the point `(3,)` is inside the polygon `(corners, 3)`, seen along `up`; negative outside.
+
+    This is the stability margin of legged locomotion (McGhee and Frank, 1968). It is -infinity without a polygon.
+    """
+    if not len(polygon):
+        return -np.inf
+    axes = level_axes(up)
+    corners, place = polygon @ axes.T, axes @ point
+    if len(corners) == 1:
+        return -float(np.linalg.norm(place - corners[0]))
+    edges = np.roll(corners, -1, axis=0) - corners
+    from_corner = place - corners
+    length = np.maximum(np.sum(edges**2, 1), 1e-18)
+    near = corners + np.clip(np.sum(from_corner * edges, 1) / length, 0, 1)[:, None] * edges
+    distance = float(np.linalg.norm(place - near, axis=1).min())
+    inside = len(corners) > 2 and np.all(edges[:, 0] * from_corner[:, 1] - edges[:, 1] * from_corner[:, 0] >= 0)
+    return distance if inside else -distance
+
+
+def level_axes(up: np.ndarray) -> np.ndarray:
+    """Two axes perpendicular to `up`, as rows `(2, 3)`, that form a right-handed system with it."""
+    up = np.asarray(up, float) / np.linalg.norm(up)
+    first = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(up, first)])
+
+
+STANDS, FALLS, MASS = (0.10, 0.62, 0.40), (0.85, 0.35, 0.10), (0.98, 0.80, 0.16)
+CORNERS = 24  # of a polygon that are filled; the outline has room for more
+LIFT = 0.004  # of the polygon above the ground, in sizes of the body
+
+
+class Balance(Layer):
+    """Draws the centre of mass, its projection onto the ground, and the support polygon between the contacts.
+
+    The polygon is green where the projection is inside, so that the body would stand still, and orange elsewhere.
+    """
+
+    name = "Centre of mass and support"
+
+    initially_shown = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._fills: list[Any] = []
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        model = session.model
+        if model is None or not model.body_mass.any():
+            return
+        gravity = np.array(model.opt.gravity)
+        length = np.linalg.norm(gravity)
+        self._up = -gravity / length if length > 0 else np.array([0.0, 0.0, 1.0])
+        self._scene = server.scene
+        self.applies = True
+        self.pools = [
+            MeshPool(server.scene, "/balance/balls", ball(), 4, shadow=False),
+            MeshPool(server.scene, "/balance/lines", rod(), 16, shadow=False),
+        ]
+
+    def switch(self, shown: bool) -> None:
+        super().switch(shown)
+        for fill in self._fills:
+            fill.visible = shown
+
+    def draw(self, pose: Pose) -> None:
+        size, up = pose.size, self._up
+        balls, lines = [], []
+        for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True)):
+            touch = touches(pose.model, data)
+            feet = touch.point[touch.ground]
+            polygon = support_polygon(feet, up)
+            mass = data.subtree_com[0]
+            stands = stability_margin(polygon, mass, up) >= 0
+            colour = STANDS if stands else FALLS
+            corners = polygon + LIFT * size * up
+            # the projection at the polygon's mean height; without a polygon only the mass is shown
+            level = np.mean(corners @ up) if len(corners) else mass @ up
+            foot = mass + (level - mass @ up) * up
+            balls += [(mass + offset, 0.028 * size, MASS), (foot + offset, 0.014 * size, colour)]
+            rims = np.stack([corners, np.roll(corners, -1, axis=0)], 1) if len(corners) > 1 else np.empty((0, 2, 3))
+            lines += [(rim + offset, 0.005 * size, colour) for rim in rims]
+            lines.append((np.stack([mass, foot]) + offset, 0.003 * size, MASS))
+            self._fill(row, corners + offset, colour)
+        for fill in self._fills[len(pose.bodies) :]:
+            fill.visible = False
+        self.pools[0].show_balls(*(np.array(column) for column in zip(*balls, strict=True)))
+        ends, radius, colours = (np.array(column) for column in zip(*lines, strict=True))
+        self.pools[1].show_rods(ends[:, 0], ends[:, 1], radius, colours)
+
+    def _fill(self, row: int, corners: np.ndarray, colour: tuple[float, float, float]) -> None:
+        """Fill a body's polygon with a fan of constantly many triangles; unused ones have no area."""
+        if row == len(self._fills):
+            fan = np.stack([np.zeros(CORNERS - 2, int), np.arange(1, CORNERS - 1), np.arange(2, CORNERS)], 1)
+            fill = self._scene.add_mesh_simple(
+                f"/balance/support/{row}", np.zeros((CORNERS, 3)), fan, opacity=0.35, side="double", cast_shadow=False
+            )
+            self._fills.append(fill)
+        fill = self._fills[row]
+        fill.visible = len(corners) > 2
+        if len(corners) > 2:
+            fill.vertices = corners[np.minimum(np.arange(CORNERS), len(corners) - 1)].astype(np.float32)
+            fill.color = tuple(round(255 * part) for part in colour)

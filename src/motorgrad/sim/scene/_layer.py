@@ -1,35 +1,151 @@
-"""What every layer of the scene has: a name to switch it by, pools to draw with."""
+"""Layers of the scene, which can be switched off, and the pools of meshes that they draw with."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+import viser
 
-from motorgrad.sim.scene._pool import Pool
+from motorgrad.sim.live import Session
+from motorgrad.sim.scene._geometry import Shape, identity_quaternions, quaternions_from_z
+from motorgrad.sim.scene._pose import Pose
 
-if TYPE_CHECKING:
-    import viser
+AWAY = 1e-6  # the size of an unused copy: invisible, but with an invertible matrix
 
-    from motorgrad.sim.live import Session
-    from motorgrad.sim.scene._pose import Pose
+
+class MeshPool:
+    """A batched mesh with room for `room` copies; unused ones are shrunk to nothing.
+
+    The mesh is sent once; after that only changes of positions, rotations, sizes, colours and opacities are. When more
+    copies are needed than there is room for, the pool is added again with twice the room.
+
+    **Arguments:** `scene`: viser's; `name` of the node; `shape`: the mesh; `room`; `shadow`: whether it casts shadows;
+    `faded`: whether each copy has an opacity of its own.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        shape: Shape,
+        room: int,
+        *,
+        shadow: bool = True,
+        faded: bool = False,
+    ) -> None:
+        self._scene, self._name, self._shape, self._faded = scene, name, shape, faded
+        self._shadow, self._visible = shadow, True
+        self._room = max(room, 1)
+        self._handle: Any = None
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return self._visible
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._visible = value
+        if self._handle is not None:
+            self._handle.visible = value
+
+    @property
+    def handle(self) -> Any:
+        """viser's handle; None before the first `show`."""
+        return self._handle
+
+    def show(
+        self,
+        position: np.ndarray,
+        turn: np.ndarray,
+        size: np.ndarray,
+        colour: np.ndarray,
+        opacity: np.ndarray | None = None,
+    ) -> None:
+        """Show as many copies as there are rows.
+
+        **Arguments:** `position` `(n, 3)`, quaternions `turn` `(n, 4)`, `size` `(n, 3)`, `colour` `(n, 3)` as RGB in
+        [0, 1], and `opacity` `(n,)` where copies have their own.
+        """
+        count = len(position)
+        if count > self._room or self._handle is None:
+            while self._room < count:
+                self._room *= 2
+            self._handle = self._add()
+        room, handle = self._room, self._handle
+        handle.batched_positions = _filled(position, (room, 3), 0.0)
+        handle.batched_wxyzs = _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0))
+        handle.batched_scales = _filled(size, (room, 3), AWAY)
+        handle.batched_colors = np.round(255 * _linear(_filled(colour, (room, 3), 0.0))).astype(np.uint8)
+        if self._faded:
+            handle.batched_opacities = _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0)
+
+    def show_balls(self, position: np.ndarray, radius: Any, colour: Any, opacity: np.ndarray | None = None) -> None:
+        """Show copies of a unit sphere; `radius` `(n,)` and `colour` `(n, 3)` may be the same for all."""
+        count = len(position)
+        size = np.broadcast_to(np.reshape(radius, (-1, 1)), (count, 3))
+        self.show(position, identity_quaternions(count), size, np.broadcast_to(colour, (count, 3)), opacity)
+
+    def show_rods(
+        self, start: np.ndarray, end: np.ndarray, radius: Any, colour: np.ndarray, opacity: np.ndarray | None = None
+    ) -> None:
+        """Show copies of a unit rod from `start` `(n, 3)` to `end` `(n, 3)`, of `radius` `(n,)` or one for all."""
+        along = end - start
+        radius = np.broadcast_to(radius, len(along))
+        size = np.stack([radius, radius, np.linalg.norm(along, axis=1)], axis=1)
+        self.show((start + end) / 2, quaternions_from_z(along), size, colour, opacity)
+
+    def _add(self) -> Any:
+        room, shape = self._room, self._shape
+        return self._scene.add_batched_meshes_simple(
+            self._name,
+            shape.vertices,
+            shape.faces,
+            identity_quaternions(room),
+            np.zeros((room, 3), np.float32),
+            batched_scales=np.full((room, 3), AWAY, np.float32),
+            batched_colors=np.zeros((room, 3), np.uint8),
+            batched_opacities=np.ones(room, np.float32) if self._faded else None,
+            lod="off",
+            cast_shadow=self._shadow,
+            visible=self._visible,
+        )
+
+
+def _linear(colour: np.ndarray) -> np.ndarray:
+    """sRGB colours in linear light, which viser expects for batched copies only."""
+    colour = np.clip(colour, 0, 1)
+    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+
+
+def _filled(rows: np.ndarray, shape: tuple[int, ...], rest: Any) -> np.ndarray:
+    """The rows, then `rest` up to the shape, as float32; values that are not finite become 0."""
+    filled = np.empty(shape, np.float32)
+    filled[: len(rows)] = rows
+    filled[len(rows) :] = rest
+    bad = ~np.isfinite(filled)
+    if bad.any():
+        filled[bad] = 0.0
+    return filled
 
 
 class Layer:
-    """Draws something about the bodies in view, and can be switched off; switched off, it costs nothing.
+    """Draws one aspect of the bodies in view; switched off, it costs nothing.
 
-    A subclass says in `build` whether it `applies` and makes its `pools`; `draw` assigns to them.
+    A subclass sets `applies` and makes its `pools` in `build`, and updates them in `draw`.
 
-    **Attributes:** `name`, of its switch, empty where it always shows; `applies`, whether there is anything to draw;
-    `pools`.
+    **Attributes:** `name`: of its switch, empty where it always shows; `initially_shown`; `applies`: whether there is
+    anything to draw; `pools`.
     """
 
-    name = ""
+    name: ClassVar[str] = ""
+    initially_shown: ClassVar[bool] = True
 
-    def __init__(self, shown: bool = True) -> None:
-        self._shown = shown
+    def __init__(self) -> None:
+        self._shown = self.initially_shown
         self.applies = False
-        self.pools: list[Pool] = []
+        self.pools: list[MeshPool] = []
 
     @property
     def shown(self) -> bool:
@@ -50,8 +166,8 @@ class Layer:
         """Add the nodes, once."""
         raise NotImplementedError
 
-    def grips(self) -> list[tuple[Any, np.ndarray]]:
-        """What can be taken hold of: viser's handles, and of which geom each copy is."""
+    def draggable(self) -> list[tuple[Any, np.ndarray]]:
+        """viser's handles of what can be dragged, and the geom of each of their copies."""
         return []
 
     def draw(self, pose: Pose) -> None:

@@ -1,43 +1,88 @@
-"""Worlds without a body: the plane of a particle, its trail, its goal and its policy's units."""
+"""The plane of a particle: a board with the reward, the particle with its trail, and its policy's units."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import trimesh
+import viser
 
-from motorgrad.sim.scene import _turns
-from motorgrad.sim.scene._board import FACING, LIFT, Board
-from motorgrad.sim.scene._ground import floor
-from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._pool import Pool
-from motorgrad.sim.scene._shapes import arrow, ball, ring, rod
+from motorgrad.sim.live import Session
+from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
+from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
+from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._surroundings import floor_glb
+from motorgrad.tasks import ParticleTask
+from motorgrad.worlds import Walls
 
-if TYPE_CHECKING:
-    import viser
+LIFT = 0.05  # m from the floor to the lower edge of the board
+PIXELS = 640
+FACING = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+"""The rotation from a flat picture, seen along z, onto the upright board: its y becomes the world's z."""
 
-    from motorgrad.sim.live import Session
-    from motorgrad.sim.scene._pose import Pose
+
+class Board:
+    """An upright board, one metre along its longer side, and the mapping from the plane to it: x to the right, y
+    upwards.
+
+    The viewer stands at negative y.
+
+    **Arguments:** `walls`, of the box that the board shows.
+
+    **Attributes:** `scale`: metres per unit of the plane; `half`: `(2,)` m, half its sides.
+    """
+
+    def __init__(self, walls: Walls) -> None:
+        (left, right), (bottom, top) = walls.spans
+        self.scale = 1.0 / max(right - left, top - bottom)
+        self._middle, self._bottom = (left + right) / 2, bottom
+        self.half = np.array([right - left, top - bottom]) * self.scale / 2
+
+    def place(self, points: np.ndarray, before: float = 0.0) -> np.ndarray:
+        """Positions `(n, 3)` of points `(n, 2)`, `before` metres in front of the board."""
+        points = np.asarray(points, float).reshape(-1, 2)
+        across = (points[:, 0] - self._middle) * self.scale
+        return np.stack([across, np.full(len(points), -before), (points[:, 1] - self._bottom) * self.scale + LIFT], 1)
+
+    def direction(self, ways: np.ndarray) -> np.ndarray:
+        """Directions `(n, 3)` of directions `(n, 2)`, of the same length."""
+        ways = np.asarray(ways, float).reshape(-1, 2)
+        return np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1)
+
+    def glb(self, task: Any) -> bytes:
+        """The board with the task's reward painted on it, in its own coordinates: flat, seen along z."""
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * self.half
+        mesh = trimesh.Trimesh(np.c_[corners, np.zeros(4)], [(0, 1, 2), (0, 2, 3)], process=False)
+        return textured_glb(mesh, (corners / self.half + 1) / 2, self._picture(task), glows=True)
+
+    def _picture(self, task: Any) -> np.ndarray:
+        from matplotlib.figure import Figure
+
+        sides = 2 * self.half / self.half.max() / 2
+        figure = Figure(figsize=tuple(PIXELS * sides / 100), dpi=100, facecolor="white")
+        draw_reward(figure.add_axes((0.0, 0.0, 1.0, 1.0)), task)
+        return Animation(figure, ()).pixels / 255
+
 
 FLOOR = np.array([0.74, 0.77, 0.77])
 WHO = ((0.82, 0.01, 0.11), (0.45, 0.48, 0.52))
-"""Colours of the particle that learns, and of an untrained one."""
-TRAIL = 80  # decisions of the path that are kept
+"""Colours of the particle that learns and of an untrained one."""
+TRAIL = 80  # decisions of the path that are shown
 BALL, LINE = 0.018, 0.0035  # m
-MOST = 1_000  # units that are drawn
-PERIOD = 0.25  # s between two looks at the policy, which cost some milliseconds
+MOST = 1_000  # units that are drawn at most
+PERIOD = 0.25  # s between two updates of the units, which take some milliseconds
 
 
 def _is_particle(session: Session) -> bool:
-    from motorgrad.tasks import ParticleTask
-
     return session.model is None and isinstance(session.task, ParticleTask)
 
 
 class Plane(Layer):
-    """A board with the reward painted on it, green where it is positive, and the particle with its last decisions."""
+    """Draws a board with the reward, green where positive, and the particle with its last decisions."""
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self.applies = _is_particle(session)
@@ -47,15 +92,15 @@ class Plane(Layer):
         board = self._board = Board(task.physics.walls)
         middle = np.array([0.0, 0.0, board.half[1] + LIFT])
         scene = server.scene
-        scene.add_glb("/plane/floor", floor(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
+        scene.add_glb("/plane/floor", floor_glb(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
         scene.add_glb("/plane/reward", board.glb(task), wxyz=FACING, position=middle)
         back = (2 * board.half[0] + 0.03, 0.02, 2 * board.half[1] + 0.03)
         scene.add_box(
             "/plane/back", color=(64, 68, 76), dimensions=back, position=middle + np.array([0.0, 0.0125, 0.0])
         )
         self.pools = [
-            Pool(scene, "/plane/particle", ball(), 2),
-            Pool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
+            MeshPool(scene, "/plane/particle", ball(), 2),
+            MeshPool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
         ]
         self._trails: list[deque[np.ndarray]] = []
         self._began = -1
@@ -68,36 +113,33 @@ class Plane(Layer):
             self._began, self._trails = snapshot.reset_count, [deque(maxlen=TRAIL) for _ in range(count)]
         for trail, place in zip(self._trails, snapshot.position, strict=True):
             if trail and np.linalg.norm(place[:2] - trail[-1]) * self._board.scale > 0.25:
-                trail.clear()  # a new episode begins elsewhere
+                trail.clear()  # a new episode starts elsewhere
             trail.append(np.array(place[:2]))
         here = self._board.place(snapshot.position[:, :2], BALL)
         colours = np.array(WHO)[np.arange(count) % len(WHO)]
-        self.pools[0].show(here, _turns.still(count), np.full((count, 3), BALL), colours)
+        self.pools[0].show_balls(here, BALL, colours)
         paths = [self._board.place(np.array(trail), 2 * LINE) for trail in self._trails]
-        along = np.concatenate([np.diff(path, axis=0) for path in paths])
-        middle = np.concatenate([(path[1:] + path[:-1]) / 2 for path in paths])
+        start, end = (np.concatenate([path[part] for path in paths]) for part in (slice(-1), slice(1, None)))
         age = np.concatenate([np.linspace(0.25, 1, TRAIL)[TRAIL - len(path) + 1 :] for path in paths])
-        size = np.stack([LINE * age, LINE * age, np.linalg.norm(along, axis=1)], axis=1)
         who = np.repeat(colours, [len(path) - 1 for path in paths], axis=0)
-        self.pools[1].show(middle, _turns.towards(along), size, who)
+        self.pools[1].show_rods(start, end, LINE * age, who)
 
 
 class PlaneUnits(Layer):
-    """The units of a local policy: an ellipse as wide as each, filled as it fires, and an arrow of its force."""
+    """Draws the units of a local policy: an ellipse of each unit's width, filled as it fires, and an arrow of its
+    force.
+    """
 
     name = "Units of the policy"
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         if not _is_particle(session) or session.agent is None:
             return
-        from motorgrad.sim._plane_units import shapes_of
-        from motorgrad.sim.panels._present_policy import PresentPolicy
 
-        self._policy = PresentPolicy(session)
-        policy = self._policy.of(session.snapshot().parameters[0])
+        self._session, policy = session, session.policy(session.snapshot().parameters[0])
         try:
             shapes_of(policy)  # type: ignore[arg-type]
-        except ValueError:  # units that have no place in the plane
+        except ValueError:  # units without a centre in the plane
             return
         self.applies = True
         task: Any = session.task
@@ -105,9 +147,9 @@ class PlaneUnits(Layer):
         self._forces = np.asarray(task.dynamics.forces, float)
         room, scene = min(len(self._forces), MOST), server.scene
         self.pools = [
-            Pool(scene, "/units/rims", ring(), room, shadow=False),
-            Pool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
-            Pool(scene, "/units/forces", arrow(), room, shadow=False),
+            MeshPool(scene, "/units/rims", ring(), room, shadow=False),
+            MeshPool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
+            MeshPool(scene, "/units/forces", arrow(), room, shadow=False),
         ]
         self._due = 0.0
 
@@ -125,21 +167,19 @@ class PlaneUnits(Layer):
         self.pools[1].show(self._at, turn, flat, self._colours, 0.08 + 0.8 * firing)
 
     def _look(self, parameters: np.ndarray) -> None:
-        """Where the units are by now."""
-        from motorgrad.sim._plane_units import direction_colours, shapes_of
-
-        policy = self._policy.of(parameters)
+        """Update the positions of the units."""
+        policy = self._session.policy(parameters)
         if policy is None:
             return
         shapes = shapes_of(policy)
-        self._there = np.flatnonzero(shapes.there)[:MOST]
+        self._there = np.flatnonzero(shapes.active)[:MOST]
         self._half = shapes.half[self._there] * self._board.scale
         self._at = self._board.place(shapes.centre[self._there])
-        # discs in one plane would show in stripes where they overlap
+        # coplanar discs would flicker where they overlap
         self._at[:, 1] -= 0.004 + 0.0005 * (np.arange(len(self._there)) % 32)
         self._colours = direction_colours(self._forces)[self._there, :3]
         forces = self._forces[self._there]
         strength = np.linalg.norm(forces, axis=1)
         long = 0.07 * strength / max(float(strength.max(initial=0.0)), 1e-12)
         size = np.repeat(long[:, None], 3, axis=1) * [2.0, 2.0, 1.0]
-        self.pools[2].show(self._at, _turns.towards(self._board.direction(forces)), size, self._colours)
+        self.pools[2].show(self._at, quaternions_from_z(self._board.direction(forces)), size, self._colours)

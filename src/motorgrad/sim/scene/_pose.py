@@ -1,36 +1,32 @@
-"""The bodies in view as a page has them: MuJoCo data of its own, put where a snapshot says."""
+"""The bodies in view, in MuJoCo data of the page's own, placed where a snapshot tells."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import mujoco
 import numpy as np
 
-from motorgrad.sim import _framing
+from motorgrad.bodies import install_muscle_callback
+from motorgrad.sim.film import bounding_box
+from motorgrad.sim.live import Snapshot
 
-if TYPE_CHECKING:
-    import mujoco
-
-    from motorgrad.sim.live import Snapshot
-
-APART = 1.6  # bodies side by side stand so many of their widths from each other
+APART = 1.6  # distance of bodies side by side, in widths of one
 
 
 class Pose:
     """The bodies in view in their present posture, with forces and contacts; one for each page.
 
-    **Arguments:** `model`, which is read and never changed; None for a world without one.
+    **Arguments:** `model`, which is never changed; None for a world without one.
 
     **Attributes:**
 
     - `model`, as given.
     - `bodies`: an `MjData` for each body in view, after `mj_forward`.
     - `activation` `(bodies, nu)`: of each actuator, in [0, 1].
-    - `offset` `(bodies, 3)`: how far each is drawn from where it is, so that bodies stand side by side, in m.
-    - `size`: of one body, the diagonal of the box that holds it, in m; `middle` `(3,)`: of that box at the start.
-    - `snapshot`: what was placed last; None before.
+    - `offset` `(bodies, 3)` m: added to all positions when drawing, so that bodies stand side by side.
+    - `size`: the diagonal of the box around one body, in m; `middle` `(3,)`: of that box at the start.
+    - `snapshot`: the one placed last; None before.
     """
 
     def __init__(self, model: mujoco.MjModel | None) -> None:
@@ -38,27 +34,23 @@ class Pose:
         self.bodies: list[mujoco.MjData] = []
         self.activation = np.zeros((0, 0 if model is None else model.nu))
         self.offset = np.zeros((0, 3))
-        self.size, self.middle = 1.4, np.array([0.0, 0.0, 0.55])  # of the board on which a plane is drawn
+        self.size, self.middle = 1.4, np.array([0.0, 0.0, 0.55])  # of the board that shows a particle's plane
         self.snapshot: Snapshot | None = None
         if model is None:
             return
-        import mujoco
-
-        from motorgrad.bodies import install_muscle_callback
 
         if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
             install_muscle_callback()
         start = model.key_qpos[0] if model.nkey else model.qpos0
-        low, high = _framing.box(model, start)
+        low, high = bounding_box(model, start)
         self.size, self.middle = float(np.linalg.norm(high - low)), (low + high) / 2
         self._step = _side_step(model, high - low)
 
     def place(self, snapshot: Snapshot) -> None:
-        """Put the bodies where `snapshot` has them. One whose state is not finite stays where it was."""
+        """Place the bodies as in `snapshot`. A body whose state is not finite stays where it was."""
         self.snapshot = snapshot
         if self.model is None:
             return
-        import mujoco
 
         model, count = self.model, len(snapshot.position)
         while len(self.bodies) < count:
@@ -83,7 +75,9 @@ class Pose:
 
 
 def _activation(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """How active each actuator is, in [0, 1]: its last activation state, else its control, as a share of the most."""
+    """The activation of each actuator, in [0, 1]: its last activation state, else its control as a share of the
+    maximum.
+    """
     last = model.actuator_actadr + model.actuator_actnum - 1
     level = np.array(data.ctrl)
     has_state = model.actuator_actadr >= 0
@@ -94,9 +88,9 @@ def _activation(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:
-    """From one body to the next: across the way that it goes; none on a terrain, which is at one place only."""
-    import mujoco
-
+    """The offset from one body to the next, across the direction of travel; none on a height field, which is at one
+    place.
+    """
     if np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD):
         return np.zeros(3)
     if np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):

@@ -1,39 +1,33 @@
-"""The whole scene: its layers in order."""
+"""The whole scene with its layers, and the tab "View" with cameras, switches and help."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import threading
+from typing import Any, ClassVar
 
 import numpy as np
+import viser
 
-from motorgrad.sim.scene._balance import Balance
-from motorgrad.sim.scene._bodies import Bodies
-from motorgrad.sim.scene._contacts import Contacts
-from motorgrad.sim.scene._ground import Ground
-from motorgrad.sim.scene._labels import Labels
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites
+from motorgrad.sim.scene._cameras import Cameras, GroundAt
+from motorgrad.sim.scene._contacts import Balance, Contacts
 from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._markers import JointAxes, Sites
-from motorgrad.sim.scene._meshes import Meshes
 from motorgrad.sim.scene._muscles import Muscles
 from motorgrad.sim.scene._plane import Plane, PlaneUnits
-from motorgrad.sim.scene._sky import Sky
-
-if TYPE_CHECKING:
-    import viser
-
-    from motorgrad.sim.live import Session, Snapshot
-    from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._surroundings import Ground, Sky
 
 
 class Scene:
-    """All that is drawn of a run: bodies, muscles, what they stand on, what is told about them.
+    """Everything that is drawn of a run: bodies, muscles, their surroundings, and annotations.
 
-    Add it once to a server, then hand it every moment. Nodes are made once; from then on only what changed is sent: of
-    a hexapod with 24 muscles some 12 kB a moment with every layer on, and no more as time goes on.
+    Build it once on a server, then update it every frame. Nodes are created once; afterwards only changes are sent: for
+    a hexapod with 24 muscles about 12 kB a frame with every layer on, which does not grow.
 
-    **Arguments:** `layers`, others than the usual ones, in the order in which they are built.
+    **Arguments:** `layers` instead of the usual ones, in the order in which they are built.
 
-    **Attributes:** `layers`; each has a `name` and can be switched with `shown`.
+    **Attributes:** `layers`; each has a `name` and a switch `shown`.
     """
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
@@ -48,12 +42,12 @@ class Scene:
         for layer in self.layers:
             layer.build(server, session)
 
-    def grips(self) -> list[tuple[Any, np.ndarray]]:
-        """What of all layers can be taken hold of."""
-        return [grip for layer in self.layers for grip in layer.grips()]
+    def draggable(self) -> list[tuple[Any, np.ndarray]]:
+        """viser's handles of what can be dragged in all layers, and the geoms of their copies."""
+        return [grip for layer in self.layers for grip in layer.draggable()]
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Show the present moment: all of it at once, or nothing where nothing has changed."""
+        """Show the present moment atomically; nothing is sent where nothing has changed."""
         active = [layer for layer in self.layers if layer.applies and layer.shown]
         moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), *map(id, active))
         if moment == self._drawn:
@@ -62,3 +56,72 @@ class Scene:
         with self._server.atomic():
             for layer in active:
                 layer.draw(pose)
+
+
+KEYS = {
+    "space": "play or pause",
+    "N": "one decision",
+    "P": "push the body",
+    "drag": "turn the camera; when walking, look around",
+    "right drag": "move the camera sideways",
+    "wheel": "zoom",
+    "W A S D": "move forwards, left, backwards, right",
+    "Q E": "move down, up",
+    "← → ↑ ↓": "turn the camera",
+    "O": "camera: orbit",
+    "G": "camera: walk on the ground, at eye height",
+    "F": "camera: follow the body",
+    "1 2 …": "camera: those of the model",
+    "Ctrl K": "search all commands",
+    "?": "this list",
+}
+
+
+def add_help(client: Any) -> None:
+    """Show a browser the list of keys on `?`, and by a button in the open container."""
+    rows = "\n".join(f"| `{key}` | {meaning} |" for key, meaning in KEYS.items())
+
+    def show(_: Any) -> None:
+        with client.gui.add_modal("Keys and mouse") as modal:
+            client.gui.add_markdown(f"| key | what it does |\n|---|---|\n{rows}")
+            client.gui.add_button("Close").on_click(lambda _: modal.close())
+
+    # missing in viser's type, but its client knows it: the character typed, which takes shift on most keyboards
+    hotkey: Any = "?"
+    client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard").on_trigger(show)
+    client.gui.add_button("Keys (?)", icon="keyboard").on_click(show)
+
+
+class View:
+    """The tab "View": cameras for each browser, and switches of the scene's layers for all.
+
+    **Arguments:** `scene`, already built; `ground_at`, as of `Cameras`.
+
+    **Attributes:** `cameras`; `title` and `icon` of the tab.
+    """
+
+    title: ClassVar[str] = "View"
+    icon: ClassVar[str] = "eye"
+
+    def __init__(self, scene: Scene, ground_at: GroundAt | None = None) -> None:
+        self._scene = scene
+        self.cameras = Cameras(ground_at)
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Add the elements to the open container."""
+        self.cameras.build(server, session)
+        with server.gui.add_folder("Show"):
+            for layer in self._scene.layers:
+                if layer.name and layer.applies:
+                    box = server.gui.add_checkbox(layer.name, layer.shown)
+                    box.on_update(lambda event, layer=layer: setattr(layer, "shown", event.target.value))
+        one_at_a_time, folder = threading.Lock(), server.gui.add_folder("Help")
+
+        @server.on_client_connect
+        def _(client: Any) -> None:
+            with one_at_a_time, folder:  # several browsers may connect at once
+                add_help(client)
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Move the cameras."""
+        self.cameras.update(snapshot, pose)

@@ -1,0 +1,58 @@
+"""Films, still pictures and drawings of recorded motions of any MuJoCo model.
+
+`write_film` and `still` make files, `draw` draws on matplotlib axes, `Painter` renders a motion that is still going on.
+The other names are shared with the page: how a model looks, where a camera must stand, and how frames become a video.
+"""
+
+from motorgrad.sim.film._appearance import (
+    FIRING,
+    SILENT,
+    geom_colours,
+    height_grid,
+    muscle_colour,
+    muscle_radius,
+    muscle_width,
+    tendon_activation,
+    texture_of,
+    texture_pixels,
+)
+from motorgrad.sim.film._drawing import Drawing, draw, ground_height
+from motorgrad.sim.film._film import GAP, Film, output_path, still, write_film, write_gif, write_mp4
+from motorgrad.sim.film._framing import bounding_box, camera_axes, natural_angles, visible_geoms
+from motorgrad.sim.film._gl import gl_problem
+from motorgrad.sim.film._motion import Motion
+from motorgrad.sim.film._painter import Painter, caption, check_picture
+from motorgrad.sim.film._scenery import nice_step
+
+__all__ = [
+    "FIRING",
+    "GAP",
+    "SILENT",
+    "Drawing",
+    "Film",
+    "Motion",
+    "Painter",
+    "bounding_box",
+    "camera_axes",
+    "caption",
+    "check_picture",
+    "draw",
+    "geom_colours",
+    "gl_problem",
+    "ground_height",
+    "height_grid",
+    "muscle_colour",
+    "muscle_radius",
+    "muscle_width",
+    "natural_angles",
+    "nice_step",
+    "output_path",
+    "still",
+    "tendon_activation",
+    "texture_of",
+    "texture_pixels",
+    "visible_geoms",
+    "write_film",
+    "write_gif",
+    "write_mp4",
+]

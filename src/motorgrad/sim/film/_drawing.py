@@ -1,0 +1,314 @@
+"""A body drawn with matplotlib, without OpenGL: outlines of its parts, muscles along their paths, and the ground."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.sim.film._appearance import (
+    check_posture,
+    geom_colours,
+    height_grid,
+    muscle_colour,
+    muscle_width,
+    set_posture,
+    tendon_activation,
+    tendon_paths,
+)
+from motorgrad.sim.film._framing import DOWNWARDS, SIDEWAYS, UPWARDS, View, camera_axes, visible_geoms
+from motorgrad.sim.film._scenery import SKY, nice_step
+
+if TYPE_CHECKING:
+    import mujoco
+    from matplotlib.axes import Axes
+
+
+OUTLINE_POINTS = 40
+
+
+def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.ndarray) -> np.ndarray:
+    """The silhouette of a sphere, capsule, ellipsoid, cylinder, box, or the convex hull of a mesh.
+
+    **Arguments:** `screen`: `(2, 3)`, the picture's right and up as unit vectors of the world.
+
+    **Returns:** `(OUTLINE_POINTS, 2)` m: the support point, the farthest of the shape, in each of that many directions
+    of the picture. This works for any orientation.
+    """
+    turn = data.geom_xmat[geom].reshape(3, 3)
+    # slightly off the axes, so that an upright box has one farthest corner rather than an edge
+    angles = 2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS + 1e-3
+    ways = np.stack([np.cos(angles), np.sin(angles)], 1) @ screen @ turn  # (OUTLINE_POINTS, 3), in the geom's own axes
+    points = _support(model, geom, ways)
+    return (points @ turn.T + data.geom_xpos[geom]) @ screen.T
+
+
+def _support(model: mujoco.MjModel, geom: int, ways: np.ndarray) -> np.ndarray:
+    """The farthest points of the geom in given directions, in its own axes: `(n, 3)` of `(n, 3)`."""
+    import mujoco
+
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return size[0] * ways / _length(ways)
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return size**2 * ways / _length(size * ways)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return size[0] * ways / _length(ways) + np.outer(np.sign(ways[:, 2]), [0, 0, size[1]])
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        round_ = ways * [1, 1, 0]
+        return size[0] * round_ / _length(round_) + np.outer(np.sign(ways[:, 2]), [0, 0, size[1]])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        corners = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+        return corners[np.argmax(ways @ corners.T, 1)]
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return np.sign(ways) * size
+    middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+    return middle + np.sign(ways) * half  # a signed distance field: its bounding box
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+
+
+def ground_line(
+    model: mujoco.MjModel, data: mujoco.MjData, through: np.ndarray, screen: np.ndarray, along: np.ndarray
+) -> np.ndarray | None:
+    """The line in which planes and height fields cut a vertical plane through a point, seen horizontally.
+
+    **Arguments:** `through`: `(3,)`, a point of the plane; `screen`: `(2, 3)`, right and up; `along`: `(n,)` m to the
+    right, where the height is wanted.
+
+    **Returns:** `(n,)` heights of the highest ground; None for a model without ground, or seen from above.
+    """
+    if abs(screen[1, 2]) < 0.5:
+        return None
+    return ground_height(model, data, through + np.outer(along - through @ screen[0], screen[0]))
+
+
+def ground_height(model: mujoco.MjModel, data: mujoco.MjData, places: np.ndarray) -> np.ndarray | None:
+    """Heights `(n,)` of the highest plane or height field above or below places `(n, 3)`; None without either."""
+    import mujoco
+
+    heights = []
+    for geom in range(model.ngeom):
+        point, turn = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and turn[2, 2] > 0.1:
+            heights.append(point[2] - (places - point)[:, :2] @ turn[:2, 2] / turn[2, 2])
+        elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_HFIELD:
+            heights.append(_field_height(model, model.geom_dataid[geom], (places - point) @ turn) + point[2])
+    return np.max(heights, axis=0) if heights else None
+
+
+def _field_height(model: mujoco.MjModel, field: int, places: np.ndarray) -> np.ndarray:
+    """Heights of a field above its origin at places in its own axes, by bilinear interpolation, constant beyond its
+    edge.
+    """
+    grid, (wide, deep, tall) = height_grid(model, field), model.hfield_size[field, :3]
+    rows, columns = grid.shape
+    column = np.clip((places[:, 0] / wide + 1) / 2, 0, 1) * (columns - 1)
+    row = np.clip((places[:, 1] / deep + 1) / 2, 0, 1) * (rows - 1)
+    left, low = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
+    x, y = column - left, row - low
+    below = grid[low, left] * (1 - x) + grid[low, left + 1] * x
+    above = grid[low + 1, left] * (1 - x) + grid[low + 1, left + 1] * x
+    return tall * (below * (1 - y) + above * y)
+
+
+GROUND, SURFACE = "#dcdcd6", "#8e9088"
+MUSCLE_EDGE = "#5c1a1a"
+
+
+class Drawing:
+    """A body on matplotlib axes, made by `draw`; `update` moves it without creating new artists.
+
+    `parts` and `muscles` are the matplotlib collections of the body's outlines and tendon paths, in metres to the right
+    and up.
+    """
+
+    def __init__(
+        self, ax: Axes, model: mujoco.MjModel, screen: np.ndarray, linewidth: float, alpha: float, ground: bool
+    ) -> None:
+        import mujoco
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        self._model, self._data = model, mujoco.MjData(model)
+        self._screen, self._linewidth = screen, linewidth
+        self._forward = np.cross(screen[0], screen[1])  # towards the viewer
+        seen = visible_geoms(model)
+        flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+        self._geoms = seen[~np.isin(model.geom_type[seen], flat)]
+        fill = geom_colours(model)[self._geoms]
+        fill[:, 3] *= alpha
+        self._fill: Any = fill
+        self._edge: Any = fill * [0.5, 0.5, 0.5, 1]
+        self.parts = PolyCollection([], linewidths=0.4 * linewidth, joinstyle="round", zorder=2)
+        shape: dict[str, Any] = {"capstyle": "round", "joinstyle": "round"}
+        self._rims = LineCollection([], colors=MUSCLE_EDGE, alpha=alpha, zorder=2.1, **shape)
+        self.muscles = LineCollection([], alpha=alpha, zorder=2.2, **shape)
+        for collection in (self.parts, self._rims, self.muscles):
+            ax.add_collection(collection, autolim=False)
+        self._rimmed = alpha == 1  # a rim under a transparent muscle would colour it
+        self._ground: Any = None
+        if ground:
+            self._ground = PolyCollection([], facecolors=GROUND, edgecolors=SURFACE, linewidths=1.0, zorder=0.5)
+            self._marks = LineCollection([], colors=SURFACE, linewidths=1.0, zorder=0.6)
+            ax.add_collection(self._ground, autolim=False)
+            ax.add_collection(self._marks, autolim=False)
+
+    def update(self, position: np.ndarray, activation: np.ndarray) -> None:
+        """Move the body to the posture `position` `(nq,)`, with its muscles at `activation` `(nu,)` in [0, 1]."""
+        model, data = self._model, self._data
+        position, activation = check_posture(model, position, activation)
+        set_posture(model, data, position)
+        # far ones first, by the face towards the viewer; rounded, as all parts of a planar body are equally far
+        turns = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
+        middle, half = model.geom_aabb[self._geoms, :3], model.geom_aabb[self._geoms, 3:]
+        towards = np.einsum("gij,i->gj", turns, self._forward)
+        face = data.geom_xpos[self._geoms] @ self._forward + np.sum(middle * towards + half * np.abs(towards), 1)
+        order = np.argsort(np.round(face, 6), kind="stable")
+        self.parts.set_verts([outline(model, data, geom, self._screen) for geom in self._geoms[order]])
+        self.parts.set_facecolor(self._fill[order])
+        self.parts.set_edgecolor(self._edge[order])
+        pieces = tendon_paths(model, data)
+        level = tendon_activation(model, activation)[[tendon for tendon, _ in pieces]]
+        lines = [points @ self._screen.T for _, points in pieces]
+        wide = self._linewidth * muscle_width(level)
+        self._rims.set_segments(lines if self._rimmed else [])
+        self._rims.set_linewidth((wide + 0.5 * self._linewidth).tolist())
+        self.muscles.set_segments(lines)
+        self.muscles.set_linewidth(wide.tolist())
+        self.muscles.set_color(muscle_colour(level))  # type: ignore[arg-type]
+
+    def update_ground(self, centre: np.ndarray, reach: float, size: float) -> None:
+        """Draw the ground within `reach` metres of the point `centre` `(3,)`, marked for a body of `size` metres."""
+        if self._ground is None:
+            return
+        middle = centre @ self._screen[0]
+        step = nice_step(size / 2)
+        # whole steps from the origin, so that marks stay fixed in the world while the camera moves
+        first, last = np.floor((middle - reach) / step), np.ceil((middle + reach) / step)
+        along = step * np.linspace(first, last, 8 * int(last - first) + 1)
+        height = ground_line(self._model, self._data, centre, self._screen, along)
+        if height is None:
+            return
+        surface = np.stack([along, height * self._screen[1, 2]], 1)
+        floor = surface[:, 1].min() - 10 * reach
+        self._ground.set_verts([np.concatenate([surface, [[along[-1], floor], [along[0], floor]]])])
+        marks = surface[::8]
+        self._marks.set_segments([np.stack([mark, mark - [0, 0.02 * size]]) for mark in marks])
+
+    def bounds(self) -> np.ndarray:
+        """The lowest and highest corner of the body with its muscles on the axes: `(2, 2)` m."""
+        outlines = [path.vertices for path in self.parts.get_paths()]
+        points = np.concatenate([*outlines, *self.muscles.get_segments(), np.empty((0, 2))])
+        return np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 2))
+
+
+def draw(
+    ax: Axes,
+    model: mujoco.MjModel,
+    position: np.ndarray,
+    activation: np.ndarray,
+    *,
+    azimuth: float = 90.0,
+    elevation: float = 0.0,
+    linewidth: float = 2.0,
+    alpha: float = 1.0,
+    ground: bool = True,
+) -> Drawing:
+    """Draw a body with its muscles on matplotlib axes, orthographic, in metres; needs no OpenGL.
+
+    Spheres, capsules, ellipsoids, cylinders, boxes and convex meshes are outlined, far ones first. Tendons run along
+    the path on which MuJoCo wraps them, pale pink while silent, strong red and twice as wide while active. Planes and
+    height fields are a line of ground with marks every 1, 2 or 5 times a power of ten metres.
+
+    **Arguments:**
+
+    - `position`: `(nq,)`; `activation`: `(nu,)` in [0, 1].
+    - `azimuth`, `elevation`: the line of sight in degrees, as of MuJoCo's free camera: at azimuth 90 it looks along +y,
+      with x to the right; at 180 along -x, with y to the right; at elevation -90 it looks straight down.
+    - `linewidth`: of a silent muscle, in points.
+    - `alpha`: of the body, in (0, 1]; low for the older postures of a sequence.
+    - `ground`: whether to draw it; False for all but the first of several bodies on the same axes.
+
+    **Returns:** a `Drawing`, whose `update(position, activation)` moves the body.
+
+    **Raises:** `ValueError` for shapes that do not fit the model, or `alpha` or `linewidth` out of range.
+
+    The axes get equal scales and, unless they have limits of your own, limits around the body.
+
+    ```py
+    draw(axes, model, position[0], activation[0], azimuth=90)
+    ```
+    """
+    check(0 < alpha <= 1, "alpha", alpha, "in (0, 1]")
+    check(linewidth > 0, "linewidth", linewidth, "above 0")
+    check(np.isfinite(azimuth), "azimuth", azimuth, "a finite number of degrees")
+    check(-90 <= elevation <= 90, "elevation", elevation, "in [-90, 90] degrees")
+    drawing = Drawing(ax, model, camera_axes(azimuth, elevation)[:2], linewidth, alpha, ground)
+    drawing.update(position, activation)
+    bounds = drawing.bounds()
+    size = max(float((bounds[1] - bounds[0]).max()), 1e-3)
+    centre = bounds.mean(0) @ drawing._screen
+    drawing.update_ground(centre, 20 * size, size)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.update_datalim(np.stack([bounds[0] - 0.1 * size, bounds[1] + 0.1 * size]))
+    ax.autoscale_view()
+    return drawing
+
+
+DOTS_PER_INCH = 100
+
+
+class MatplotlibRenderer:
+    """Draws pictures of one body with matplotlib; it has the arguments and methods of `GlRenderer`.
+
+    One figure is drawn again and again, with its artists moved from frame to frame.
+    """
+
+    def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        # horizontally or from straight above: in an oblique orthographic view the ground is not a line
+        above = view.elevation < -60
+        axes = camera_axes(view.azimuth, -90.0 if above else 0.0)
+        figure = Figure((width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=tuple(SKY))
+        self._canvas = FigureCanvasAgg(figure)
+        self._axes: Any = figure.add_axes((0, 0, 1, 1))
+        self._axes.set_axis_off()
+        self._screen = axes[:2]
+        self._which, self._aspect = which, width / height
+        self.set_view(view)
+        line = height / 480 * 2.4
+        self._drawing = Drawing(self._axes, model, self._screen, line, 1.0, True)
+
+    def set_view(self, view: View) -> None:
+        """Change to another view from the same side."""
+        self._centres = view.centres[self._which]
+        self._half = np.abs(self._screen) @ view.half
+        # m from the middle to the sides; the picture's lower and upper halves share what the margins leave
+        tall = 2 * self._half[1] / (DOWNWARDS + UPWARDS)
+        self._reach = max(self._half[0] / SIDEWAYS, tall * self._aspect)
+        self._tall = self._reach / self._aspect
+        self._lift = self._tall * (DOWNWARDS - UPWARDS) / 2
+        self._size = 2 * float(self._half.max())
+
+    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8, of one posture; the next call overwrites it."""
+        centre = self._centres[frame]
+        right, up = self._screen @ centre
+        self._axes.set_xlim(right - self._reach, right + self._reach)
+        self._axes.set_ylim(up + self._lift - self._tall, up + self._lift + self._tall)
+        self._drawing.update(position, activation)
+        self._drawing.update_ground(centre, 1.1 * self._reach, self._size)
+        self._canvas.draw()
+        return np.asarray(self._canvas.buffer_rgba())[..., :3]
+
+    def close(self) -> None:
+        """Do nothing; here because `GlRenderer` has it."""

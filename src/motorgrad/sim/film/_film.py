@@ -1,0 +1,246 @@
+"""Films and still pictures of recorded motions, and video files for browsers."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad._files import write_atomically
+from motorgrad.sim.film._framing import frame_motions
+from motorgrad.sim.film._motion import Motion, resample
+from motorgrad.sim.film._painter import Camera, Renderer, caption, check_picture, choose_renderer, renderer_class
+
+GAP = 4  # pixels between motions side by side
+
+
+@dataclass(frozen=True)
+class Film:
+    """The result of `write_film`: the file, the renderer used ("gl" or "drawn"), the number of frames and the running
+    time.
+
+    `note` is empty for a rendered film; for a drawn one it tells why, and which system packages enable rendering.
+    """
+
+    path: Path
+    renderer: str
+    frames: int
+    seconds: float
+    note: str = ""
+
+
+def write_film(
+    motions: Motion | Sequence[Motion],
+    path: str | os.PathLike[str],
+    *,
+    fps: float = 50,
+    width: int = 640,
+    height: int = 480,
+    speed: float = 1.0,
+    camera: Camera = None,
+    renderer: Renderer = "auto",
+    progress: Callable[[int, int], object] | None = None,
+) -> Film:
+    """Write a film of one motion, or of several side by side, each with its caption and running time.
+
+    **Arguments:**
+
+    - `motions`: shown from left to right at the same scale; the last posture of a shorter one stays until the end.
+    - `path`: ends in ".mp4"; missing folders are created, an existing film is replaced.
+    - `fps`: frames per second of the film, above 0; it may differ from the recording's.
+    - `width`, `height`: of each motion's picture in pixels, even, at least 64.
+    - `speed`: seconds of motion per second of film, above 0; 0.25 is slow motion.
+    - `camera`: the name of a camera of the model, or the azimuth in degrees of a camera that frames the whole motion
+      (90 looks along +y). None: the model's camera "side" if it has one that contains the motion, else one that frames
+      the motion, along the hinges of a planar body. A long path is followed. A drawn picture takes only the heading
+      from a named camera, and frames the motion itself.
+    - `renderer`: "gl" (OpenGL), "drawn" (matplotlib), or "auto": OpenGL where it works.
+    - `progress`: called after each frame with the number of frames done and their total.
+
+    **Returns:** a `Film`.
+
+    **Raises:** `ValueError` for input out of range, before any work; `RuntimeError` where `renderer="gl"` and OpenGL
+    does not work here.
+
+    ```py
+    write_film([before, after], "hop.mp4", speed=0.5)
+    ```
+    """
+    motions = _checked(motions)
+    target = output_path(path, ".mp4")
+    check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
+    check(np.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
+    kind, note = choose_renderer(renderer)
+    check_picture([motion.model for motion in motions], width, height, camera)
+
+    seconds = max(motion.seconds for motion in motions)
+    frames = int(np.floor(seconds / speed * fps + 1e-6)) + 1
+    shots = [resample(motion, np.arange(frames) * speed / fps) for motion in motions]
+    full = len(motions) * width + (len(motions) - 1) * GAP
+    pace = "" if speed == 1 else f"  ×{speed:g}"
+
+    def pictures() -> Iterator[np.ndarray]:
+        painters = _open_renderers(motions, [shot[1] for shot in shots], width, height, camera, kind)
+        canvas = np.full((height, full, 3), 255, np.uint8)
+        try:
+            for frame in range(frames):
+                for index, (painter, motion, shot) in enumerate(zip(painters, motions, shots, strict=True)):
+                    time, position, activation = (part[frame] for part in shot)
+                    picture = painter.paint(frame, position, activation)
+                    left = index * (width + GAP)
+                    clock = f"{time - motion.time[0]:.2f} s{pace}"
+                    canvas[:, left : left + width] = caption(picture, motion.label, clock)
+                yield canvas
+                if progress is not None:
+                    progress(frame + 1, frames)
+        finally:
+            for painter in painters:
+                painter.close()
+
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_mp4(target, pictures(), (full, height), fps)
+    return Film(target, kind, frames, frames / fps, note)
+
+
+def still(
+    motion: Motion,
+    frame: int,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    width: int = 640,
+    height: int = 480,
+    camera: Camera = None,
+    renderer: Renderer = "auto",
+) -> np.ndarray:
+    """Make one picture of a motion, framed as its film is, with caption and time.
+
+    **Arguments:** `frame`: index of the recorded frame, from the end if negative; `path`: a file ending in ".png", or
+    None for no file; the others as of `write_film`.
+
+    **Returns:** `(height, width, 3)`, uint8.
+
+    **Raises:** as `write_film` does.
+    """
+    _checked(motion)
+    target = None if path is None else output_path(path, ".png")
+    count = motion.time.size
+    check(isinstance(frame, int | np.integer) and -count <= frame < count, "frame", frame, f"in [{-count}, {count})")
+    kind, _ = choose_renderer(renderer)
+    check_picture([motion.model], width, height, camera)
+    row = int(frame) % count
+    (painter,) = _open_renderers([motion], [motion.position], width, height, camera, kind)
+    try:
+        picture = painter.paint(row, motion.position[row], motion.activation[row])
+        picture = caption(picture, motion.label, f"{motion.time[row] - motion.time[0]:.2f} s")
+    finally:
+        painter.close()
+    if target is not None:
+        from PIL import Image
+
+        target.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(picture).save(target)
+    return picture.copy()
+
+
+def _checked(motions: Motion | Sequence[Motion]) -> list[Motion]:
+    listed = [motions] if isinstance(motions, Motion) else list(motions)
+    check(listed, "motions", listed, "at least one Motion")
+    for index, motion in enumerate(listed):
+        check(isinstance(motion, Motion), f"motions[{index}]", motion, "a Motion")
+    return listed
+
+
+def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
+    """The path of a picture or film. **Raises** `ValueError` for another ending than `suffixes`, and for a folder."""
+    target = Path(path)
+    check(target.suffix.lower() in suffixes, "path", str(path), f"a file name ending in {' or '.join(suffixes)}")
+    check(not target.is_dir(), "path", str(path), "a file, not a folder")
+    return target
+
+
+def _open_renderers(
+    motions: Sequence[Motion], positions: Sequence[np.ndarray], width: int, height: int, camera: Camera, kind: str
+) -> list[Any]:
+    """One renderer for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
+    brush = renderer_class(kind)
+    models = [motion.model for motion in motions]
+    groups: dict[tuple[int, int, int], list[int]] = {}
+    for index, model in enumerate(models):
+        groups.setdefault((model.nq, model.nbody, model.ngeom), []).append(index)
+    painters: list[Any] = [None] * len(motions)
+    for members in groups.values():
+        view = frame_motions([models[i] for i in members], [positions[i] for i in members], camera, width / height)
+        for which, index in enumerate(members):
+            painters[index] = brush(models[index], view, which, width, height)
+    return painters
+
+
+def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], fps: float) -> None:
+    """Write H.264 with 4:2:0 chroma and the index in front, so that browsers can play it while it loads.
+
+    **Arguments:** `frames` `(height, width, 3)`, uint8; `size`: width and height, both even; `fps`: frames per second.
+
+    **Raises:** `RuntimeError` with ffmpeg's message where it fails.
+
+    The file is written beside its place and moved there when complete, so that an interrupted film leaves nothing.
+    """
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part.mp4")
+    try:
+        # to a file: an unread pipe would fill and stop ffmpeg, and this process with it
+        with tempfile.TemporaryFile() as messages:
+            # imageio-ffmpeg's own writer leaves its pipes for the garbage collector to close, with warnings
+            with subprocess.Popen(
+                _command(part, size, fps), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages
+            ) as ffmpeg:
+                assert ffmpeg.stdin is not None
+                try:
+                    for frame in frames:
+                        ffmpeg.stdin.write(np.ascontiguousarray(frame).data)
+                    ffmpeg.stdin.close()
+                except BrokenPipeError:
+                    pass  # ffmpeg failed; its exit status and messages tell why
+                except BaseException:
+                    ffmpeg.kill()
+                    raise
+            if ffmpeg.returncode:
+                messages.seek(0)
+                reason = messages.read().decode(errors="replace").strip()
+                raise RuntimeError(f"ffmpeg could not write {str(path)!r}: {reason or f'status {ffmpeg.returncode}'}")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.ndarray) -> None:
+    """Write a GIF that repeats forever.
+
+    **Arguments:** as of `write_mp4`, but a frame lasts a whole number of hundredths of a second; `like`: a frame whose
+    256 most useful colours are used for all. With one palette, only what moves takes bytes.
+    """
+    from PIL import Image
+
+    colours = Image.fromarray(like).quantize(256)
+    pictures = (Image.fromarray(frame).quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames)
+    content = io.BytesIO()
+    length = max(1, round(100 / fps)) * 10
+    next(pictures).save(content, "GIF", save_all=True, append_images=pictures, duration=length, loop=0)
+    write_atomically(path, content.getvalue())
+
+
+def _command(path: Path, size: tuple[int, int], fps: float) -> list[str]:
+    import imageio_ffmpeg
+
+    # absolute and prefixed, so that ffmpeg takes no leading dash for an option and no colon for a protocol
+    command = f"""{{}} -y -hide_banner -loglevel error
+        -f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -r {fps:.6f} -i -
+        -an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart {{}}"""
+    places = iter((imageio_ffmpeg.get_ffmpeg_exe(), f"file:{path.absolute()}"))
+    return [next(places) if word == "{}" else word for word in command.split()]

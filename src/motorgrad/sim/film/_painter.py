@@ -1,0 +1,178 @@
+"""Painter: pictures of a body as it moves, and the choice of the renderer that makes them."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad.sim.film._appearance import check_posture
+from motorgrad.sim.film._drawing import MatplotlibRenderer
+from motorgrad.sim.film._framing import View, bounding_box, find_camera, frame_motions
+from motorgrad.sim.film._gl import ADVICE, GlRenderer, gl_problem
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+INK, HALO = (38, 42, 48), (240, 244, 248)
+
+
+@functools.cache
+def _font(size: int) -> Any:
+    import matplotlib
+    from PIL import ImageFont
+
+    # matplotlib's own font is the same on every system
+    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
+
+
+def caption(picture: np.ndarray, left: str, right: str) -> np.ndarray:
+    """Write `left` and `right` along the upper edge of a copy of the picture `(height, width, 3)`.
+
+    The font shrinks until both fit beside each other; text that does not fit at eight pixels is cut with an ellipsis.
+    """
+    from PIL import Image, ImageDraw
+
+    height, width = picture.shape[:2]
+    image = Image.fromarray(np.ascontiguousarray(picture))
+    pen = ImageDraw.Draw(image)
+    margin = max(4, round(0.035 * height))
+    size = max(8, round(0.046 * height))
+    room = width - 3 * margin - pen.textlength(right, _font(size))
+    while size > 8 and pen.textlength(left, _font(size)) > room:
+        size -= 1
+        room = width - 3 * margin - pen.textlength(right, _font(size))
+    font = _font(size)
+    if pen.textlength(left, font) > room:
+        while left and pen.textlength(left + "…", font) > room:
+            left = left[:-1]
+        left += "…"
+    halo = max(1, size // 9)
+    pen.text((margin, margin), left, INK, font, stroke_width=halo, stroke_fill=HALO)
+    pen.text((width - margin, margin), right, INK, font, anchor="ra", stroke_width=halo, stroke_fill=HALO)
+    return np.asarray(image)
+
+
+RENDERERS = ("auto", "drawn", "gl")
+Camera = str | float | None
+Renderer = Literal["auto", "gl", "drawn"]
+
+
+def choose_renderer(renderer: str) -> tuple[str, str]:
+    """The renderer to use, and why it is the drawn one."""
+    if renderer not in RENDERERS:
+        raise unknown("renderer", renderer, RENDERERS)
+    if renderer == "drawn":
+        return "drawn", "Drawn with matplotlib, as requested."
+    problem = gl_problem()
+    if not problem:
+        return "gl", ""
+    if renderer == "gl":
+        raise RuntimeError(f"renderer = 'gl' does not work here: {problem}. {ADVICE}")
+    return "drawn", f"Drawn with matplotlib, without OpenGL: {problem}. {ADVICE}"
+
+
+def renderer_class(kind: str) -> Any:
+    """The class of the renderer "gl" or "drawn"."""
+    return {"gl": GlRenderer, "drawn": MatplotlibRenderer}[kind]
+
+
+def check_picture(models: Sequence[mujoco.MjModel], width: int, height: int, camera: Camera) -> None:
+    """Refuse impossible picture sizes and cameras. **Raises** `ValueError`."""
+    for name, value in (("width", width), ("height", height)):
+        whole = isinstance(value, int | np.integer) and value >= 64 and value % 2 == 0
+        check(whole, name, value, "an even whole number of pixels, at least 64")
+    if isinstance(camera, str):
+        for model in models:
+            find_camera(model, camera)
+    elif camera is not None:
+        number = isinstance(camera, int | float | np.number) and np.isfinite(camera)
+        check(number, "camera", camera, "the name of a camera of the model, an azimuth in degrees, or None")
+
+
+ROOM = 1.3  # a view is larger than needed by this factor, so that a growing motion seldom needs another
+
+
+class Painter:
+    """Paints pictures of one body during a motion that is still going on.
+
+    A film knows the whole motion and frames it. A painter frames what it has seen so far and widens its view when the
+    body leaves it; a body that goes far is followed in leaps.
+
+    **Arguments:** `model`, of which a copy is painted; `width`, `height`, `camera` and `renderer` as of `write_film`.
+
+    **Attributes:** `renderer` and `note`, as of a `Film`.
+
+    **Raises:** as `write_film` does. `paint` raises `RuntimeError` after `close`. Use it from one thread only.
+
+    ```py
+    painter = Painter(model, width=320, height=240)
+    picture = painter.paint(data.qpos, activation, left="hopper", right="0.50 s")
+    painter.close()
+    ```
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        width: int = 640,
+        height: int = 480,
+        camera: Camera = None,
+        renderer: Renderer = "auto",
+    ) -> None:
+        self.renderer, self.note = choose_renderer(renderer)
+        check_picture([model], width, height, camera)
+        self._model, self._camera, self._size = model, camera, (width, height)
+        self._seen: list[np.ndarray] = []
+        self._view: View | None = None
+        self._backend: Any = None
+        self._closed = False
+
+    def paint(self, position: np.ndarray, activation: np.ndarray, left: str = "", right: str = "") -> np.ndarray:
+        """Paint one picture.
+
+        **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body.
+
+        **Returns:** `(height, width, 3)`, uint8, a new array.
+        """
+        if self._closed:
+            raise RuntimeError("this painter is closed: make another one")
+        position, activation = check_posture(self._model, position, activation)
+        self._hold(position)
+        picture = self._backend.paint(0, position, activation)
+        return caption(picture, left, right) if left or right else picture.copy()
+
+    def close(self) -> None:
+        """Free the resources of the graphics driver. A second call does nothing."""
+        if self._backend is not None:
+            self._backend.close()
+        self._backend, self._closed = None, True
+
+    def _hold(self, position: np.ndarray) -> None:
+        """Change the view if the present one does not contain the posture."""
+        low, high = bounding_box(self._model, position)
+        view = self._view
+        if view is not None and np.all(np.abs(np.stack([low, high]) - view.centres[0][0]) <= view.half):
+            return
+        self._seen.append(position.copy())
+        view = self._frame()
+        if np.ptp(view.centres[0], axis=0).any():  # a long path: start again from here
+            self._seen = [position.copy()]
+            view = self._frame()
+        self._view = dataclasses.replace(view, half=view.half * ROOM)
+        if self._backend is None:
+            self._backend = renderer_class(self.renderer)(self._model, self._view, 0, *self._size)
+        else:
+            self._backend.set_view(self._view)
+
+    def _frame(self) -> View:
+        return frame_motions([self._model], [np.stack(self._seen)], self._camera, self._size[0] / self._size[1])

@@ -1,0 +1,146 @@
+"""A bare MuJoCo model as the subject of a run, driven by controls that are set by hand."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import install_muscle_callback
+from motorgrad.sim.live._body import check_number, muscle_fields, muscle_numbers
+from motorgrad.sim.live._messages import Ready
+from motorgrad.sim.live._setup import Setup
+from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+
+DECISION = 0.01  # s of simulated time, or one physics step where that is longer
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
+
+
+class BareModel:
+    """A model without a learner, driven by controls that are set by hand; a decision is some physics steps.
+
+    It starts in its keyframe 0, if it has one.
+    """
+
+    frozen = False
+
+    def __init__(self, setup: Setup):
+        self.model: Any = setup.model
+        if np.any(self.model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
+            install_muscle_callback()
+        self._data: Any = mujoco.MjData(self.model)
+        self.decision = self._pushed_until = 0
+        self.substeps = max(1, round(DECISION / self.model.opt.timestep))
+        self.period = self.substeps * self.model.opt.timestep
+        self._numbers = muscle_numbers(self.model)
+        self.settings = {name: number.get(self.model) for name, number in self._numbers.items()}
+        sensors = [self.model.sensor(i) for i in range(self.model.nsensor)]
+        feet = [each for each in sensors if each.type[0] == mujoco.mjtSensor.mjSENS_TOUCH]
+        self._feet = [(each.name, int(each.adr[0])) for each in feet]
+        self.begin_again()
+
+    @property
+    def fields(self) -> dict[str, np.ndarray]:
+        return muscle_fields(self.model)
+
+    def about(self) -> Ready:
+        m = self.model
+        room = int(np.clip(20 / self.period, 200, 4000))
+        sizes = Sizes(m.nq, m.nv, m.na, m.nu, 0, 0, 0, len(self._feet), room, 0)
+        muscles = [m.actuator(i).name or f"actuator {i}" for i in range(m.nu)]
+        return Ready(sizes, self.period, self.settings, [], [], muscles, [name for name, _ in self._feet], [])
+
+    def skip(self, decisions: int) -> None:
+        for _ in range(decisions):
+            mujoco.mj_step(self.model, self._data, self.substeps)
+            self.decision += 1
+            if self.decision == self._pushed_until:
+                self._data.xfrc_applied[:] = 0
+            if self._data.warning.number[BAD].any():  # diverged, and reset by MuJoCo to its reference pose
+                self._data.warning.number[:] = 0
+                self._to_first_keyframe()
+
+    def step(self) -> Look:
+        self.skip(1)
+        return self.look()
+
+    def look(self) -> Look:
+        d = self._data
+        nothing = np.zeros((1, 0))
+        unknown = np.full(1, np.nan)
+        seen = {"position": d.qpos, "velocity": d.qvel, "activation": d.act, "control": d.ctrl}
+        look = {name: np.array(values)[None] for name, values in seen.items()}
+        look["contacts"] = np.array([[d.sensordata[place] for _, place in self._feet]])
+        look |= dict.fromkeys(("observation", "action", "probability", "parameters"), nothing)
+        return look | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
+
+    def tally(self) -> Tally:
+        return Tally(np.full(1, np.nan), np.zeros(1))
+
+    @property
+    def state(self) -> Any:
+        physics = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self._data, physics, STATE)
+        return {
+            "decision": np.array(self.decision),
+            "physics": physics,
+            "sensors": np.array(self._data.sensordata),
+            "pushed": np.array(self._pushed_until),
+            "settings": dict(self.settings),
+        }
+
+    def restore(self, state: Any) -> None:
+        mujoco.mj_setState(self.model, self._data, state["physics"], STATE)
+        np.copyto(self._data.sensordata, state["sensors"])
+        self.decision, self._pushed_until = int(state["decision"]), int(state["pushed"])
+        self._put(state["settings"])
+
+    def begin_again(self) -> None:
+        self.decision = self._pushed_until = 0
+        mujoco.mj_resetData(self.model, self._data)
+        self._to_first_keyframe()
+
+    def edit(self, name: str, value: float) -> None:
+        check_number(name, self._numbers[name], value)
+        self._put({**self.settings, name: value})
+
+    def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
+        self._data.xfrc_applied[:] = 0
+        self._data.xfrc_applied[self.model.body(body).id, :3] = force
+        self._pushed_until = self.decision + max(1, round(seconds / self.period))
+
+    def control(self, actuator: int, value: float) -> None:
+        low, high = self.model.actuator_ctrlrange[actuator]
+        limited = bool(self.model.actuator_ctrllimited[actuator])
+        check(not limited or low <= value <= high, "control", value, f"from {low:g} to {high:g}")
+        self._data.ctrl[actuator] = value
+
+    def freeze(self, on: bool) -> None:
+        self._refuse("freeze")
+
+    def compare(self, on: bool) -> None:
+        self._refuse("compare")
+
+    def save(self, path: str) -> None:
+        self._refuse("save")
+
+    def load(self, path: str, seed: int | None) -> None:
+        self._refuse("load")
+
+    def _refuse(self, what: str) -> None:
+        raise ValueError(f"{what}: this model has no learner")
+
+    def _put(self, settings: dict[str, float]) -> None:
+        for name, value in settings.items():
+            if value != self.settings[name]:
+                self._numbers[name].put(self.model, value)
+        self.settings = dict(settings)
+
+    def _to_first_keyframe(self) -> None:
+        if self.model.nkey:
+            mujoco.mj_resetDataKeyframe(self.model, self._data, 0)
+        mujoco.mj_forward(self.model, self._data)

@@ -1,0 +1,323 @@
+"""The protocol of a run: its subject, the orders that a page can give it, and what it replies.
+
+An order checks its own values when it is made, and its names against the `Session` before it is sent. An intervention
+also knows how to change the subject, so a new one is one class here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+
+SLOWEST = 0.05
+STRONGEST = 1e6  # N
+
+
+class Ready(NamedTuple):
+    """The first reply of a worker: array sizes, the period of a decision in s, the settings, and names."""
+
+    sizes: Sizes
+    period: float
+    settings: dict[str, float]
+    observations: list[str]
+    actions: list[str]
+    muscles: list[str]
+    feet: list[str]
+    readings: list[str]
+
+
+class Subject(Protocol):
+    """What a run simulates: a learner (`Learner`) or a bare model (`BareModel`).
+
+    - `decision`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
+    - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
+    """
+
+    frozen: bool
+    settings: dict[str, float]
+
+    @property
+    def decision(self) -> int: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def fields(self) -> dict[str, np.ndarray]: ...
+
+    def about(self) -> Ready:
+        """Array sizes, settings and names."""
+        ...
+
+    def skip(self, decisions: int) -> None:
+        """Make decisions without sampling them."""
+
+    def step(self) -> Look:
+        """Make one decision and sample it."""
+        ...
+
+    def look(self) -> Look:
+        """Sample the present moment; rewards and gradients are those of the last decision sampled."""
+        ...
+
+    def tally(self) -> Tally:
+        """Return the means since the last call, and begin new ones."""
+        ...
+
+    @property
+    def state(self) -> Any:
+        """Everything that the future depends on, copied."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Restore a state."""
+
+    def begin_again(self) -> None:
+        """Return to the start, keeping edits."""
+
+    def edit(self, name: str, value: float) -> None:
+        """Change one of `settings`. **Raises** `ValueError` for a value out of range, and then changes nothing."""
+
+    def freeze(self, on: bool) -> None: ...
+
+    def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None: ...
+
+    def compare(self, on: bool) -> None: ...
+
+    def save(self, path: str) -> None: ...
+
+    def load(self, path: str, seed: int | None) -> None: ...
+
+    def control(self, actuator: int, value: float) -> None: ...
+
+
+class Order:
+    """A request to a run."""
+
+    def check(self, session: Any) -> None:
+        """Refuse an order that this `Session` cannot carry out. **Raises** `ValueError`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Play(Order):
+    """Continue."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Pause(Order):
+    """Pause between two decisions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Step(Order):
+    """Make a number of decisions, then pause."""
+
+    decisions: int = 1
+
+    def __post_init__(self) -> None:
+        whole = isinstance(self.decisions, int) and 1 <= self.decisions <= 1_000_000
+        check(whole, "decisions", self.decisions, "a whole number from 1 to 1,000,000")
+
+
+@dataclasses.dataclass(frozen=True)
+class Reset(Order):
+    """Return body and learner to the start, keeping edits."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Speed(Order):
+    """Set the speed: simulated seconds per second of wall time, at least 0.05; `math.inf` for as fast as possible."""
+
+    factor: float
+
+    def __post_init__(self) -> None:
+        check(self.factor >= SLOWEST, "speed", self.factor, f"at least {SLOWEST}, or inf for as fast as possible")
+
+
+@dataclasses.dataclass(frozen=True)
+class Scrub(Order):
+    """Go back, or forward again, to a decision and pause there; body and learner are restored."""
+
+    decision: int
+
+    def __post_init__(self) -> None:
+        check(isinstance(self.decision, int) and self.decision >= 0, "decision", self.decision, "a whole number from 0")
+
+    def check(self, session: Any) -> None:
+        now = session.snapshot()
+        fits = now.oldest <= self.decision <= now.newest
+        check(fits, "decision", self.decision, f"from {now.oldest:,} to {now.newest:,}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Save(Order):
+    """Write the policy to a file (.npz)."""
+
+    path: str
+
+    def __post_init__(self) -> None:
+        _check_npz(self.path)
+
+
+class Intervention(Order):
+    """An order that changes what follows. The run keeps its state afterwards, so that going back reproduces it.
+
+    **Attributes:** `kind`, of the event that reports it.
+    """
+
+    kind: ClassVar[str] = "change"
+
+    def apply(self, subject: Subject) -> str:
+        """Change the subject. **Returns** one line for the log. **Raises** `ValueError` where it is refused."""
+        raise NotImplementedError
+
+
+@dataclasses.dataclass(frozen=True)
+class Push(Intervention):
+    """Push a part of the body: a force in world coordinates at its centre of mass, for some simulated seconds.
+
+    **Arguments:** `body`: its name in the model; `force`: (x, y, z) in N; `seconds`.
+    """
+
+    body: str
+    force: tuple[float, float, float]
+    seconds: float = 0.1
+
+    def __post_init__(self) -> None:
+        valid = len(self.force) == 3 and all(math.isfinite(x) and abs(x) <= STRONGEST for x in self.force)
+        check(valid, "force", self.force, f"three numbers in N, each at most {STRONGEST:g}")
+        check(0 < self.seconds <= 60, "seconds", self.seconds, "above 0, at most 60")
+
+    def check(self, session: Any) -> None:
+        model = session.model
+        names = [] if model is None else [model.body(i).name for i in range(1, model.nbody)]
+        if self.body not in names:
+            raise unknown("body", self.body, names)
+
+    def apply(self, subject: Subject) -> str:
+        subject.push(self.body, self.force, self.seconds)
+        return f"push of ({', '.join(f'{x:g}' for x in self.force)}) N at {self.body} for {self.seconds:g} s"
+
+
+@dataclasses.dataclass(frozen=True)
+class Edit(Intervention):
+    """Set one of `Session.settings` to a value."""
+
+    name: str
+    value: float
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.value), self.name, self.value, "a finite number")
+
+    def check(self, session: Any) -> None:
+        if self.name not in session.settings:
+            raise unknown("setting", self.name, session.settings)
+
+    def apply(self, subject: Subject) -> str:
+        before = subject.settings[self.name]
+        subject.edit(self.name, self.value)
+        return f"{self.name}: {before:.6g} → {self.value:.6g}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Freeze(Intervention):
+    """Continue with the present policy, without learning."""
+
+    def apply(self, subject: Subject) -> str:
+        subject.freeze(True)
+        return "learning frozen"
+
+
+@dataclasses.dataclass(frozen=True)
+class Thaw(Intervention):
+    """Resume learning after a `Freeze`."""
+
+    def apply(self, subject: Subject) -> str:
+        subject.freeze(False)
+        return "learning resumed"
+
+
+@dataclasses.dataclass(frozen=True)
+class Load(Intervention):
+    """Load a saved policy (.npz), or that of a run directory: of its first seed, or of `seed`."""
+
+    kind: ClassVar[str] = "loaded"
+    path: str
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        if not Path(self.path).is_dir():
+            _check_npz(self.path)
+
+    def apply(self, subject: Subject) -> str:
+        subject.load(self.path, self.seed)
+        return f"policy loaded from {self.path}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Compare(Intervention):
+    """Show or hide an untrained body beside the one that learns."""
+
+    on: bool = True
+
+    def apply(self, subject: Subject) -> str:
+        subject.compare(self.on)
+        return "untrained body shown beside" if self.on else "untrained body removed"
+
+
+@dataclasses.dataclass(frozen=True)
+class Control(Intervention):
+    """Set an actuator of a model without a learner, in its own units."""
+
+    actuator: int
+    value: float
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.value), "control", self.value, "a finite number")
+
+    def check(self, session: Any) -> None:
+        known = 0 <= self.actuator < len(session.muscles) and session.task is None
+        check(known, "actuator", self.actuator, f"one of the {len(session.muscles)} of a model without a learner")
+
+    def apply(self, subject: Subject) -> str:
+        subject.control(self.actuator, self.value)
+        return ""
+
+
+class Event(NamedTuple):
+    """The outcome of an order, or something that happened by itself.
+
+    - `wall`: time of day, s since the epoch; `decision`: when it happened in the run.
+    - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, or `"ended"` where the worker is gone.
+    - `text`: one line.
+    """
+
+    wall: float
+    decision: int
+    text: str
+    kind: str
+
+
+class Reply(NamedTuple):
+    """An event, whose text may be empty, with the settings and the arrays of the model that changed."""
+
+    event: Event
+    settings: Mapping[str, float]
+    fields: Mapping[str, np.ndarray]
+
+    def update(self, model: Any) -> None:
+        """Copy the changed arrays into a model."""
+        for name, values in self.fields.items():
+            np.copyto(getattr(model, name), values)
+
+
+def _check_npz(path: str) -> None:
+    check(Path(path).suffix == ".npz", "path", path, "a file ending in .npz, or a run directory to load from")

@@ -1,0 +1,86 @@
+"""A probe of a learner: a compiled function that reads its body, observations, policy and gradient, for all seeds."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+from motorgrad.learning import SGD, RunningMean
+from motorgrad.policies import trainable
+from motorgrad.training import Stepper
+
+Seen = dict[str, np.ndarray]
+
+
+def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Seen]:
+    """Make a function that samples a stepper.
+
+    `paid` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the learning
+    rates of the parameters, NaN where the optimizer has none.
+    """
+
+    def view(cycle: Any, state: Any) -> dict[str, Array]:
+        agent, tally = cycle.agent, cycle.tally
+        learner = stepper.cycle.learner(cycle)
+        parameters = trainable(agent.policy)
+        probability = agent.policy.prob(cycle.observation)
+        flat = ravel_pytree(parameters)[0]
+        position, velocity = _moved(state)
+        touched = [jnp.asarray(state.sensors[name]) for name in feet]
+        batch = agent.gradient.mean if isinstance(agent.gradient, RunningMean) else None
+        return {
+            "position": position,
+            "velocity": velocity,
+            "contacts": jnp.stack(touched) if touched else jnp.zeros(0),
+            "observation": cycle.observation,
+            "action": _wide(cycle.action, probability.shape[0]),
+            "probability": probability,
+            "paid": jnp.stack([tally.sums[0], tally.carry[0]]),
+            "baseline": learner.estimator.level(agent.estimator),
+            "parameters": flat,
+            "rates": _learning_rates(learner.optimizer, parameters, flat),
+            "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],
+        }
+
+    return stepper.viewer(view)
+
+
+def gradient_norm(before: Seen, after: Seen) -> np.ndarray:
+    """The norm of the gradient that the last decision's step followed, NaN where it is unknown.
+
+    Where a gradient is the mean of a batch, this is the norm of the mean so far; with a metric it is that of the
+    natural gradient.
+    """
+    if not np.isnan(after["batch"]).any():
+        return np.linalg.norm(after["batch"], axis=-1)
+    rates = np.where(after["rates"] > 0, after["rates"], np.nan)
+    steps = (after["parameters"].astype(float) - before["parameters"]) / rates
+    known = np.isfinite(steps)
+    norm = np.sqrt(np.sum(np.where(known, steps, 0.0) ** 2, axis=-1))
+    return np.where(known.any(axis=-1), norm, np.nan)
+
+
+def _moved(state: Any) -> tuple[Array, Array]:
+    """Position and velocity of a state that has them; otherwise all of its numbers, and none."""
+    if hasattr(state, "position"):
+        return jnp.ravel(state.position), jnp.ravel(getattr(state, "velocity", jnp.zeros(0)))
+    return jnp.asarray(ravel_pytree(state)[0], jnp.result_type(float)), jnp.zeros(0)
+
+
+def _wide(action: Array, size: int) -> Array:
+    """An action as one number for each unit or alternative; NaN for a unit that was not asked."""
+    if action.ndim == 0:
+        return jax.nn.one_hot(action, size)
+    numbers = jnp.asarray(action, jnp.result_type(float))[:size]
+    return jnp.pad(numbers, (0, size - numbers.shape[0]), constant_values=jnp.nan)
+
+
+def _learning_rates(optimizer: Any, parameters: Any, flat: Array) -> Array:
+    if not isinstance(optimizer, SGD):
+        return jnp.full_like(flat, jnp.nan)
+    rates = optimizer.learning_rates(parameters)
+    return ravel_pytree(jax.tree.map(lambda p, rate: jnp.broadcast_to(rate, p.shape), parameters, rates))[0]

@@ -1,0 +1,178 @@
+"""Diagrams of a policy: weights as arrows (figure 5.5), and a phase portrait (figure 5.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad.policies import Policy
+from motorgrad.sim.panels import _charts
+from motorgrad.sim.panels._panel import brief
+
+POSITIVE, NEGATIVE = "#c0392b", "#2c5fa8"
+MOST = 60  # arrows; the weakest are omitted
+LABELLED = 12  # up to so many weights, arrows carry their value
+WIDEST = 9.0
+LETTER = 5.1  # width of a letter in a node
+NODE = 17.0
+GAP = (7.0, 30.0)  # between nodes: minimum and maximum
+
+
+def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str], probability: np.ndarray) -> str:
+    """Weights as arrows from observations on the left to units on the right, as SVG: red if positive, blue if negative,
+    the wider the larger. A unit is filled in proportion to its probability of firing.
+
+    **Arguments:** `weights` `(units, senses)`; names of `senses` and `units`; `probability` `(units,)`.
+    """
+    count = max(len(senses), len(units))
+    step = NODE + np.clip(150 / max(count, 1), *GAP)
+    height = max(step * count, 2 * step) + 6
+    left, right = (_places(len(names), height, step) for names in (senses, units))
+    wide = [min(most, 12 + LETTER * max(map(len, names))) for names, most in ((senses, 142.0), (units, 118.0))]
+    start, end = 4 + wide[0], _charts.WIDTH - 4 - wide[1]
+    order = np.argsort(-np.abs(weights), axis=None)[:MOST][::-1]  # the strongest last, on top
+    largest = float(np.abs(weights).max()) if weights.size else 0.0
+    arrows, labels = [], []
+    for flat in order:
+        unit, sense = np.unravel_index(flat, weights.shape)
+        weight = float(weights[unit, sense])
+        share = abs(weight) / largest if largest else 0.0
+        y, v = float(left[sense]), float(right[unit]) + _fan(int(sense), len(senses))
+        colour = POSITIVE if weight > 0 else NEGATIVE
+        arrows.append(_arrow(start + 1, y, end - 2, v, 0.4 + WIDEST * share, colour))
+        if weights.size <= LABELLED:
+            along = 0.16 + 0.16 * (unit % 2)
+            labels.append(_label(start + along * (end - start), y + along * (v - y), brief(weight, 2), colour))
+    nodes = [_node(4, y, wide[0], name, np.nan, name == "bias") for y, name in zip(left, senses, strict=True)]
+    nodes += [_node(end, y, wide[1], name, float(p)) for y, name, p in zip(right, units, probability, strict=True)]
+    legend = f"red: positive, blue: negative; the widest is {brief(largest, 2)}"
+    if weights.size > MOST:
+        legend += f"; the {MOST} strongest of {weights.size:,}"
+    parts = [*arrows, *nodes, *labels, _charts.text(4, height + 9, legend, extra='opacity=".75" font-size="9"')]
+    return _charts.document(_charts.WIDTH, height + 18, parts, "weights from observations to units")
+
+
+def _places(count: int, height: float, step: float) -> np.ndarray:
+    return height / 2 + (np.arange(count) - (count - 1) / 2) * min(step * 1.5, height / max(count, 1))
+
+
+def _fan(sense: int, count: int) -> float:
+    """Spread the ends of arrows into one unit, in the order of their origins."""
+    return 0.0 if count < 2 else (sense / (count - 1) - 0.5) * NODE * 0.7
+
+
+def _arrow(x: float, y: float, u: float, v: float, width: float, colour: str) -> str:
+    """A straight arrow with its head, as one outline."""
+    along = np.array([u - x, v - y])
+    length = float(np.hypot(*along))
+    along /= length
+    across = np.array([-along[1], along[0]])
+    head = 3.0 + 0.9 * width
+    neck = np.array([x, y]) + along * (length - 1.3 * head)
+    begin, tip = np.array([x, y]), np.array([u, v])
+    points = [begin, neck, neck, tip, neck, neck, begin]
+    shift = np.array([1, 1, head / width * 1.1, 0, -head / width * 1.1, -1, -1]) * width / 2
+    outline = " ".join(f"{a:.1f},{b:.1f}" for a, b in points + shift[:, None] * across)
+    return f'<polygon points="{outline}" fill="{colour}" fill-opacity=".8"/>'
+
+
+def _node(x: float, y: float, wide: float, name: str, filled: float, dashed: bool = False) -> str:
+    top, dash = y - NODE / 2, ' stroke-dasharray="4 3"' if dashed else ""
+    frame = f'x="{x:.1f}" y="{top:.1f}" height="{NODE}" rx="4"'
+    fill = ""
+    if np.isfinite(filled):
+        fill = f'<rect {frame} width="{wide * min(max(filled, 0), 1):.1f}" fill="{POSITIVE}" fill-opacity=".22"/>'
+    edge = f'<rect {frame} width="{wide:.1f}" fill="none" stroke="{_charts.INK}" stroke-opacity=".6"{dash}/>'
+    room = int((wide - 4) / LETTER)
+    shown = name if len(name) <= room else f"{name[: room - 1]}…"
+    return fill + edge + _charts.text(x + wide / 2, y, shown, "middle", 'font-size="9.5"')
+
+
+def _label(x: float, y: float, words: str, colour: str) -> str:
+    wide = 6 + 5.2 * len(words)
+    return (
+        f'<rect x="{x - wide / 2:.1f}" y="{y - 6:.1f}" width="{wide:.1f}" height="12" rx="3" fill="white" '
+        f'stroke="{colour}" stroke-width=".6"/>'
+        + _charts.text(x, y, words, "middle", f'style="fill:{colour}" font-size="9"')
+    )
+
+
+GRID = 41
+PALE = np.array([[255, 255, 255], [223, 234, 247], [141, 184, 226]], float)
+"""Colours of probabilities 0, 1/2 and 1, as in the figure of the experiment."""
+PATH, HERE = "#4a4a4a", "#d0021b"
+BOX = (52.0, 8.0, _charts.WIDTH - 10, 240.0)
+
+
+class Field:
+    """The probability that units fire over two of the observations, with the others fixed."""
+
+    def __init__(self) -> None:
+        self._compiled: Callable[..., Any] | None = None
+
+    def over(self, policy: Policy, seen: np.ndarray, x: int, y: int, limits: np.ndarray) -> np.ndarray:
+        """Probabilities `(GRID, GRID, units)`, rows from the bottom.
+
+        **Arguments:** `policy`; `seen` `(inputs,)`: the fixed observations; `x`, `y`: the two that vary, between
+        `limits` `(2, 2)`.
+        """
+        if self._compiled is None:
+            self._compiled = jax.jit(lambda policy, seen: jax.vmap(policy.prob)(seen))
+        across, up = np.linspace(limits[:, 0], limits[:, 1], GRID, axis=1)
+        grid = np.tile(np.asarray(seen, np.float32), (GRID, GRID, 1))
+        grid[..., x], grid[..., y] = across[None, :], up[:, None]
+        flat = self._compiled(policy, grid.reshape(GRID * GRID, -1))
+        return np.asarray(flat).reshape(GRID, GRID, -1)
+
+
+def limits_of(values: np.ndarray) -> np.ndarray:
+    """Limits `(2, 2)` with a margin that contain nearly all values `(n, 2)`: from, to of each."""
+    low, high = np.percentile(values, [0.5, 99.5], axis=0)
+    margin = 0.12 * np.maximum(high - low, 1e-3)
+    return np.stack([low - margin, high + margin], axis=1)
+
+
+def draw_portrait(
+    path: np.ndarray, probability: np.ndarray | None, limits: np.ndarray, names: tuple[str, str], unit: str
+) -> str:
+    """The trajectory `(n, 2)` over the probability `(rows, columns)`, if given, as SVG."""
+    chart = _charts.Chart(tuple(limits[0]), tuple(limits[1]), names[0], names[1], BOX)
+    if probability is not None:
+        chart.image(_pale(probability[::-1]), smooth=True)
+    chart.line(path[:, 0], path[:, 1], PATH, 0.9, 'stroke-opacity=".55"')
+    recent = path[-min(len(path), 40) :]
+    chart.line(recent[:, 0], recent[:, 1], PATH, 1.6)
+    if len(path):
+        chart.dot(float(path[-1, 0]), float(path[-1, 1]), HERE)
+    parts = chart.elements()
+    if probability is not None:
+        ramp = _pale(np.linspace(0, 1, 60)[None])
+        parts.append(_charts.text(BOX[0], 281, "0"))
+        parts.append(_charts.picture(ramp, BOX[0] + 10, 276, 60, 10, smooth=True))
+        frame = f'x="{BOX[0] + 10}" y="276" width="60" height="10"'
+        parts.append(f'<rect {frame} fill="none" stroke="{_charts.INK}" stroke-opacity=".4"/>')
+        parts.append(_charts.text(BOX[0] + 74, 281, f"1   probability that {unit} fires"))
+    return _charts.document(_charts.WIDTH, 292, parts, "phase portrait")
+
+
+def _pale(share: np.ndarray) -> np.ndarray:
+    """Shares in [0, 1] as colours, uint8."""
+    at = np.linspace(0, 1, len(PALE))
+    share = np.clip(np.nan_to_num(share), 0, 1)
+    return np.stack([np.interp(share, at, PALE[:, k]) for k in range(3)], axis=-1).round().astype(np.uint8)
+
+
+def weights_of(policy: Any) -> np.ndarray | None:
+    """Weights `(units, inputs + 1)` of pools that have them, the last column being the biases; None for others."""
+    rows = []
+    for pool in getattr(policy, "pools", (policy,)):
+        weights = getattr(pool, "weights", None)
+        if getattr(weights, "shape", None) != (pool.outputs, pool.inputs):
+            return None
+        bias = getattr(pool, "bias", None)
+        bias = np.zeros(pool.outputs) if bias is None else np.asarray(bias, float)
+        rows.append(np.concatenate([np.asarray(weights, float), bias[:, None]], axis=1))
+    return np.concatenate(rows)
