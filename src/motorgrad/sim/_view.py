@@ -4,8 +4,9 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import mujoco
@@ -39,7 +40,7 @@ def view(
 
     - `task`: a task or its name; or, without a learner, a body or its name (`"arm"`), a MuJoCo model, or the path of
       an MJCF file.
-    - `agent`: what learns, or its settings; by default the learner that goes with the task.
+    - `agent`: the learner, or changes of the learner that goes with the task; by default that learner itself.
     - `seed`: of the random numbers; with a `run`, which of its seeds.
     - `run`: a run of the task, or its directory, whose policy to start from.
     - `frozen`: start without learning.
