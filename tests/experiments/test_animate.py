@@ -307,7 +307,7 @@ class Falling(Experiment):
 @pytest.fixture
 def quick_films(monkeypatch):
     """Films of a moment: how they look is seen above."""
-    monkeypatch.setattr("motorgrad.experiments._animate.SECONDS", 0.2)
+    monkeypatch.setattr("motorgrad.experiments._films.SECONDS", 0.2)
 
 
 @pytest.mark.slow

@@ -14,11 +14,17 @@ from motorgrad.bodies import (
     walk,
 )
 from motorgrad.experiments import EXPERIMENTS
-from motorgrad.experiments.chapter_5.hexapod._body_drawing import Places
-from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
-from motorgrad.experiments.chapter_5.hexapod._synergy_study import GAITS
-from motorgrad.experiments.chapter_5.hexapod._variants import BEHIND, FRONT, slip, with_friction, with_low_front
+from motorgrad.experiments.chapter_5.hexapod._drawing import Places
+from motorgrad.experiments.chapter_5.hexapod._gait_study import GAITS
+from motorgrad.experiments.chapter_5.hexapod.figure_5_7 import draw_machine
 from motorgrad.experiments.chapter_5.hexapod.figure_5_8 import clearest, movement
+from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import (
+    FRONT_FEET,
+    HIND_FEET,
+    slip,
+    with_friction,
+    with_low_front,
+)
 
 CLAIMED = {"fig-5.6": 0, "fig-5.7": 5, "sec-5.3.3-terrain": 16, "fig-5.8": 4, "sec-5.3.4-gaits": 18, "fig-5.9": 6}
 
@@ -299,6 +305,6 @@ def test_slippery_feet_slip_more():
     slides = []
     for friction in (0.1, 1.6):
         feet = with_friction(body, ("middle", "rear"), friction)
-        slides.append(slip(walk(feet, seconds=3.0), feet, BEHIND)[100:].mean())
+        slides.append(slip(walk(feet, seconds=3.0), feet, HIND_FEET)[100:].mean())
     assert slides[0] > 1.3 * slides[1]
-    assert sorted(FRONT + BEHIND) == list(range(6))
+    assert sorted(FRONT_FEET + HIND_FEET) == list(range(6))

@@ -24,7 +24,7 @@ from motorgrad.experiments import (
     share_of,
     write_report,
 )
-from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_rewards
+from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_reward_times
 from motorgrad.training import RunWarning
 from motorgrad.worlds import FiniteMDP, chain
 
@@ -383,10 +383,10 @@ def test_the_formulas_are_those_of_the_chain(length):
 
 
 def test_no_first_reward_is_sooner_than_the_shortest_way():
-    waits = first_rewards(chain(5, "walk"), 500, seed=3)
+    waits = first_reward_times(chain(5, "walk"), 500, seed=3)
     assert waits.min() == 4
     assert np.all(waits % 2 == 0) or waits.max() > 4
-    cut = first_rewards(chain(5, "walk"), 500, seed=3, limit=4)
+    cut = first_reward_times(chain(5, "walk"), 500, seed=3, limit=4)
     assert np.all(cut % 4 == 0)
 
 

@@ -17,11 +17,10 @@ from motorgrad._arrays import read_arrays, write_arrays
 from motorgrad._errors import unknown
 from motorgrad._files import read_json, write_atomically
 from motorgrad._settings import table
-from motorgrad.experiments._animate import animate
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import STYLE
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import STYLE
+from motorgrad.experiments._films import animate
 from motorgrad.training import RunWarning, provenance, what_changed
 
 QUICK = 2.0  # seconds of film at a smoke size
@@ -201,7 +200,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def chosen(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:
+def select_experiments(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:
     """The experiments that `names` mean, in the registry's order: names, `"chapter-5"`, `"appendix-a"`, `"all"`.
 
     **Raises** `ValueError` for a name that is none of these, with the nearest.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._motion import motion_of
-from motorgrad.experiments.chapter_5._behaviour import behaviour_figure
+from motorgrad.experiments._films import motion_of
+from motorgrad.experiments.chapter_5.figure_5_3 import behaviour_figure
 from motorgrad.sim import film
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, evaluate, settings_for, train

@@ -2,20 +2,14 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 
 Point = tuple[float, float]
-
 HIDDEN, SEEN, OURS = "#3b6fb6", "#c8452f", "#2e8b57"
 RADIUS = 0.33
-
 # name: (place, formula, colour)
 NODES: dict[str, tuple[Point, str, str]] = {
     "before": ((0.0, 2.0), r"$x_{t-1}$", HIDDEN),
@@ -50,10 +44,9 @@ class Process(Experiment):
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 5), layout="constrained")
+        figure = new_figure(7, 5)
         axes = figure.subplots()
         for place, formula, colour in NODES.values():
             _node(axes, place, formula, colour)
@@ -71,14 +64,14 @@ class Process(Experiment):
         return figure
 
 
-def _node(axes: "Axes", place: Point, formula: str, colour: str) -> None:
+def _node(axes: Axes, place: Point, formula: str, colour: str) -> None:
     from matplotlib.patches import Circle
 
     axes.add_patch(Circle(place, RADIUS, facecolor=f"{colour}22", edgecolor=colour, linewidth=1.6))
     axes.text(*place, formula, ha="center", va="center", fontsize=13, color=colour)
 
 
-def _arrow(axes: "Axes", start: Point, end: Point, colour: str) -> None:
+def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
     from matplotlib.patches import FancyArrowPatch
 
     gap = (RADIUS + 0.06) / math.dist(start, end)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, Measured, exact, mean_of
+from motorgrad.experiments._claims import Claim, Measured, exact, mean_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments.chapter_3._mixing import WORLDS
+from motorgrad.experiments.chapter_3._estimates import WORLDS
 
 GROUPS = 20  # of runs: the variance within each gives one number
 SOURCE = "section 3.2.1"

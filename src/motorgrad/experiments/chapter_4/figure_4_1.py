@@ -2,18 +2,15 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._pool_drawing import fires_at
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import fires_at
 
 CLOSE = 0.05  # of the full force: a response so near to the line is called near-linear
 STEEP = np.geomspace(0.5, 50, 61)  # gain times spacing
@@ -61,10 +58,9 @@ class ForceGrading(Experiment):
             found[f"deviation {name}"] = np.abs(found[name] - target(POINTS)).max(1)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8, 5.6), layout="constrained")
+        figure = new_figure(8, 5.6)
         ((single, total), (steep, others)) = figure.subplots(2, 2)
         force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units
         single.plot(POINTS, force, linewidth=1.4)

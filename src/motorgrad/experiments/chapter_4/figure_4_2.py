@@ -1,19 +1,13 @@
 """Figure 4.2: the recruitment task as a diagram."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import FLEXOR
-from motorgrad.experiments._workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import FLEXOR, Axes, Figure, new_figure
 
 Point = tuple[float, float]
-
 NEURON, MUSCLE, SEEN, OURS = FLEXOR, "#a33b2e", "0.25", "#2e8b57"
 POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # where the columns stand
 MIDDLE, BELOW = 2.0, -0.55
@@ -41,11 +35,10 @@ class RecruitmentTask(Experiment):
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
         from matplotlib.patches import FancyBboxPatch
 
-        figure = Figure(figsize=(8, 4.4), layout="constrained")
+        figure = new_figure(8, 4.4)
         axes = figure.subplots()
         gap = 3.2 / self.units
         heights = [MIDDLE + gap * ((self.units - 1) / 2 - unit) for unit in range(self.units)]
@@ -81,7 +74,7 @@ class RecruitmentTask(Experiment):
         return figure
 
 
-def _neuron(axes: "Axes", place: Point, radius: float, unit: int, units: int) -> None:
+def _neuron(axes: Axes, place: Point, radius: float, unit: int, units: int) -> None:
     """A circle with the unit's sigmoid in it, whose threshold lies the further to the right the later it is."""
     import numpy as np
     from matplotlib.patches import Circle
@@ -93,7 +86,7 @@ def _neuron(axes: "Axes", place: Point, radius: float, unit: int, units: int) ->
     axes.plot(place[0] + 0.62 * radius * along, place[1] + 0.8 * radius * (rise - 0.5), color=NEURON, zorder=4)
 
 
-def _fibre(axes: "Axes", place: Point, half: float, thick: float) -> None:
+def _fibre(axes: Axes, place: Point, half: float, thick: float) -> None:
     """A bundle of fibres: a spindle with stripes."""
     import numpy as np
 
@@ -104,12 +97,12 @@ def _fibre(axes: "Axes", place: Point, half: float, thick: float) -> None:
         axes.plot(place[0] + half * along, place[1] + part * belly, color=MUSCLE, linewidth=0.7)
 
 
-def _box(axes: "Axes", place: Point, words: str, colour: str) -> None:
+def _box(axes: Axes, place: Point, words: str, colour: str) -> None:
     look = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": colour, "linewidth": 1.3}
     axes.text(*place, words, ha="center", va="center", color=colour, bbox=look, zorder=3)
 
 
-def _arrow(axes: "Axes", start: Point, end: Point, colour: str, head: bool = True) -> None:
+def _arrow(axes: Axes, start: Point, end: Point, colour: str, head: bool = True) -> None:
     from matplotlib.patches import FancyArrowPatch
 
     look: dict[str, Any] = {"mutation_scale": 11, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0, "zorder": 2}

@@ -2,26 +2,33 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, median_of, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import RATE, SPACED, LinearStudy, off_place, spaced_from
-from motorgrad.experiments.chapter_4._pool_drawing import IDEAL, draw_pool, draw_thresholds
-from motorgrad.experiments.chapter_4._pools import numbers, parameters
+from motorgrad.experiments._claims import Claim, median_of, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    IDEAL,
+    RATE,
+    SPACED,
+    LinearStudy,
+    draw_pool,
+    draw_thresholds,
+    equally_spaced_from,
+    parameter_history,
+    spacing_deviation,
+    thresholds_and_gains,
+)
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.worlds import mean_field
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 SOON = {2: 1_500_000, 4: 4_000_000}
 """Decisions by which most pools should be equally spaced with the thesis's step size. A smaller one takes longer in
 proportion."""
+
 STARTS, MOST = 24, 4  # for how many pools, of how many units at most, the mean field is computed
 SOFT, HARD = 2.0, 20.0
 """Gains, times the spacing, between which they are called moderate. At the lower a unit is unsure over two spacings
@@ -44,8 +51,8 @@ class LinearPolicies(LinearStudy):
         for units in self.units:
             task = self.task(units)
             run = self.trained(work, task)
-            (threshold, gain), decision = parameters(run), run.curve()[0]
-            off = off_place(threshold, gain, task)
+            (threshold, gain), decision = parameter_history(run), run.curve()[0]
+            off = spacing_deviation(threshold, gain, task)
             # the last record by then; where all are later, the first
             soon = SOON[units] * RATE / self.rate if units in SOON else self.steps
             at = max(0, int(np.searchsorted(decision, soon, "right")) - 1)
@@ -57,15 +64,14 @@ class LinearPolicies(LinearStudy):
                 f"off soon {units}": off[:, at],
             }
             if units <= MOST:
-                starts = numbers(run.initial)[0][:STARTS]
+                starts = thresholds_and_gains(run.initial)[0][:STARTS]
                 found[f"mean field {units}"] = mean_field_times(task, starts, self.rate)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
         sizes = values["units"].tolist()
-        figure = Figure(figsize=(2.7 * len(sizes) + 0.8, 5.2), layout="constrained")
+        figure = new_figure(2.7 * len(sizes) + 0.8, 5.2)
         panels = figure.subplots(2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
         inputs = np.linspace(0, 1, 401)
         mesh: Any = None
@@ -144,9 +150,9 @@ def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: floa
     def off(start: np.ndarray) -> np.ndarray:
         pool = Motoneurons(start, np.zeros(task.units))
         way = mean_field(pool, loads, weights / 2, task.immediate, rate, times)
-        return off_place(np.asarray(way.threshold), np.asarray(way.gain), task)
+        return spacing_deviation(np.asarray(way.threshold), np.asarray(way.gain), task)
 
-    return spaced_from(times, np.stack([off(start) for start in thresholds]))
+    return equally_spaced_from(times, np.stack([off(start) for start in thresholds]))
 
 
 def _millions(times: np.ndarray) -> str:

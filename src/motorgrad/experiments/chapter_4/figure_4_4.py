@@ -3,20 +3,22 @@
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claim import LEVEL, Claim, mean_of, share_of
-from motorgrad.experiments._curves import final
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place, spaced_from
-from motorgrad.experiments.chapter_4._pools import least_error, parameters
+from motorgrad.experiments._claims import LEVEL, Claim, final, mean_of, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    SPACED,
+    LinearStudy,
+    equally_spaced_from,
+    least_error,
+    parameter_history,
+    spacing_deviation,
+)
 from motorgrad.tasks import LinearRecruitment
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LAST = 0.1  # of learning: over which final errors are averaged
 
@@ -40,13 +42,12 @@ class LinearPerformance(LinearStudy):
             run = self.trained(work, task)
             found["decision"], found[f"error {name}"] = run.curve("error")
             found[f"final {name}"] = final(run, "error", LAST)
-            found[f"off {name}"] = off_place(*parameters(run), task)
+            found[f"off {name}"] = spacing_deviation(*parameter_history(run), task)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8, 6), layout="constrained")
+        figure = new_figure(8, 6)
         error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
         numbers, decision = values["units"].tolist(), values["decision"] / 1e6
         curves = [(str(units), f"{units} units", f"C{row}", "-") for row, units in enumerate(numbers)]
@@ -100,7 +101,7 @@ class LinearPerformance(LinearStudy):
                 )
             )
         for few, many in pairwise(numbers):
-            found = {units: spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
+            found = {units: equally_spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
             never = {units: int(np.isinf(times).sum()) for units, times in found.items()}
             times = {units: np.minimum(times, values["decision"][-1]) for units, times in found.items()}
             later = mean_of((times[many] - times[few]) / 1e6)

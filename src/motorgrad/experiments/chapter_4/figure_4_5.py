@@ -2,21 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, compile_model
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, new_figure
 from motorgrad.sim import draw
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NEAR = 5.0  # degrees: so near to 90° the greatest advantage should be
 
@@ -56,10 +51,9 @@ class ArmBody(Experiment):
             "throws": throw,
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure, body = Figure(figsize=(8, 4.9), layout="constrained"), self.body
+        figure, body = new_figure(8, 4.9), self.body
         grid = figure.add_gridspec(2, 6, height_ratios=[1.1, 1])
         for place, share in enumerate((0.0, 0.5, 1.0)):
             panel = figure.add_subplot(grid[0, 2 * place : 2 * place + 2])
@@ -107,7 +101,7 @@ class ArmBody(Experiment):
         ]
 
 
-def _posture(axes: "Axes", body: Arm, flexion: float) -> None:
+def _posture(axes: Axes, body: Arm, flexion: float) -> None:
     length = body.bone_length
     axes.set(
         xlim=(-1.65 * length, 0.65 * length), ylim=(body.elbow_height - 1.4 * length, body.elbow_height + 0.4 * length)
@@ -118,7 +112,7 @@ def _posture(axes: "Axes", body: Arm, flexion: float) -> None:
     axes.set_axis_off()
 
 
-def _names(axes: "Axes", body: Arm) -> None:
+def _names(axes: Axes, body: Arm) -> None:
     """The parts by their names and numbers, where they are when the arm hangs."""
     length, top = body.bone_length, body.elbow_height
     for words, at, place, colour in (

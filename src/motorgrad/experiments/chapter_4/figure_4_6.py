@@ -2,23 +2,21 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import lift, lift_table
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CLOSE = ((0.0, 0.05, 1.5e-3), (0.05, 0.5, 5e-4), (0.5, 14.0, 3e-4))
 """Of loads between two in kg: how far the table may be from a simulation, as a part of the full lift."""
+
 BORDER = (0.97, 1.02)  # of the force that just reaches the top: where the height has its kink
 LOADS = np.linspace(-2, 14, 321)  # kg
 LEVELS = np.linspace(0, 1, 101)
@@ -75,13 +73,12 @@ class HeightFunction(Experiment):
         top = np.vectorize(lift_table(body).top_force)(loads)
         return loads, np.minimum(share * top / body.strength, 1.0)
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         from matplotlib import colormaps
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
-        from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(8, 3.9), layout="constrained")
+        figure = new_figure(8, 3.9)
         left, right = figure.subplots(1, 2, sharey=True)
         shades, full = colormaps["viridis"], ArmRecruitment().scale
         for row, active in enumerate(SHOWN):

@@ -2,19 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CLOSE = 0.02  # of the full activation
 
@@ -48,10 +45,9 @@ class RewardSurface(Experiment):
         paid = rewards(task, loads, active)
         return {"load": loads, "activation": active, "reward": paid, "best": active[paid.argmax(0)]}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 4.6), layout="constrained")
+        figure = new_figure(7, 4.6)
         axes = figure.subplots()
         load, active = values["load"], values["activation"]
         mesh = axes.pcolormesh(load, active, values["reward"], cmap="viridis", shading="nearest", rasterized=True)

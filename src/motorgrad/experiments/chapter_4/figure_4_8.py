@@ -2,30 +2,34 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._arm_policies_figure import draw_arm_policies
-from motorgrad.experiments.chapter_4._linear_study import check_units
-from motorgrad.experiments.chapter_4._pool_drawing import count_chances
-from motorgrad.experiments.chapter_4._pools import firing, numbers
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    IDEAL,
+    THRESHOLD,
+    check_units,
+    count_chances,
+    draw_pool,
+    draw_thresholds,
+    firing_probability,
+    thresholds_and_gains,
+)
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, settings_for
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 GOOD = 0.9
 """The part of the best possible reward that a pool should earn."""
+
 POINTS = 1601  # loads at which policies are judged
 SWEEPS = 6  # that are shown as samples
 
@@ -65,10 +69,10 @@ class ArmPolicies(Experiment):
         found: Values = {"units": np.array(self.units)}
         runs = {units: self._trained(work, units) for units in self.units}
         for units, run in runs.items():
-            found |= {f"{name} {units}": value for name, value in judged(self.task(units), run).items()}
+            found |= {f"{name} {units}": value for name, value in pool_rewards(self.task(units), run).items()}
         largest = max(self.units)
         shown = runs[largest].seeds[int(found[f"middle {largest}"])]
-        return found | sampled(self.task(largest), runs[largest].policy(shown))
+        return found | sampled_sweeps(self.task(largest), runs[largest].policy(shown))
 
     def task(self, units: int) -> ArmRecruitment:
         return ArmRecruitment(units=units)
@@ -77,7 +81,7 @@ class ArmPolicies(Experiment):
         task = self.task(units)
         return work.train(task, settings_for(task), self.steps, self.seeds)
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_arm_policies(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -111,7 +115,7 @@ class ArmPolicies(Experiment):
                 )
             )
         for units in values["units"].tolist():
-            shifts = early(values, units)
+            shifts = threshold_shifts(values, units)
             if len(shifts) < 2:
                 continue
             shift = mean_of(shifts)
@@ -129,13 +133,13 @@ class ArmPolicies(Experiment):
         return made
 
 
-def judged(task: ArmRecruitment, run: Run) -> Values:
+def pool_rewards(task: ArmRecruitment, run: Run) -> Values:
     """The pools of a run: thresholds, gains, and exact mean reward over loads spread evenly over the sweep, `reward`
     (seeds,); beside it that of the best number of units at each load, `best`. `middle` is the seed in the middle."""
     loads, counts = np.linspace(task.low, task.high, POINTS), np.arange(task.units + 1)
     paid = rewards(task, loads, counts / task.units).T
-    threshold, gain = numbers(run.policies)
-    reward = (count_chances(firing(run.policies, loads)) * paid).sum(-1).mean(-1)
+    threshold, gain = thresholds_and_gains(run.policies)
+    reward = (count_chances(firing_probability(run.policies, loads)) * paid).sum(-1).mean(-1)
     return {
         "threshold": threshold,
         "gain": gain,
@@ -147,7 +151,7 @@ def judged(task: ArmRecruitment, run: Run) -> Values:
     }
 
 
-def sampled(task: ArmRecruitment, policy: Any) -> Values:
+def sampled_sweeps(task: ArmRecruitment, policy: Any) -> Values:
     """Loads of some sweeps, how many units the policy activates, and what that pays, `(decisions,)` each."""
     assert isinstance(policy, Motoneurons)
     drawn, world = np.random.default_rng(0).random((SWEEPS * 80, 1 + task.units)).astype(np.float32), task.dynamics
@@ -163,10 +167,62 @@ def sampled(task: ArmRecruitment, policy: Any) -> Values:
     return {"sample load": np.asarray(load), "sample count": np.asarray(count), "sample reward": np.asarray(paid)}
 
 
-def early(values: Values, units: int) -> np.ndarray:
+def threshold_shifts(values: Values, units: int) -> np.ndarray:
     """How far the thresholds are above the loads at which the best number of units changes, the mean of each pool that
     has positive gains only, `(pools,)`, in kg."""
     load, best = values[f"load {units}"], values[f"best count {units}"]
     ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # of many units several may be worth it at once
     good = (values[f"gain {units}"] > 0).all(1)
     return (np.sort(values[f"threshold {units}"][good], axis=1) - ideal).mean(1)
+
+
+def draw_arm_policies(values: Values) -> Figure:
+    """Above the policies of the pools in the middle of all seeds, and samples; below what every seed came to."""
+
+    counts = values["units"].tolist()
+    figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
+    panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
+    mesh: Any = None
+    for (policy, seeds), units in zip(panels.T, counts, strict=False):
+        load, best = values[f"load {units}"], values[f"best count {units}"]
+        thresholds, gains, reward = (values[f"{what} {units}"] for what in ("threshold", "gain", "reward"))
+        middle = int(values[f"middle {units}"])
+        mesh = draw_pool(policy, thresholds[middle], gains[middle], load)
+        policy.plot(load, best, color=IDEAL, linestyle=":", linewidth=1.6)
+        policy.set_title(f"{units} units")
+        for change in load[1:][np.diff(best) != 0]:
+            seeds.axvline(change, color=IDEAL, linestyle=":", linewidth=1)
+        draw_thresholds(seeds, thresholds, gains, (load[0], load[-1]), np.argsort(-reward, kind="stable"))
+        caught = np.sum((gains < 0).any(1))
+        seeds.set(xlabel="load (kg)")
+        seeds.set_title(f"a unit of negative gain: {caught} of {len(gains)}", fontsize=9)
+    panels[0, 0].set_ylabel("active units")
+    panels[1, 0].set_ylabel("thresholds, every seed")
+    _samples(figure, panels[0, -1], values, counts[-1])
+    _earned(panels[1, -1], values)
+    figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
+    return figure
+
+
+def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:
+    load, count, paid = (values[f"sample {what}"] for what in ("load", "count", "reward"))
+    # moved a little up and down, so that no sample hides another
+    moved = count + np.random.default_rng(1).uniform(-0.22, 0.22, len(count))
+    dots = axes.scatter(load, moved, c=paid, cmap="RdYlBu_r", s=9, edgecolors="0.4", linewidths=0.2)
+    axes.set(title=f"samples, {units} units", ylim=(-0.5, units + 0.5), yticks=range(units + 1))
+    axes.set(xlim=(values[f"load {units}"][0], values[f"load {units}"][-1]))
+    figure.colorbar(dots, ax=axes, label="reward", aspect=14, pad=0.02)
+
+
+def _earned(axes: Any, values: Values) -> None:
+    """What every seed's pool earns, of the best."""
+    counts = values["units"].tolist()
+    for row, units in enumerate(counts):
+        part = values[f"reward {units}"] / values[f"best {units}"]
+        good = (values[f"gain {units}"] > 0).all(1)
+        place = row + np.linspace(-0.25, 0.25, len(part))
+        axes.plot(100 * part[good], place[good], "o", color=THRESHOLD, markersize=3)
+        axes.plot(100 * part[~good], place[~good], "x", color="black", markersize=3.5)
+    axes.set(yticks=range(len(counts)), yticklabels=counts, ylabel="units", xlabel="reward (% of the best)")
+    axes.invert_yaxis()
+    axes.set_title("× a unit of negative gain", fontsize=9)

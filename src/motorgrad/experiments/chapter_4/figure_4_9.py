@@ -2,25 +2,20 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.worlds import FiniteMDP, chain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 DRAWN = 6  # states in the thesis's drawing
 CLOSE = 0.1  # of a wait: so near to what is expected the whole interval must lie
-
 # what a wrong move does: (the chain's variant, whether episodes are cut after N − 1 decisions, the mean wait)
 EXPLORERS = {
     "walk": ("walk", False, lambda n: n * (n - 1)),
@@ -72,12 +67,11 @@ class ChainExploration(Experiment):
         return found
 
     def _waits(self, length: int, variant: str, cut: bool) -> np.ndarray:
-        return first_rewards(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
+        return first_reward_times(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 5.6), layout="constrained")
+        figure = new_figure(7, 5.6)
         drawing, axes = figure.subplots(2, 1, height_ratios=[1, 3.2])
         _chain(drawing)
         length = values["length"]
@@ -128,7 +122,7 @@ def doublings(waits: np.ndarray) -> Measured:
     return mean_of([np.log2(group[-1].mean() / group[-2].mean()) for group in groups])
 
 
-def first_rewards(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None) -> np.ndarray:
+def first_reward_times(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None) -> np.ndarray:
     """Steps to a first positive reward by uniformly random actions from the start, `(runs,)`.
 
     **Arguments:** the MDP; how many walks; `seed`; `limit`, decisions after which an episode is cut and begun anew.
@@ -154,7 +148,7 @@ def first_rewards(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None
     return np.asarray(jax.jit(lambda: jax.lax.while_loop(going, step, begin)[1])())
 
 
-def _chain(axes: "Axes") -> None:
+def _chain(axes: Axes) -> None:
     """The chain itself, as the thesis draws it."""
     from matplotlib.patches import Circle, FancyArrowPatch
 

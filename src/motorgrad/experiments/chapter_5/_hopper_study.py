@@ -6,14 +6,15 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
+from motorgrad import bodies
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._experiment import Experiment, Workspace
 from motorgrad.tasks import Hopper
 from motorgrad.training import AgentSettings, Evaluation, Run, evaluate, learning_curves, settings_for
 
 SMOOTH = 25.0
 """Simulated seconds over which the heights of hops are averaged."""
+
 HIGH = 0.3
 """A height (m) that random firing does not reach on average: when it is passed, hopping has been learnt."""
 
@@ -82,13 +83,13 @@ def hop_heights(outcome: Evaluation) -> np.ndarray:
     return np.nan_to_num(outcome.readings["apex"])
 
 
-def middle_seed(run: Run, outcome: Evaluation) -> int:
+def median_seed(run: Run, outcome: Evaluation) -> int:
     """The seed in the middle, not the best: a figure should show what to expect."""
     order = np.argsort(hop_heights(outcome), kind="stable")
     return run.seeds[int(order[len(order) // 2])]
 
 
-def practice(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def practice_heights(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """How high the hops were during practice, in means over the last `SMOOTH` simulated seconds.
 
     **Returns:** simulated seconds `(records,)`, and heights in m `(seeds, records)`, 0 where there was no hop.
@@ -99,10 +100,17 @@ def practice(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return curve.x, np.nan_to_num(curve.values)
 
 
-def seconds_to(height: float, time: np.ndarray, heights: np.ndarray) -> np.ndarray:
+def time_to_height(height: float, time: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """When each seed's hops first were higher than `height`, `(seeds,)`; the whole practice for those that never were.
 
     Before `SMOOTH` seconds nothing counts: the mean would be over a few hops only.
     """
     passed = (heights > height) & (time >= min(SMOOTH, time[-1]))
     return np.where(passed.any(axis=1), time[np.argmax(passed, axis=1)], time[-1])
+
+
+def posture(body: bodies.Hopper, interior: float) -> np.ndarray:
+    """The coordinates `(6,)` with both knees at `interior` (rad) and the sole on the floor."""
+    knee = interior - np.pi / 2
+    rise = 2 * body.link_length * (np.sin(interior / 2) - np.sin(np.pi / 4))
+    return np.array([rise, -knee / 2, knee, -knee / 2, -knee / 2, knee])

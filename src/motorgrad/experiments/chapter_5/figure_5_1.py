@@ -5,30 +5,26 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import (
-    Hopper,
-    away_angle,
-    compile_model,
-    tension,
-    wrapped_length,
-    wrapped_rate,
-    wrapping_angle,
+from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import (
+    EXTENSOR,
+    FLEXOR,
+    Axes,
+    Figure,
+    bend,
+    draw_bones,
+    draw_path,
+    flat_path,
+    new_figure,
 )
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._joint_drawing import bend, draw_bones, draw_path, flat_path
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_posture import posture
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from motorgrad.experiments.chapter_5._hopper_study import posture
 
 # name: (whether it passes behind the joint, its colour)
 MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
@@ -67,10 +63,9 @@ class MusclePair(Experiment):
         degrees = np.linspace(*body.knee_range, self.points)
         return {"angle": degrees, **_simulated(body, np.radians(degrees)), **_computed(body, np.radians(degrees))}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 6.6), layout="constrained")
+        figure = new_figure(9, 6.6)
         halves: Any = figure.subfigures(2, 1, height_ratios=[1.15, 1])
         above, below = halves
         panels = above.subplots(1, len(self.angles), sharex=True, sharey=True, squeeze=False)[0]
@@ -193,7 +188,7 @@ def _computed(body: Hopper, interior: np.ndarray) -> Values:
     return found
 
 
-def _joint(axes: "Axes", body: Hopper, interior: float) -> None:
+def _joint(axes: Axes, body: Hopper, interior: float) -> None:
     """Both muscles around a joint at the origin that opens to the right."""
     from matplotlib.patches import Arc
 

@@ -1,22 +1,16 @@
 """Figure 5.2: the hopper, drawn from its model and labelled."""
 
 import dataclasses
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._joint_drawing import flat_path
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_posture import posture
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
+from motorgrad.experiments.chapter_5._hopper_study import posture
 from motorgrad.sim import draw
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = {"flexor": FLEXOR, "extensor": EXTENSOR}
 SENSOR, SIZE = "#2e8b57", "0.35"
@@ -48,10 +42,9 @@ class HopperBody(Experiment):
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        body, figure = Hopper(), Figure(figsize=(9.5, 5.6), layout="constrained")
+        body, figure = Hopper(), new_figure(9.5, 5.6)
         panels = figure.subplot_mosaic([["large", "first"], ["large", "second"]], width_ratios=[2.05, 1])
         _hopper(panels["large"], body, self.angle)
         _labels(panels["large"], body, np.radians(self.angle))
@@ -61,7 +54,7 @@ class HopperBody(Experiment):
         return figure
 
 
-def _hopper(axes: "Axes", body: Hopper, degrees: float) -> None:
+def _hopper(axes: Axes, body: Hopper, degrees: float) -> None:
     """The body at rest on the ground, each muscle in the colour of its group."""
     reach = REACH * body.link_length
     axes.set(xlim=(-reach, reach), ylim=(-0.2 * body.link_length, 2.75 * body.link_length), aspect="equal")
@@ -89,7 +82,7 @@ def _joints(body: Hopper, interior: float) -> tuple[np.ndarray, np.ndarray, np.n
     return ankle + np.array([0.0, 2 * up]), ankle + np.array([across, up]), ankle
 
 
-def _labels(axes: "Axes", body: Hopper, interior: float) -> None:
+def _labels(axes: Axes, body: Hopper, interior: float) -> None:
     """Names and numbers beside the parts, from the body's own fields."""
     from matplotlib.patches import Arc
 
@@ -134,7 +127,7 @@ def _labels(axes: "Axes", body: Hopper, interior: float) -> None:
     label("knee angle\nand its rate", seen, (knee[0] + 0.42 * link, knee[1] - 0.42 * link), SENSOR)
 
 
-def _dimension(axes: "Axes", start: np.ndarray, stop: np.ndarray, offset: np.ndarray, words: str) -> None:
+def _dimension(axes: Axes, start: np.ndarray, stop: np.ndarray, offset: np.ndarray, words: str) -> None:
     """A length between two points, written aside."""
     ends = [tuple(point + offset) for point in (start, stop)]
     axes.annotate("", ends[0], ends[1], arrowprops={"arrowstyle": "<->", "color": SIZE, "linewidth": 0.9}, zorder=7)

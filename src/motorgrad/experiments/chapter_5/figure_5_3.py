@@ -2,25 +2,27 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import ClassVar
 
-from motorgrad.experiments._claim import Claim, mean_of, median_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._behaviour import behaviour_of, draw_behaviour
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, mean_of, median_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
     HopperStudy,
     hop_heights,
-    middle_seed,
-    practice,
-    seconds_to,
+    median_seed,
+    practice_heights,
+    time_to_height,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.training import Evaluation, Run
 
 INDEPENDENT = "an independent model of the hopper with the same numbers"
+COLOURS = {"flexor": FLEXOR, "extensor": EXTENSOR}
+TITLES = ("before learning", "after learning")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,16 +39,16 @@ class HopperBehaviour(HopperStudy):
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)
         before, after = (self.watch(work, run, untrained) for untrained in (True, False))
-        time, heights = practice(run)
+        time, heights = practice_heights(run)
         return {
-            **behaviour_of(run, before, after, middle_seed(run, after)),
+            **behaviour_of(run, before, after, median_seed(run, after)),
             "before": hop_heights(before),
             "after": hop_heights(after),
-            "passed": seconds_to(HIGH, time, heights),
+            "passed": time_to_height(HIGH, time, heights),
             "final": heights[:, -1],
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_behaviour(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -86,3 +88,67 @@ class HopperBehaviour(HopperStudy):
                 same,
             ),
         )
+
+
+def behaviour_of(
+    run: Run, before: Evaluation, after: Evaluation, seed: int, seconds: float = 4.0
+) -> dict[str, np.ndarray]:
+    """What `draw_behaviour` shows of one seed: the last `seconds` of both evaluations, `before` leading.
+
+    **Returns** by name: `angle` (degrees) and `height` (m) of shape `(2, decisions)`, `firing` of shape
+    `(2, decisions, groups)`, `groups`, `period` (s), `seed`.
+    """
+    row, both = run.seeds.index(seed), (before, after)
+    part = before.time > before.time[-1] - seconds
+    sensors = [outcome.sensors or {} for outcome in both]
+    return {
+        "angle": np.stack([90 + np.rad2deg(sensed["knee_angle"][row, part]) for sensed in sensors]),
+        "height": np.stack([sensed["foot_height"][row, part] for sensed in sensors]),
+        "firing": np.stack([outcome.activation[row, part] > 0.5 for outcome in both if outcome.activation is not None]),
+        "groups": np.array(run.task.dynamics.groups),  # type: ignore[union-attr]
+        "period": np.array(run.task.period),
+        "seed": np.array(seed),
+    }
+
+
+def draw_behaviour(shown: dict[str, np.ndarray]) -> Figure:
+    """Knee angle, foot height and muscle activations, before (left) and after (right)."""
+
+    figure = new_figure(9, 5.4)
+    axes = figure.subplots(3, 2, sharex="col", sharey="row", height_ratios=[3, 3, 1.2])
+    groups, period = shown["groups"].tolist(), float(shown["period"])
+    edges = period * np.arange(shown["angle"].shape[1] + 1)
+    time = edges[:-1]
+    for column, title in enumerate(TITLES):
+        angle, height, muscles = axes[:, column]
+        angle.plot(time, shown["angle"][column], color="0.25", linewidth=1)
+        flight = shown["height"][column]
+        height.fill_between(time, np.maximum(flight, 0), color="0.8", linewidth=0)
+        height.plot(time, flight, color="0.25", linewidth=1)
+        for line, group in enumerate(groups):
+            level = np.where(shown["firing"][column, :, line], line + 0.8, line)
+            muscles.stairs(level, edges, baseline=line, fill=True, color=COLOURS.get(group, f"C{line}"))
+        muscles.set_yticks([line + 0.4 for line in range(len(groups))], groups)
+        muscles.set_ylim(-0.2, len(groups))
+        muscles.set_xlabel("time (s)")
+        angle.set_title(title)
+        angle.margins(x=0)
+    axes[0, 0].set_ylabel("knee angle (°)")
+    axes[1, 0].set_ylabel("foot height (m)")
+    axes[2, 0].tick_params(left=False)
+    figure.suptitle(f"Hopper, seed {int(shown['seed'])}", fontsize=10, color="0.4", x=0.99, ha="right")
+    return figure
+
+
+def behaviour_figure(
+    run: Run, before: Evaluation, after: Evaluation, seed: int, path: Path | str | None = None, seconds: float = 4.0
+) -> Figure:
+    """`draw_behaviour` of one seed of a run, saved to `path`, if any."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = draw_behaviour(behaviour_of(run, before, after, seed, seconds))
+        if path is not None:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(path, dpi=160)
+    return figure

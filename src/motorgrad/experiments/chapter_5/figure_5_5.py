@@ -2,23 +2,18 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, Measured, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SENSORS = ("foot contact", "knee angle", "knee velocity", "bias")
 MUSCLES = ("flexor", "extensor")
 POSITIVE, NEGATIVE, CHANCE = "#c0392b", "#2c5fa8", "0.5"
-
 # where things stand: sensors on the left, from above, and muscles on the right
 HEIGHTS, TARGETS = (3.0, 2.0, 1.0, 0.0), (2.4, 0.6)
 LEFT, RIGHT = 0.0, 4.2
@@ -42,11 +37,10 @@ class HopperWeights(HopperStudy):
         policies: Any = self.trained(work).policies
         return {"weights": np.concatenate([policies.weights, policies.bias[:, :, None]], axis=2)}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
         weights = values["weights"]
-        figure = Figure(figsize=(8, 5.2), layout="constrained")
+        figure = new_figure(8, 5.2)
         axes = figure.subplots()
         size = np.median(np.abs(weights), axis=0)
         for sensor, height in enumerate(HEIGHTS):
@@ -134,7 +128,7 @@ def beyond_chance(share: Measured, tests: int) -> bool:
     return bool(stats.binomtest(round(share.value * share.count), share.count).pvalue < 0.05 / tests)
 
 
-def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
+def _arrow(axes: Axes, start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
     from matplotlib.patches import FancyArrow
 
     share, sign = common(weights)
@@ -167,7 +161,7 @@ def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: fl
 
 
 def _node(
-    axes: "Axes", place: tuple[float, float], size: tuple[float, float], words: str, colour: str, dashed: bool = False
+    axes: Axes, place: tuple[float, float], size: tuple[float, float], words: str, colour: str, dashed: bool = False
 ) -> None:
     from matplotlib.patches import FancyBboxPatch
 

@@ -2,21 +2,24 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check, choice
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_study import HIGH, SMOOTH, Paid, check_practice, practice, seconds_to
-from motorgrad.experiments.chapter_5._period_drawing import draw_periods
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5._hopper_study import (
+    HIGH,
+    SMOOTH,
+    Paid,
+    check_practice,
+    practice_heights,
+    time_to_height,
+)
 from motorgrad.tasks import Hopper
 from motorgrad.training import settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 THESIS = 0.01  # s
 PARTS = (0.1, 0.25, 0.5, 1.0)
@@ -90,12 +93,12 @@ class ActionPeriod(Experiment):
         task = self.task(period)
         settings = settings_for(task, decay=self.decay ** self._ratio(period), rate=self.rate)
         run = work.train(task, settings, round(self.seconds / period), self.seeds)
-        time, heights = practice(run)
+        time, heights = practice_heights(run)
         # the last record that had ended by then; rounding may put the very last just beyond
         ended = np.searchsorted(time, self.seconds * np.array(PARTS) + period, side="right") - 1
-        return {"height": heights[:, np.maximum(ended, 0)], "passed": seconds_to(HIGH, time, heights)}
+        return {"height": heights[:, np.maximum(ended, 0)], "passed": time_to_height(HIGH, time, heights)}
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_periods(values, THESIS)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -154,3 +157,53 @@ def behind_best(values: np.ndarray, end: int) -> np.ndarray:
     others = between.sum(axis=1, keepdims=True) - between
     best = np.argmax(others, axis=0)
     return between[best, np.arange(values.shape[1])] - values[end]
+
+
+def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
+    """Heights after several amounts of practice (left), practice until hopping (right), with one period marked."""
+    from matplotlib import colormaps
+
+    figure = new_figure(9.5, 4.2)
+    heights, times = figure.subplots(1, 2)
+    period, practice = 1000 * values["period"], values["practice"]
+    shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
+    for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
+        low, middle, high = np.percentile(values["height"][:, :, index], [25, 50, 75], axis=1)
+        heights.fill_between(period, low, high, color=shade, alpha=0.18, linewidth=0)
+        heights.plot(period, middle, "o-", color=shade, markersize=4, label=f"{seconds:,.4g} s")
+    heights.set(ylabel="height of hops (m)", ylim=(0, None))
+    heights.legend(title="after practice of", fontsize=9)
+    passed = values["passed"]
+    spread = np.exp(np.linspace(-0.08, 0.08, passed.shape[1]))
+    times.plot(period[:, None] * spread, passed, "o", color="0.6", markersize=3.5, markeredgewidth=0)
+    times.plot(period, np.median(passed, axis=1), "o-", color=shades[-1], markersize=5, label="median")
+    times.plot([], [], "o", color="0.6", markersize=3.5, label="one seed")
+    if passed.max() > 0.98 * practice[-1]:
+        times.axhline(practice[-1], color="0.7", linewidth=1, linestyle="--")
+        times.text(
+            period[-1], practice[-1], "not within the practice", ha="right", va="bottom", color="0.45", fontsize=9
+        )
+    times.set(yscale="log", ylabel=f"practice until hops pass {HIGH} m,\nin means over {SMOOTH:g} s (s)")
+    times.legend()
+    for axes in (heights, times):
+        _periods(axes, period, 1000 * marked)
+    return figure
+
+
+def _periods(axes: Axes, period: np.ndarray, marked: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xticks(period, [f"{one:g}" for one in period])
+    axes.xaxis.minorticks_off()
+    axes.set_xlabel("action period (ms)")
+    if period[0] <= marked <= period[-1]:
+        axes.axvline(marked, color="0.8", linewidth=1, zorder=0)
+        axes.text(
+            marked,
+            1.0,
+            "the thesis's",
+            transform=axes.get_xaxis_transform(),
+            fontsize=8,
+            color="0.5",
+            va="bottom",
+            ha="center",
+        )

@@ -1,6 +1,7 @@
 """What the experiments on local policies have in common: two tasks, their learner, and how well it has learnt."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, Self
 
 import jax
@@ -8,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes
 from motorgrad.policies import LocalGaussians, Policy
-from motorgrad.sim import trajectories
+from motorgrad.sim import draw_paths, draw_reward, draw_units, trajectories
 from motorgrad.tasks import FallingParticle, ParticleTask, Task
 from motorgrad.training import Run, settings_for
 
@@ -20,6 +21,8 @@ EPISODES = 2_000  # of learning, in the thesis
 LATE = 0.1  # of the episodes, the last, over which the end of learning is measured
 FORGETTING = {"baseline": "fixed-step", "baseline_rate": 1e-3}
 """A baseline that forgets in a thousand decisions, in place of the mean of all rewards so far."""
+
+TALL = 0.5  # the height of the Gaussians that are added one by one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +72,7 @@ class LayoutStudy(LocalStudy):
         return cls(decisions=2_000, seeds=3, layouts=LAYOUTS[:1])
 
 
-def late(run: Run, episodes: int = EPISODES) -> np.ndarray:
+def late_reward(run: Run, episodes: int = EPISODES) -> np.ndarray:
     """Mean reward per decision in the last tenth of so many episodes, `(seeds,)`.
 
     Runs are recorded by decisions, so the tenth begins and ends with a record: of 2,000 episodes it is the records
@@ -81,7 +84,7 @@ def late(run: Run, episodes: int = EPISODES) -> np.ndarray:
     return (run.curve()[1] * inside).sum(1) / inside.sum(1)
 
 
-def judged(work: Workspace, task: Task, policies: Policy, decisions: int, **changes: Any) -> np.ndarray:
+def frozen_reward(work: Workspace, task: Task, policies: Policy, decisions: int, **changes: Any) -> np.ndarray:
     """Mean reward per decision of policies that do not learn, `(policies,)`; they lead in every array.
 
     Each acts by the random numbers of its neighbour, so that none is judged on those that it learnt from.
@@ -93,12 +96,12 @@ def judged(work: Workspace, task: Task, policies: Policy, decisions: int, **chan
     return np.roll(run.curve()[1].mean(1), -1)
 
 
-def one(policies: Policy, row: int) -> Any:
+def policy_at(policies: Policy, row: int) -> Any:
     """One of several policies."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[row]), policies)
 
 
-def middle(values: np.ndarray) -> int:
+def median_row(values: np.ndarray) -> int:
     """Which seed is the typical one: the one at, or next above, the median."""
     return int(np.argsort(values)[len(values) // 2])
 
@@ -116,3 +119,44 @@ def visited(task: ParticleTask, policy: Policy, episodes: int, seed: int = 0) ->
 def outside(centre: np.ndarray) -> np.ndarray:
     """Whether each centre, `(…, 2)`, lies beyond a wall of the unit square."""
     return np.any((centre < 0) | (centre > 1), axis=-1)
+
+
+def stored_paths(task: ParticleTask, policy: Any, episodes: int, decisions: int = 200, skipped: int = 0) -> Values:
+    """Paths of some episodes as arrays, without what was `skipped` at the beginning of each."""
+    paths = [path[skipped:] for path in trajectories(task, policy, episodes, decisions=skipped + decisions)]
+    return {"paths": np.concatenate(paths), "ends": np.cumsum([len(path) for path in paths])}
+
+
+def draw_tile(
+    axes: Axes,
+    task: ParticleTask,
+    values: Values,
+    place: str,
+    forces: Any = None,
+    units: int | None = None,
+    height: float = TALL,
+) -> None:
+    """The task's reward, the paths and the Gaussians stored under the name of a place, of these the first `units`."""
+    draw_reward(axes, task)
+    draw_paths(axes, np.split(values[f"{place} paths"], values[f"{place} ends"][:-1]))
+    centre, log_width = values[f"{place} centre"], values[f"{place} log width"]
+    pool = LocalGaussians(jnp.asarray(centre[:units]), jnp.asarray(log_width[:units]), p_max=jnp.asarray(height))
+    forces = task.dynamics.forces if forces is None else forces
+    draw_units(axes, pool, forces[: pool.outputs])
+
+
+def prefixed(place: str, values: Values) -> Values:
+    """The same values under names that begin with a place."""
+    return {f"{place} {name}": value for name, value in values.items()}
+
+
+def tile_grid(count: int, columns: int) -> tuple[int, int]:
+    """Rows and columns for so many tiles."""
+    columns = min(columns, count)
+    return -(-count // columns), columns
+
+
+def hide_axes(axes: Sequence[Axes]) -> None:
+    """Tiles that are left over."""
+    for each in axes:
+        each.set_axis_off()

@@ -2,22 +2,19 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, mean_of, median_of
-from motorgrad.experiments._curves import moving_mean
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late
-from motorgrad.experiments.chapter_6.section_6_3_noise import SMOOTH, reached
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.experiments._claims import Claim, mean_of, median_of, moving_mean
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late_reward
+from motorgrad.experiments.chapter_6.section_6_3_noise import SMOOTH, decisions_to
 
 NATURAL: dict[str, Any] = {"metric": "fisher", "metric_rate": 1e-3, "damping": 0.1, "rate": 1e-3}
 """The best of ten in the layout R3, by the reward at the end, for 24 other seeds."""
+
 KINDS = {"plain": "plain gradient", "natural": "natural step of each unit"}
 SHARE = 0.95  # of the plain learner's final reward, until which decisions are counted
 
@@ -45,13 +42,12 @@ class NaturalStep(LayoutStudy):
             for name, changes in (("plain", {}), ("natural", NATURAL)):
                 run = self.learnt(work, layout, **changes)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
-                found[f"{layout} {name} late"] = late(run)
+                found[f"{layout} {name} late"] = late_reward(run)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 3.6), layout="constrained")
+        figure = new_figure(9, 3.6)
         smooth = min(SMOOTH, len(values["decision"]))
         thousand = values["decision"][smooth - 1 :] / 1000
         for axes, layout in zip(figure.subplots(1, len(self.layouts), squeeze=False)[0], self.layouts, strict=True):
@@ -70,7 +66,7 @@ class NaturalStep(LayoutStudy):
         made = []
         for layout in self.layouts:
             aim = SHARE * values[f"{layout} plain late"].mean()
-            times = {name: reached(values["decision"], values[f"{layout} {name}"], aim) for name in KINDS}
+            times = {name: decisions_to(values["decision"], values[f"{layout} {name}"], aim) for name in KINDS}
             ratio = median_of(times["natural"] / np.median(times["plain"]))
             better = mean_of(values[f"{layout} natural late"] - values[f"{layout} plain late"])
             never = {name: int((each == values["decision"][-1]).sum()) for name, each in times.items()}

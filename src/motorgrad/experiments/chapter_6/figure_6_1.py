@@ -2,19 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.policies import Hyperplanes, LocalGaussians, Policy
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CELLS = 81
 REACH = 3.0  # of the inputs drawn, to either side
@@ -43,10 +40,9 @@ class Approximators(Experiment):
             found[f"{name} far"] = _fires(unit, circle)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 4.4), layout="constrained")
+        figure = new_figure(9, 4.4)
         x, y = np.meshgrid(values["side"], values["side"])
         titles = {"global": "global: a hyperplane", "local": "local: an axis-aligned Gaussian"}
         for column, (name, title) in enumerate(titles.items(), 1):

@@ -2,18 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from motorgrad.experiments._claims import Claim, exact, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 
 SPEED = 1.0  # towards where it looks, in units of distance a second
 NEAR, DISTANT = 0.25, 2.0  # distances
@@ -78,10 +74,9 @@ class Partition(Experiment):
     def _boundary(self, values: Values) -> int:
         return int(np.abs(values["distance"] - self.brake).argmin())
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9.4, 4.2), layout="constrained")
+        figure = new_figure(9.4, 4.2)
         row = self._boundary(values)
         kinds = (
             (values["constant"], f"{self.predictors} constant predictors of the change"),
@@ -168,7 +163,7 @@ def parts(best: np.ndarray) -> np.ndarray:
     return best[np.concatenate([[True], best[1:] != best[:-1]])]
 
 
-def _draw(axes: "Axes", values: Values, best: np.ndarray) -> None:
+def _draw(axes: Axes, values: Values, best: np.ndarray) -> None:
     """Regions, their borders, and the dynamics of what is seen."""
     bearing, distance = values["bearing"], values["distance"]
     axes.pcolormesh(bearing, distance, best, cmap="tab20", alpha=0.35, rasterized=True, shading="nearest")

@@ -2,22 +2,19 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import gaussians
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleStart
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LENGTH = 24.5  # decisions in an episode, in an independent model
 FALL = 2.0  # seconds
@@ -78,10 +75,9 @@ class InitialPolicy(Experiment):
         """Decisions in each episode."""
         return np.array([len(path) - 1 for path in trajectories(task, policy, self.episodes, self.seed)])
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 4.6), layout="constrained")
+        figure = new_figure(9, 4.6)
         policy, stationary = figure.subplots(1, 2)
         draw_regions(policy, ())
         draw_paths(policy, np.split(values["paths"], values["ends"][:-1]))

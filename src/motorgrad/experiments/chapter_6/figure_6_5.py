@@ -2,33 +2,30 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, Measured, mean_of, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, mean_of, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     FORGETTING,
     LAYOUTS,
     LocalStudy,
+    frozen_reward,
     gaussians,
-    judged,
-    late,
-    middle,
-    one,
+    late_reward,
+    median_row,
     outside,
+    policy_at,
     visited,
 )
 from motorgrad.policies import activity
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 JUNK = 0.05  # expected firings in an episode, below which a unit takes no part
 ONE_SIDED = 0.1  # of the time more on one side than on the other
@@ -72,16 +69,16 @@ class LocalPolicies(LocalStudy):
         found: Values = {}
         for layout in LAYOUTS:
             task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
-            reward = late(run)
+            reward = late_reward(run)
             found |= {
                 f"{layout} late": reward,
-                f"{layout} late forgetting": late(self.learnt(work, layout, **FORGETTING)),
-                f"{layout} untrained": judged(work, task, run.initial, min(self.decisions, 5_000)),
+                f"{layout} late forgetting": late_reward(self.learnt(work, layout, **FORGETTING)),
+                f"{layout} untrained": frozen_reward(work, task, run.initial, min(self.decisions, 5_000)),
                 f"{layout} decision": run.curve()[0],
                 f"{layout} reward": run.curve()[1],
             }
             work.say(f"{layout}: {self.episodes:,} episodes")
-            shown = self._shown(task, run, middle(reward))
+            shown = self._shown(task, run, median_row(reward))
             found |= {f"{layout} {name}": value for name, value in (shown | self._units(task, run)).items()}
         return found
 
@@ -90,7 +87,7 @@ class LocalPolicies(LocalStudy):
 
     def _shown(self, task: FallingParticle, run: Run, row: int) -> Values:
         """Paths and stationary distribution of one seed."""
-        policy = one(run.policies, row)
+        policy = policy_at(run.policies, row)
         paths = trajectories(task, policy, self.drawn)
         return {
             "row": np.array(row),
@@ -101,7 +98,7 @@ class LocalPolicies(LocalStudy):
 
     def _units(self, task: FallingParticle, run: Run) -> Values:
         """Of every seed: its units, how often each fires in an episode, and the share of time left of the middle."""
-        policies = [one(run.policies, row) for row in range(self.seeds)]
+        policies = [policy_at(run.policies, row) for row in range(self.seeds)]
         seen = [visited(task, policy, self.looks) for policy in policies]
         firing = [
             np.asarray(activity(policy, at)) * len(at) / self.looks for policy, at in zip(policies, seen, strict=True)
@@ -113,10 +110,9 @@ class LocalPolicies(LocalStudy):
             "left": np.array([(at[:, 0] < 0.5).mean() for at in seen]),
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8.4, 8.6), layout="constrained")
+        figure = new_figure(8.4, 8.6)
         for axes, layout in zip(figure.subplots(2, 2), LAYOUTS, strict=True):
             task, row = FallingParticle(layout=layout), int(values[f"{layout} row"])  # type: ignore[arg-type]
             draw_regions(axes[0], task.places)
@@ -135,8 +131,8 @@ class LocalPolicies(LocalStudy):
     def claims(self, values: Values) -> Sequence[Claim]:
         made = []
         for layout, (before, after, deviation) in INDEPENDENT.items():
-            late, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
-            gained = mean_of(late - values[f"{layout} untrained"])
+            late_reward, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
+            gained = mean_of(late_reward - values[f"{layout} untrained"])
             made += [
                 Claim(
                     f"Local units learn {layout}.",
@@ -154,7 +150,7 @@ class LocalPolicies(LocalStudy):
                     abs(untrained.low - before) < 0.005 and abs(untrained.high - before) < 0.005,
                     "per decision",
                 ),
-                _as_far(layout, late, after, deviation, ""),
+                _as_far(layout, late_reward, after, deviation, ""),
                 _as_far(layout, values[f"{layout} late forgetting"], after, deviation, " with a baseline that forgets"),
             ]
         return [*made, *self._about_units(values)]
@@ -193,19 +189,19 @@ class LocalPolicies(LocalStudy):
         ]
 
 
-def _as_far(layout: str, late: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
+def _as_far(layout: str, late_reward: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
     """Whether learners come as far as those of an independent model, of which mean and deviation are known."""
     from scipy import stats
 
-    error = np.hypot(late.std(ddof=1) / np.sqrt(len(late)), deviation / np.sqrt(SAMPLE))
-    away = late.mean() - expected
+    error = np.hypot(late_reward.std(ddof=1) / np.sqrt(len(late_reward)), deviation / np.sqrt(SAMPLE))
+    away = late_reward.mean() - expected
     half = stats.norm.ppf(0.975) * error
     return Claim(
         f"In {layout} learners come to {expected:g} (± {deviation:g} over seeds){words}.",
         "an independent model of section 6.3",
         f"difference from its {SAMPLE} seeds: 0 within the interval of both samples",
-        Measured(away, away - half, away + half, len(late), "difference of means"),
+        Measured(away, away - half, away + half, len(late_reward), "difference of means"),
         abs(away) <= half,
         "per decision",
-        f"{late.mean():.4f} ± {late.std(ddof=1):.4f} over {len(late)} seeds.",
+        f"{late_reward.mean():.4f} ± {late_reward.std(ddof=1):.4f} over {len(late_reward)} seeds.",
     )

@@ -2,22 +2,19 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LocalStudy, late, middle, one, visited
+from motorgrad.experiments._claims import Claim, exact, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad.policies import Policy
 from motorgrad.tasks import FallingParticle
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DRAWS = 2_000  # of the action at each place, to check the probability
 SILENT, SURE = 0.05, 0.9
@@ -57,21 +54,20 @@ class AnyUnitFires(LocalStudy):
         task, run = FallingParticle(layout="R2"), self.learnt(work, "R2")
         sides = (np.arange(self.cells) + 0.5) / self.cells
         places = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
-        policies = [one(run.policies, row) for row in range(self.seeds)]
-        row = middle(late(run))
+        policies = [policy_at(run.policies, row) for row in range(self.seeds)]
+        row = median_row(late_reward(run))
         return {
             "sides": sides,
             "row": np.array(row),
-            "any": np.stack([acts(policy, places) for policy in policies]).reshape(-1, self.cells, self.cells),
-            "any where it is": np.array([acts(each, visited(task, each, self.looks)).mean() for each in policies]),
-            "any before learning": acts(one(run.initial, 0), places).reshape(self.cells, self.cells),
-            "drawn": drawn(policies[row], places).reshape(self.cells, self.cells),
+            "any": np.stack([any_fires(policy, places) for policy in policies]).reshape(-1, self.cells, self.cells),
+            "any where it is": np.array([any_fires(each, visited(task, each, self.looks)).mean() for each in policies]),
+            "any before learning": any_fires(policy_at(run.initial, 0), places).reshape(self.cells, self.cells),
+            "drawn": sampled_firing(policies[row], places).reshape(self.cells, self.cells),
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9.4, 4.6), layout="constrained")
+        figure = new_figure(9.4, 4.6)
         x, y = np.meshgrid(values["sides"], values["sides"])
         before, learnt = values["any before learning"], values["any"][int(values["row"])]
         for column, (surface, title) in enumerate(((before, "before learning"), (learnt, "learnt in R2")), 1):
@@ -131,13 +127,13 @@ class AnyUnitFires(LocalStudy):
         ]
 
 
-def acts(policy: Policy, places: np.ndarray) -> np.ndarray:
+def any_fires(policy: Policy, places: np.ndarray) -> np.ndarray:
     """The probability that at least one unit fires at each place, `(places,)`."""
     fires = jax.vmap(policy.prob)(jnp.asarray(places, jnp.float32))
     return np.asarray(1 - jnp.prod(1 - fires, axis=-1))
 
 
-def drawn(policy: Policy, places: np.ndarray) -> np.ndarray:
+def sampled_firing(policy: Policy, places: np.ndarray) -> np.ndarray:
     """The share of draws of the action at each place in which some unit fires, `(places,)`."""
     at = jnp.asarray(places, jnp.float32)
 

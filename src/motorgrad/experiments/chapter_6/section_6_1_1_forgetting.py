@@ -1,32 +1,55 @@
-"""Section 6.1.1: what learning in one region takes away from another."""
+"""The falling particle, seen through powers of its position: for global policies with curved boundaries."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._recorded import recorded
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._forgetting_figure import draw_forgetting
-from motorgrad.experiments.chapter_6._local_study import LocalStudy, judged, late
-from motorgrad.experiments.chapter_6._powers import Powers
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._films import recorded_policies
+from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run, settings_for
-from motorgrad.worlds import ParticleStart
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.worlds import ParticleStart, ParticleState
 
 KEPT = 0.1  # of what was gained: no more than that is lost by one that does not forget
 CHECKS = 8  # records of each phase at which the policies are judged
 LOOKS = 5_000  # decisions for which each policy is judged
 INWARD = 0.15  # from where the starts of a side end to its goal
+SMOOTH = 5  # records of the learner's own reward, averaged
+
+
+@dataclasses.dataclass(frozen=True)
+class Powers(FallingParticle):
+    """The falling particle whose position is observed as $u, v, u^2, uv, v^2$, with $u = 2x - 1$ and $v = 2y - 1$.
+
+    A hyperplane in these is a conic in the plane: a line, a circle, or a hyperbola. Everything else is as in
+    `FallingParticle`.
+    """
+
+    name: ClassVar[str] = "particle-powers"
+
+    @property
+    def observation_size(self) -> int:
+        return 5
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...]:
+        return ((-1.0, 1.0),) * 2 + ((0.0, 1.0), (-1.0, 1.0), (0.0, 1.0))
+
+    def observe(
+        self, memory: Any, state: ParticleState, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[Any, Float[Array, " observation_size"]]:
+        memory, seen = FallingParticle.observe(self, memory, state, uniforms)
+        u, v = 2 * seen[0] - 1, 2 * seen[1] - 1
+        return memory, jnp.stack([u, v, u * u, u * v, v * v])
 
 
 class Kind(NamedTuple):
@@ -40,13 +63,19 @@ class Kind(NamedTuple):
 
 GLOBAL = {"policy": "hyperplanes", "policy_settings": {}, "rate": 0.1}
 """At the best of several rates from 0.003 to 0.3 for either kind, on 24 other seeds, each side learnt alone."""
+
+
 NARROW = {"policy_settings": {"copies": 2, "width": 0.08}}
+
+
 KINDS = {
     "local": Kind("local: 8 Gaussians, σ = 0.16", FallingParticle, 8, {}),
     "narrow": Kind("local: 32 Gaussians, σ = 0.08", FallingParticle, 32, NARROW),
     "linear": Kind("global: 8 hyperplanes", FallingParticle, 8, GLOBAL),
     "quadratic": Kind("global: 8 quadratic boundaries", Powers, 8, GLOBAL),
 }
+
+
 LOCAL, FAR = ("local", "narrow"), ("linear", "quadratic")
 
 
@@ -97,40 +126,42 @@ class Forgetting(LocalStudy):
         first = self.learnt(work, sides[0], **kind.changes)
         settings = settings_for(sides[1], **kind.changes)
         second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
-        checked = [recorded(run, _checks(run)) for run in (first, second)]
+        checked = [recorded_policies(run, _checks(run)) for run in (first, second)]
         way = _together([first.initial, *(jax.tree.map(_flat, policies) for policies in checked)])
-        reward = judged(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
+        reward = frozen_reward(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
         times = [n * self.decisions + run.curve()[0][_checks(run)] for n, run in enumerate((first, second))]
         return {
             "checked": np.concatenate([[0], *times]),
             "A": reward.reshape(-1, self.seeds),
             "decision": self.decisions + second.curve()[0],
             "B": second.curve()[1],
-            "B gain": late(second) - second.curve()[1][:, :2].mean(1),
+            "B gain": late_reward(second) - second.curve()[1][:, :2].mean(1),
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_forgetting(values, self.gaps, {name: KINDS[name].words for name in self.kinds})
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [claim for gap in self.gaps for claim in _claims(values, gap, self.kinds)]
 
 
-def gained(values: Values, gap: float, name: str) -> np.ndarray:
+def reward_gained(values: Values, gap: float, name: str) -> np.ndarray:
     """What learning A brought on A, for each seed."""
     reward = values[f"{gap:g} {name} A"]
     return reward[len(reward) // 2] - reward[0]
 
 
-def lost(values: Values, gap: float, name: str) -> np.ndarray:
+def reward_lost(values: Values, gap: float, name: str) -> np.ndarray:
     """What learning B took from A, for each seed."""
     reward = values[f"{gap:g} {name} A"]
     return reward[len(reward) // 2] - reward[-1]
 
 
 def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
-    shares = {name: mean_of(lost(values, gap, name) / gained(values, gap, name).mean()) for name in kinds}
-    gains = {name: [mean_of(gained(values, gap, name)), mean_of(values[f"{gap:g} {name} B gain"])] for name in kinds}
+    shares = {name: mean_of(reward_lost(values, gap, name) / reward_gained(values, gap, name).mean()) for name in kinds}
+    gains = {
+        name: [mean_of(reward_gained(values, gap, name)), mean_of(values[f"{gap:g} {name} B gain"])] for name in kinds
+    }
     worst = min((each for pair in gains.values() for each in pair), key=lambda each: each.low)
     apart = f"(gap {gap:g})"
     made = [
@@ -169,7 +200,7 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
             )
         )
         for local in (local for local in LOCAL if local in kinds):
-            more = mean_of(lost(values, gap, name) - lost(values, gap, local))
+            more = mean_of(reward_lost(values, gap, name) - reward_lost(values, gap, local))
             made.append(
                 Claim(
                     f"They lose more than local ones {apart}: {KINDS[name].words}, {KINDS[local].words}.",
@@ -217,3 +248,39 @@ def _flat(leaf: Any) -> Any:
 
 def _together(policies: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *leaves: jnp.concatenate([jnp.asarray(leaf) for leaf in leaves]), *policies)
+
+
+def draw_forgetting(values: Values, gaps: Sequence[float], words: Mapping[str, str]) -> Figure:
+    """For every kind of policy and gap: the reward on A of frozen policies, while first A and then B is learnt, and
+    that of the learner on B."""
+
+    figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(gaps))
+    grid = figure.subplots(len(gaps), len(words), sharex=True, sharey=True, squeeze=False)
+    for number, (row, gap) in enumerate(zip(grid, gaps, strict=True)):
+        for panel, (name, title) in zip(row, words.items(), strict=True):
+            key = f"{gap:g} {name}"
+            _band(panel, values[f"{key} checked"], values[f"{key} A"].T, "C0", "on the left (A), frozen")
+            decision, reward = values[f"{key} decision"], values[f"{key} B"]
+            kept = len(decision) // SMOOTH * SMOOTH
+            smooth = reward[:, :kept].reshape(len(reward), -1, SMOOTH).mean(2)
+            _band(panel, decision[SMOOTH - 1 : kept : SMOOTH], smooth, "C1", "on the right (B), learning")
+            half = values[f"{key} checked"][-1] / 2000
+            panel.axvline(half, color="0.7", linewidth=0.8, linestyle="--")
+            for at, phase in ((half / 2, "learns A"), (1.5 * half, "learns B")):
+                where = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
+                panel.annotate(phase, (at, 0.99), color="0.4", fontsize=8.5, **where)
+            if number == 0:
+                panel.set_title(title, fontsize=9)
+        row[0].set_ylabel(f"gap {gap:g}\nreward per decision")
+    for panel in grid[-1]:
+        panel.set_xlabel("thousand decisions")
+    low, high = grid[0, 0].get_ylim()
+    grid[0, 0].set_ylim(low, high + 0.08 * (high - low))
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+    return figure
+
+
+def _band(axes: Axes, decision: np.ndarray, reward: np.ndarray, colour: str, label: str) -> None:
+    low, high = np.percentile(reward, [25, 75], axis=0)
+    axes.fill_between(decision / 1000, low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(decision / 1000, reward.mean(0), color=colour, label=label)

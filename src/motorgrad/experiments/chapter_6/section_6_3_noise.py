@@ -2,22 +2,17 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of, median_of
-from motorgrad.experiments._curves import first_time, moving_mean
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LayoutStudy, judged
+from motorgrad.experiments._claims import Claim, first_time, mean_of, median_of, moving_mean
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LITTLE = 0.9  # of the reward without noise: as much or more is little effect
 LOOKS = 5_000  # decisions for which policies learnt without noise are judged in it
@@ -76,13 +71,12 @@ class Noise(LayoutStudy):
                 found["decision"], found[f"{layout} {name}"] = run.curve()
                 policies = run.policies if policies is None else policies  # those that were learnt without noise
                 if change:
-                    found[f"{layout} {name} unused"] = judged(work, task, policies, min(LOOKS, self.decisions))
+                    found[f"{layout} {name} unused"] = frozen_reward(work, task, policies, min(LOOKS, self.decisions))
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 3 * len(self.layouts)), layout="constrained")
+        figure = new_figure(9, 3 * len(self.layouts))
         for row, layout in zip(
             figure.subplots(len(self.layouts), 2, sharex=True, sharey="row", squeeze=False), self.layouts, strict=True
         ):
@@ -106,12 +100,12 @@ class Noise(LayoutStudy):
         ]
 
 
-def end(reward: np.ndarray) -> np.ndarray:
+def final_reward(reward: np.ndarray) -> np.ndarray:
     """Mean reward in the last tenth, for each seed."""
     return reward[:, -max(1, reward.shape[1] // 10) :].mean(1)
 
 
-def reached(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
+def decisions_to(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
     """When the moving mean first comes to a level, for each seed; the end of learning where it never does."""
     smooth = min(SMOOTH, len(decision))
     times = first_time(decision[smooth - 1 :], moving_mean(reward, smooth) >= level)
@@ -120,11 +114,11 @@ def reached(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarra
 
 def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
     still, noisy, decision = values[f"{layout} none"], values[f"{layout} {name}"], values["decision"]
-    share = mean_of(end(noisy) / end(still).mean())
-    usual, times = (reached(decision, each, LITTLE * end(still).mean()) for each in (still, noisy))
+    share = mean_of(final_reward(noisy) / final_reward(still).mean())
+    usual, times = (decisions_to(decision, each, LITTLE * final_reward(still).mean()) for each in (still, noisy))
     slower = median_of(times / np.median(usual))
     never = int((times == decision[-1]).sum())
-    adapted = mean_of(end(noisy) - values[f"{layout} {name} unused"])
+    adapted = mean_of(final_reward(noisy) - values[f"{layout} {name} unused"])
     return [
         Claim(
             f"Noise has little effect in the end ({words}).",
@@ -133,7 +127,7 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
             share,
             share.low >= LITTLE,
             note=f"Policies learnt without noise come to {values[f'{layout} {name} unused'].mean():.3f} in it, those "
-            f"learnt in it to {end(noisy).mean():.3f}, without noise to {end(still).mean():.3f}.",
+            f"learnt in it to {final_reward(noisy).mean():.3f}, without noise to {final_reward(still).mean():.3f}.",
         ),
         Claim(
             f"It slows learning ({words}).",
@@ -157,7 +151,7 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
     ]
 
 
-def _draw(axes: "Axes", values: Values, key: str, label: str, colour: str) -> None:
+def _draw(axes: Axes, values: Values, key: str, label: str, colour: str) -> None:
     smooth = min(SMOOTH, len(values["decision"]))
     curve = moving_mean(values[key], smooth)
     thousand = values["decision"][smooth - 1 :] / 1000

@@ -1,8 +1,8 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax
@@ -11,18 +11,15 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
-from motorgrad.experiments.chapter_5.extensions._primitive_figure import draw_primitives
-from motorgrad.experiments.chapter_5.extensions._watched import watched
+from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.policies import Primitives
 from motorgrad.tasks import HexapodPrimitive
 from motorgrad.training import AgentSettings, settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WORDS = {
     "both": "precondition and movement learnt together",
@@ -31,11 +28,15 @@ WORDS = {
 }
 STILL = 0.021
 """The deviation of a movement that is not learnt: next to none."""
+
 SURE = 7.0
 """Below 0, the logarithm of a deviation that adds next to nothing to the floor."""
+
 RECORDS = 60
 CELLS = 41  # of the picture of a precondition, along each side
 MEMBERS = np.array([[leg in tripod for leg in LEGS] for tripod in TRIPODS])
+COLOURS = {"both": "C0", "precondition": "C2", "movement": "C1"}
+TRIPOD = ("first", "second")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +99,7 @@ class LearntPrimitives(Experiment):
         return found
 
     def _watch(self, work: Workspace, policies: Any) -> Values:
-        return watched(work, policies, self.task, self.watched, "sample", ("speed",))
+        return frozen_readings(work, policies, self.task, self.watched, "sample", ("speed",))
 
     def _learnt(self, policies: Any, middle: int) -> Values:
         """What all seeds have learnt; and of the one in the middle, when its steps begin."""
@@ -114,7 +115,7 @@ class LearntPrimitives(Experiment):
     def _angles(self) -> np.ndarray:
         return np.linspace(-1.0, 1.0, CELLS) * 30.0 / self.task.angle_scale
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_primitives(values, WORDS, (self.task.swing, self.task.stance), self.task.angle_scale)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -176,3 +177,48 @@ def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
         p = jax.vmap(policy.precondition.prob)(jnp.asarray(legs, jnp.float32))
         places.append(np.asarray(p)[:, each].reshape(own.shape))
     return np.stack(places)
+
+
+def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float, float], angle_scale: float) -> Figure:
+    """Learning curves; how long the parts of a step last; and the preconditions of one hexapod."""
+
+    figure = new_figure(10, 7.6)
+    panels: Any = figure.subplots(2, 2)
+    records = max(1, len(values["time"]) // 20)
+    for kind, label in words.items():
+        draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records)
+    panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
+    panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
+    panels[0, 0].legend(loc="upper left", fontsize=8.5)
+    _movements(panels[0, 1], values, start)
+    shown: Any = None
+    for tripod, axes in enumerate(panels[1]):
+        shown = _precondition(axes, values, tripod, angle_scale)
+    figure.colorbar(
+        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability that a step begins, per decision"
+    )
+    return figure
+
+
+def _movements(axes: Axes, values: Values, start: tuple[float, float]) -> None:
+    for tripod, marker in enumerate("os"):
+        swing, stance = values["lasting"][:, tripod].T
+        axes.plot(swing, stance, marker, markersize=4, alpha=0.8, label=f"{TRIPOD[tripod]} tripod")
+    axes.plot(*start, "k+", markersize=12, label="at first")
+    axes.set(xlabel="swing lasts, s", ylabel="stance lasts, s", xlim=(0, None), ylim=(0, None))
+    axes.legend(fontsize=8.5)
+
+
+def _precondition(axes: Axes, values: Values, tripod: int, angle_scale: float) -> Any:
+    degrees = values["angles"] * angle_scale
+    ends = (degrees[0], degrees[-1])
+    begins = values["begins"][tripod]
+    shown = axes.imshow(begins, origin="lower", extent=(*ends, *ends), aspect="auto", vmin=0, vmax=1)
+    lines = axes.contour(degrees, degrees, begins, levels=np.array([0.25, 0.5, 0.75]), colors="white", linewidths=0.8)
+    axes.clabel(lines, fontsize=8)
+    axes.set(
+        title=f"{TRIPOD[tripod]} tripod, seed of middle speed",
+        xlabel="lateral angle of its own legs, degrees (forward +)",
+        ylabel="of the other tripod's legs",
+    )
+    return shown

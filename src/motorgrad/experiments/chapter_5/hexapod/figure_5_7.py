@@ -2,28 +2,32 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import Hexapod, TripodController, walk
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._sources import INDEPENDENT
-from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
-from motorgrad.experiments.chapter_5.hexapod._walk_record import draw_angles, draw_contacts, draw_states
-from motorgrad.experiments.chapter_5.hexapod._walkers import JITTER, alike
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.bodies import Hexapod, LegState, TripodController, walk
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import STATE_COLOURS, draw_angles, draw_contacts, draw_states
+from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, JITTER, jittered_hexapods
 
 START, SHOWN = 2.0, 2.0  # s
 ALMOST = (
     f"Over walks whose servos' gains differ by up to {100 * JITTER:g} %: a walk is chaotic, and this is its "
     "spread. The bound was chosen after one walk had been measured."
 )
+Point = tuple[float, float]
+WIDE, HIGH = 2.5, 1.15
+PLACES: dict[LegState, Point] = {
+    LegState.STANCE: (0.0, 0.0),
+    LegState.WAIT: (0.0, 3.6),
+    LegState.SWING: (5.0, 3.6),
+    LegState.DROP: (5.0, 0.0),
+}
+MENDED = "#A0307A"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +60,7 @@ class StateMachine(Experiment):
         return work.part("walks", lambda: self._walk(work.threads))
 
     def _walk(self, threads: int) -> dict[str, Any]:
-        found = walk(alike(self.seeds), TripodController(), self.seconds + START, threads=threads)
+        found = walk(jittered_hexapods(self.seeds), TripodController(), self.seconds + START, threads=threads)
         shown = (found.time > START) & (found.time <= START + SHOWN + found.period / 2)
         return {
             **found.gait(since=START)._asdict(),
@@ -66,10 +70,9 @@ class StateMachine(Experiment):
             "contact": found.reading.contact[shown, 0],
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        controller, figure = TripodController(), Figure(figsize=(10.4, 4.8), layout="constrained")
+        controller, figure = TripodController(), new_figure(10.4, 4.8)
         sides: Any = figure.subfigures(1, 2, width_ratios=[1, 1.05])
         draw_machine(sides[0].subplots(), controller)
         states, angles, contacts = sides[1].subplots(3, 1, sharex=True, height_ratios=[1.2, 1, 0.9])
@@ -139,3 +142,60 @@ class StateMachine(Experiment):
 def _within(measured: Any, expected: float, tolerance: float) -> bool:
     """Whether the whole interval is so near."""
     return bool(np.all(np.abs(np.array([measured.low, measured.high]) - expected) <= tolerance))
+
+
+def draw_machine(axes: Axes, controller: TripodController) -> None:
+    """Boxes are the states with the velocities that they set, arrows the conditions on which a leg goes on."""
+    for state, place in PLACES.items():
+        _state(axes, place, state, controller)
+    _arrow(axes, (0.0, HIGH / 2), (0.0, 3.6 - HIGH / 2))
+    _arrow(axes, (WIDE / 2, 3.6), (5.0 - WIDE / 2, 3.6))
+    _arrow(axes, (5.0, 3.6 - HIGH / 2), (5.0, HIGH / 2))
+    _arrow(axes, (5.0 - WIDE / 2, 0.0), (WIDE / 2, 0.0))
+    look: dict[str, Any] = {"fontsize": 8.5, "zorder": 5}
+    axes.text(0.15, 1.8, f"the leg is back\nbeyond {_degrees(controller.back)}", ha="left", va="center", **look)
+    axes.text(4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **look)
+    axes.text(
+        2.5, 3.6 + HIGH / 2 + 0.1, "more than one leg of the\nopposing tripod is in stance",
+        ha="center", va="bottom", **look,
+    )  # fmt: skip
+    axes.text(
+        2.5, -HIGH / 2 - 0.1, f"the foot touches the ground\nwith more than {controller.contact:g} N",
+        ha="center", va="top", **look,
+    )  # fmt: skip
+    if controller.mended:
+        waits = "or: all six legs wait,\nand it is of the\nfirst tripod"
+        axes.text(2.5, 3.6 - 0.2, waits, ha="center", va="top", color=MENDED, **look)
+        lowest = f"or: it is within {_degrees(controller.margin)}\nof its lower limit"
+        axes.text(2.5, 0.2, lowest, ha="center", va="bottom", color=MENDED, **look)
+        axes.text(-WIDE / 2, -1.5, "● ours, which ends its deadlocks", ha="left", va="center", color=MENDED, **look)
+    axes.set(xlim=(-WIDE / 2 - 0.1, 5.0 + WIDE / 2 + 0.1), ylim=(-1.7, 5.0), aspect="equal")
+    axes.set_axis_off()
+
+
+def _state(axes: Axes, place: Point, state: LegState, controller: TripodController) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    turning, colour = controller.turning[state], STATE_COLOURS[state]
+    corner = (place[0] - WIDE / 2, place[1] - HIGH / 2)
+    look: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.15", "edgecolor": colour, "linewidth": 2}
+    axes.add_patch(FancyBboxPatch(corner, WIDE, HIGH, facecolor="white", zorder=3, **look))
+    x, y = place
+    axes.text(x, y + 0.31, state.name.lower(), ha="center", va="center", fontsize=11, weight="bold", zorder=4)
+    words = f"lateral {_rate(turning.lateral)}\nvertical {_rate(turning.vertical)}"
+    axes.text(x, y - 0.17, words, ha="center", va="center", fontsize=8.5, zorder=4)
+
+
+def _arrow(axes: Axes, start: Point, end: Point) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    look: dict[str, Any] = {"mutation_scale": 15, "linewidth": 1.4, "shrinkA": 2, "shrinkB": 2, "color": "0.25"}
+    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>", zorder=2, **look))
+
+
+def _rate(value: float) -> str:
+    return f"{value:+g} rad/s".replace("-", "−") if value else "0"
+
+
+def _degrees(value: float) -> str:
+    return f"{value:g}°".replace("-", "−")

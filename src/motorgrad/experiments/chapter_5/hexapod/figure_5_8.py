@@ -2,28 +2,26 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS, debounced
-from motorgrad.experiments._claim import Claim, exact, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._synergy_study import START, SynergyStudy
-from motorgrad.experiments.chapter_5.hexapod._two_gaits_figure import draw_two_gaits
-from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH
+from motorgrad.experiments._claims import Claim, exact, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
+from motorgrad.experiments.chapter_5.hexapod._gait_study import START, SynergyStudy
 from motorgrad.training import Evaluation
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN = ("pronk", "tripod")
 TOGETHER, AIRBORNE = 0.5, 0.05
 """The mean correlation between legs above which they move together, and the part of the time without a foot on the
 ground above which a gait jumps."""
+
 MEMBERS = [np.array([LEGS.index(leg) for leg in tripod]) for tripod in TRIPODS]
+NAMES = {"pronk": "pronking", "tripod": "tripod"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +78,7 @@ class TwoGaits(SynergyStudy):
             "contact": contact[:, part],
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_two_gaits(values, SHOWN)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -139,3 +137,40 @@ def _correlations(rows: np.ndarray) -> np.ndarray:
 def _pairs(matrix: np.ndarray) -> float:
     """The mean of a matrix above its diagonal."""
     return float(matrix[np.triu_indices(len(matrix), 1)].mean())
+
+
+def draw_two_gaits(values: Values, shown: Sequence[str]) -> Figure:
+    """Lateral angles and feet on the ground, of one seed for each gait; words in place of a gait that no seed has."""
+    from matplotlib.patches import Patch
+
+    figure = new_figure(8.6, 8.0)
+    panels: Any = figure.subplots(2 * len(shown), 1, height_ratios=[1.15, 1] * len(shown), sharex=True)
+    time, seeds = values["time"], len(values["gait"])
+    for number, kind in enumerate(shown):
+        angles, feet = panels[2 * number : 2 * number + 2]
+        row, count = int(values[f"{kind} row"]), int(np.count_nonzero(values["gait"] == kind))
+        if row < 0:
+            for axes in (angles, feet):
+                axes.set_axis_off()
+            words = f"None of {seeds} seeds came to the {NAMES[kind]} gait."
+            angles.text(0.5, 0.5, words, ha="center", va="center", transform=angles.transAxes, color="0.3")
+            continue
+        draw_angles(angles, time, values[f"{kind} lateral"])
+        draw_contacts(feet, time, values[f"{kind} contact"])
+        feet.tick_params(labelsize=8, axis="y")
+        feet.set_title("feet on the ground", fontsize=9)
+        angles.set_title(
+            f"{NAMES[kind]}: the clearest of {count} of {seeds} seeds; lag {values['lag'][row]}, seed "
+            f"{values['seed'][row]}, {values['speed'][row]:.2f} m/s, phase {values['phase'][row]:.2f} cycles, "
+            f"correlation {values['correlation'][row]:.2f}".replace(" -", " −"),
+            fontsize=9,
+        )
+    panels[-1].set(xlabel="time (s)", xlim=(0, time[-1]))
+    for axes in panels[1::2]:
+        axes.tick_params(labelbottom=True)
+    shown_as = [
+        Patch(color=colour, label=f"{which} tripod")
+        for colour, which in zip(TRIPOD_COLOURS, ("first", "second"), strict=True)
+    ]
+    figure.legend(handles=shown_as, loc="outside upper center", ncols=2)
+    return figure

@@ -1,24 +1,29 @@
 """Figure 5.9: the biomimetic hexapod, and what its feet need."""
 
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of mujoco carry no types)
+
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Any, ClassVar, Self
 
+import mujoco
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import Hexapod, biomimetic_hexapod
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._biomimetic_figure import draw_biomimetic
-from motorgrad.experiments.chapter_5.hexapod._variants import walked, with_friction, with_low_front
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
 
 SECTION = "section 5.4.1"
-BEHIND = ("middle", "rear")
+HIND_SECTIONS = ("middle", "rear")
+START = 2.0  # s
+FRONT_FEET = [LEGS.index(leg) for leg in LEGS if leg.endswith("front")]
+HIND_FEET = [number for number in range(len(LEGS)) if number not in FRONT_FEET]
+COLOURS = {"front": "#0072B2", "behind": "#D55E00"}
+WORDS = {"front": "front feet", "behind": "middle and rear feet"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,17 +71,17 @@ class BiomimeticHexapod(Experiment):
         made["rough low"] = with_low_front(rough, self.highest)
         for friction in self.frictions:
             made[f"front {friction:g}"] = with_friction(body, ("front",), friction)
-            made[f"behind {friction:g}"] = with_friction(body, BEHIND, friction)
+            made[f"behind {friction:g}"] = with_friction(body, HIND_SECTIONS, friction)
         return made
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"friction": np.array(self.frictions)}
         for name, body in self.bodies().items():
-            seen = work.part(name, lambda b=body: walked(b, self.height, self.seeds, self.seconds, work.threads))
+            seen = work.part(name, lambda b=body: walk_on_bumps(b, self.height, self.seeds, self.seconds, work.threads))
             found |= {f"{name} {quantity}": each for quantity, each in seen.items()}
         return found
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_biomimetic(values, biomimetic_hexapod(), self.highest)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -137,3 +142,142 @@ class BiomimeticHexapod(Experiment):
             expected = "on the same ground: difference above 0"
             made.append(Claim(statement, SECTION, expected, measured, measured.low > 0, unit, note))
         return made
+
+
+def with_friction(body: Hexapod, sections: Sequence[str], friction: float) -> Hexapod:
+    """The same hexapod with another friction of the feet of some sections."""
+    changed = {name: body.sections[name] for name in sections}
+    return dataclasses.replace(
+        body,
+        **{
+            name: dataclasses.replace(section, leg=dataclasses.replace(section.leg, friction=friction))
+            for name, section in changed.items()
+        },
+    )
+
+
+def with_low_front(body: Hexapod, highest: float) -> Hexapod:
+    """The same hexapod with front legs that rise to an angle in degrees and no further."""
+    leg = body.front.leg
+    hinge = Hinge((leg.vertical.range[0], highest), leg.vertical.stiffness, leg.vertical.damping)
+    return dataclasses.replace(
+        body, front=dataclasses.replace(body.front, leg=dataclasses.replace(leg, vertical=hinge))
+    )
+
+
+def walk_on_bumps(body: Hexapod, height: float, seeds: int, seconds: float, threads: int) -> dict[str, Any]:
+    """How a hexapod walks over bumps, each seed on its own, once it has started; (seeds,) each.
+
+    **Returns** by name: `speed` along the heading and `net` displacement over time, m/s; `slip`, the speed at which
+    the middle and rear feet slide while they are on the ground, m/s; `early`, the part of the front legs' swing in
+    which they touch the ground; `yaw`, the root mean square of the yaw rate, rad/s.
+    """
+    grounds = [OnTerrain(body, Terrain("bumps", height=height, seed=seed)) for seed in range(seeds)]
+    found = walk(grounds, seconds=seconds + START, threads=threads)
+    late, gait = found.time > START, found.gait(since=START)
+    contact, swing = found.reading.contact[late] > TOUCH, found.states[late] == LegState.SWING
+    early = (contact & swing)[:, :, FRONT_FEET].sum((0, 2)) / np.maximum(swing[:, :, FRONT_FEET].sum((0, 2)), 1)
+    return {
+        "speed": gait.speed,
+        "net": gait.net,
+        "slip": slip(found, body, HIND_FEET)[late[1:]].mean(0),
+        "early": early,
+        "yaw": np.sqrt((found.reading.yaw_rate[late] ** 2).mean(0)),
+    }
+
+
+def slip(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
+    """How fast feet slide over the ground between two decisions at which they touch it, the mean of those that do, 0
+    where none does, (decisions − 1, seeds) in m/s."""
+    contact = found.reading.contact[:, :, list(legs)] > TOUCH
+    both = contact[1:] & contact[:-1]
+    moved = np.diff(_soles(found, body, legs)[..., :2], axis=0)
+    speed = np.linalg.norm(moved, axis=-1) / found.period
+    return (speed * both).sum(-1) / np.maximum(both.sum(-1), 1)
+
+
+def _soles(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
+    """Where the feet end, (decisions, seeds, legs, 3) in m."""
+    names = [LEGS[number] for number in legs]
+    along = np.array([[body.sections[name.partition("_")[2]].leg.foot.length, 0.0, 0.0] for name in names])
+    ends = np.empty((*found.posture.shape[:2], len(names), 3))
+    for seed, model in enumerate(found.models):
+        data = mujoco.MjData(model)
+        feet = [model.body(f"foot_{name}").id for name in names]
+        for decision, posture in enumerate(found.posture[:, seed]):
+            data.qpos[:] = posture
+            mujoco.mj_kinematics(model, data)
+            turned = np.einsum("lij,lj->li", data.xmat[feet].reshape(-1, 3, 3), along)
+            ends[decision, seed] = data.xpos[feet] + turned
+    return ends
+
+
+def draw_biomimetic(values: Values, body: Hexapod, highest: float) -> Figure:
+    """The body from the side and from above; speed and slip over the friction of its feet; clear and low front legs."""
+
+    figure = new_figure(10.2, 8.8)
+    panels: Any = figure.subplot_mosaic(
+        [["side"] * 3, ["above"] * 3, ["speed", "slip", "clear"]], height_ratios=[0.75, 1.6, 1.1]
+    )
+    for view in ("side", "above"):
+        draw_view(panels[view], body, view)
+    panels["side"].set(xlim=(-1.0, 1.0), ylim=(-0.06, 0.32))
+    _names(panels["above"], body)
+    for quantity, words in (("speed", "speed along the heading (m/s)"), ("slip", "slip of middle and rear feet (m/s)")):
+        _over_friction(panels[quantity], values, quantity)
+        panels[quantity].set_ylabel(words)
+        panels[quantity].set_ylim(0, None)
+    panels["speed"].legend(loc="lower left", fontsize=8.5, title="changed:", title_fontsize=8.5)
+    _clear(panels["clear"], values, body, highest)
+    return figure
+
+
+def _names(axes: Axes, body: Hexapod) -> None:
+    places = Places(body, "above")
+    for name, offset, words in (
+        ("front", (0.16, 0.06), "short, reach forward"),
+        ("middle", (0.1, 0.13), "as on the plain hexapod"),
+        ("rear", (-0.13, 0.02), "long and strong, reach back"),
+    ):
+        leg = body.sections[name].leg
+        lengths = " + ".join(f"{part.length:g}" for part in (leg.coxa, leg.femur, leg.foot))
+        splay = f", {abs(leg.splay):g}°" if leg.splay else ""
+        lines = f"{name} legs: {words}{splay}\n{lengths} m, friction {leg.friction:g}"
+        name_part(axes, lines, places.tip(f"left_{name}"), offset)
+        pair, other = leg.lateral_muscles, leg.vertical_muscles
+        strengths = (
+            f"protractor {pair.protractor:g} N, retractor {pair.retractor:g} N\n"
+            f"levator {other.levator:g} N, depressor {other.depressor:g} N"
+        )
+        down = {"front": (0.2, -0.03), "middle": (0.12, -0.14), "rear": (-0.13, -0.02)}[name]
+        name_part(axes, strengths, places.tip(f"right_{name}"), down)
+    for name in body.sections:
+        section, centre = body.sections[name], places.joint(name)
+        words = f"{section.length:g} m ×\n{section.width:g} m,\n{section.mass:g} kg"
+        axes.text(centre[0], centre[1], words, ha="center", va="center", fontsize=8, color="white", zorder=8)
+    axes.set(xlim=(-1.0, 1.0), ylim=(-0.55, 0.55))
+
+
+def _over_friction(axes: Axes, values: Values, quantity: str) -> None:
+    for which, colour in COLOURS.items():
+        measured = [mean_of(values[f"{which} {friction:g} {quantity}"]) for friction in values["friction"]]
+        _errorbar(axes, values["friction"], measured, colour, WORDS[which])
+    axes.set(xlabel="friction of the changed feet", xlim=(0, None))
+
+
+def _clear(axes: Axes, values: Values, body: Hexapod, highest: float) -> None:
+    """Speeds with front legs that are clear in the swing, and that are not."""
+    rough, own = f"{values['friction'][-1]:g}", f"{body.front.leg.friction:g}"
+    for row, names in enumerate((("as it is", "low"), (f"front {rough}", "rough low"))):
+        measured = [mean_of(values[f"{name} speed"]) for name in names]
+        colour = ("0.2", "#CC79A7")[row]
+        _errorbar(axes, np.array([0, 1]) + 0.06 * (2 * row - 1), measured, colour, (own, rough)[row])
+    axes.set_xticks([0, 1], ["clear", f"rise to {highest:g}° only"])
+    axes.set(xlim=(-0.4, 1.4), ylim=(0, None), xlabel="front legs in the swing")
+    axes.legend(loc="lower left", fontsize=8.5, title="friction of front feet:", title_fontsize=8.5)
+
+
+def _errorbar(axes: Axes, x: np.ndarray, measured: list[Any], colour: str, words: str) -> None:
+    centre = np.array([each.value for each in measured])
+    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T
+    axes.errorbar(x, centre, ends, fmt="o-", color=colour, markersize=4, linewidth=1.2, label=words)

@@ -2,28 +2,30 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._terrain_claims import controller_claims, kind_claims
-from motorgrad.experiments.chapter_5.hexapod._terrain_figure import draw_terrain
-from motorgrad.experiments.chapter_5.hexapod._walkers import alike
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
 
 KINDS = ("bumps", "slopes", "steps", "waves")
 START, LAST = 2.0, 5.0
 """Seconds of a walk that are no part of its gait, and those at its end that say whether it still gets ahead."""
+
 STILL = 0.03
 """The mean speed (m/s) below which a body stands still, the bound of the class stalled."""
+
 WORDINGS = {"mended": True, "worded": False}
+LOOKS = {"mended": ("#0072B2", "o-", "mended"), "worded": ("#CC79A7", "s--", "as worded")}
+THESIS = "section 5.3.3"
+CONSISTENT, ROBUST = 0.75, 0.9
+"""What the interval of a share of grounds must be above to count as consistent: with 20 grounds, no more than one may
+be otherwise. And the least part of the speed on level ground that counts as robust."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +66,9 @@ class RoughGround(Experiment):
     def run(self, work: Workspace) -> Values:
         found: Values = {"height": np.array([0.0, *self.heights])}
         for wording, mended in WORDINGS.items():
-            level = work.part(f"level {wording}", lambda m=mended: self._walk(alike(self.seeds), m, work.threads))
+            level = work.part(
+                f"level {wording}", lambda m=mended: self._walk(jittered_hexapods(self.seeds), m, work.threads)
+            )
             for kind in KINDS:
                 rows = [level]
                 for height in self.heights:
@@ -97,9 +101,147 @@ class RoughGround(Experiment):
             "overturned": (found.reading.upright < 0).any(0),
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_terrain(values, KINDS, self.clearance)
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = [claim for kind in KINDS for claim in kind_claims(values, kind, self.clearance)]
         return [*made, *controller_claims(values, KINDS, self.clearance)]
+
+
+def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> Figure:
+    """Speed, phase, and the shares of grounds with a tripod gait and of those where it stands still, over the height
+    of each kind of ground; means and shares with their intervals."""
+
+    figure = new_figure(9.8, 8.6)
+    panels: Any = figure.subplots(4, len(kinds), sharex=True, sharey="row")
+    for column, kind in zip(panels.T, kinds, strict=True):
+        for wording, (colour, line, words) in LOOKS.items():
+            gait = values[f"{kind} {wording} gait"]
+            phases = zip(values[f"{kind} {wording} phase"], gait != "stalled", strict=True)
+            measured = [
+                [mean_of(row) for row in values[f"{kind} {wording} net"]],
+                [mean_of(row[walks]) if walks.sum() > 1 else None for row, walks in phases],
+                [share_of(row) for row in gait == "tripod"],
+                [share_of(row) for row in values[f"{kind} {wording} still"]],
+            ]
+            for axes, each in zip(column, measured, strict=True):
+                shift = 0.2 if wording == "worded" else -0.2  # so that intervals do not cover each other
+                _points(axes, 100 * values["height"] + shift, each, colour, line, words)
+        for axes in column:
+            axes.axvline(100 * clearance, color="0.75", linewidth=0.9, linestyle=":", zorder=0)
+        column[0].set_title(kind)
+        column[-1].set_xlabel("height (cm)")
+    labels = ("net displacement\n/ time (m/s)", "phase of those that\nwalk (cycles)", "share with\na tripod gait")
+    for axes, words in zip(panels[:, 0], (*labels, "share that stands\nstill at the end"), strict=True):
+        axes.set_ylabel(words)
+    panels[0, 0].set_ylim(0, None)
+    panels[1, 0].set_ylim(0, 0.52)
+    for row in (2, 3):
+        panels[row, 0].set_ylim(-0.04, 1.04)
+    handles, words = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, words, loc="outside upper center", ncols=2)
+    return figure
+
+
+def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
+    known = [number for number, each in enumerate(measured) if each is not None]
+    measured, x = [measured[number] for number in known], x[known]
+    centre = np.array([each.value for each in measured])
+    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T.reshape(2, -1)
+    axes.errorbar(
+        x, centre, np.maximum(ends, 0.0), fmt=line, color=colour, markersize=3.5, linewidth=1.2, elinewidth=0.9,
+        label=words,
+    )  # fmt: skip
+
+
+def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
+    """Of one kind of ground, under the mended controller."""
+    rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
+    gaits = values[f"{kind} mended gait"]
+    tripod, steepest = share_of((gaits[rows] == "tripod").all(0)), share_of(gaits[-1] == "tripod")
+    net = values[f"{kind} mended net"]
+    kept = mean_of(net[rows][-1] / net[0].mean())
+    most = f"{100 * values['height'][-1]:g} cm"
+    return [
+        Claim(
+            f"The controller consistently generates a tripod gait on {kind} up to {top}.",
+            THESIS,
+            f"at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            tripod,
+            tripod.low > CONSISTENT,
+            note=f"Phase between the tripods {_phases(values, kind, rows)} cycles, means by height.",
+        ),
+        Claim(
+            f"It does so on {kind} of {most} too.",
+            OURS,
+            f"on a share of the grounds above {CONSISTENT:g}",
+            steepest,
+            steepest.low > CONSISTENT,
+            note=f"Net speed there {net[-1].mean():.2f} m/s, {net[0].mean():.2f} on level ground.",
+        ),
+        Claim(
+            f"It is robust: {kind} of {top} hardly slow it.",
+            INDEPENDENT if kind == "bumps" else THESIS,
+            f"net displacement at least {ROBUST:g} of that on level ground",
+            kept,
+            kept.low >= ROBUST,
+            "of the speed on level ground",
+        ),
+    ]
+
+
+def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Sequence[Claim]:
+    """Of the wording and the mending, over all kinds of ground up to the clearance."""
+    rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
+    still = {
+        wording: np.concatenate([values[f"{kind} {wording} still"][rows].any(0) for kind in kinds])
+        for wording in ("mended", "worded")
+    }
+    stands = {wording: share_of(each) for wording, each in still.items()}
+    never = share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds]))
+    fewer = mean_of(still["worded"] * 1.0 - still["mended"])
+    by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
+    seeds = len(still["mended"]) // len(kinds)
+    return [
+        Claim(
+            f"As the thesis words it, the controller is robust up to {top}: it does not come to a stand.",
+            THESIS,
+            f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            share_of(~still["worded"]),
+            share_of(~still["worded"]).low > CONSISTENT,
+            note=f"Grounds of {seeds} on which it stands still at the end of one of its walks: {by_kind}.",
+        ),
+        Claim(
+            f"With its deadlocks mended it does not come to a stand up to {top}.",
+            OURS,
+            f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            share_of(~still["mended"]),
+            share_of(~still["mended"]).low > CONSISTENT,
+        ),
+        Claim(
+            "The mending is what keeps it walking.",
+            OURS,
+            "share of grounds on which it stands still, as worded less mended: above 0",
+            fewer,
+            fewer.low > 0,
+            note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
+        ),
+        Claim(
+            "It never overturns, at any height.",
+            OURS,
+            f"on a share of the grounds above {CONSISTENT:g}",
+            never,
+            never.low > CONSISTENT,
+        ),
+    ]
+
+
+def _rows(values: Values, clearance: float) -> np.ndarray:
+    """The heights above level ground and up to the clearance, by number."""
+    height = values["height"]
+    return np.flatnonzero((height > 0) & (height <= clearance + 1e-9))
+
+
+def _phases(values: Values, kind: str, rows: np.ndarray) -> str:
+    return ", ".join(f"{phase:.2f}" for phase in values[f"{kind} mended phase"][rows].mean(1))

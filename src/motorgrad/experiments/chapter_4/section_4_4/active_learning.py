@@ -1,0 +1,151 @@
+"""Section 4.4.1: learners that choose the loads that they see."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, median_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    NATURAL,
+    SPACED,
+    equally_spaced_from,
+    force_error,
+    parameter_history,
+    spacing_deviation,
+)
+from motorgrad.tasks import LinearRecruitment, spacing_error
+from motorgrad.training import settings_for
+
+WORDS = {"plain": "plain gradient", "natural": "natural gradient"}
+NO_WORSE = 1.05
+
+
+@dataclasses.dataclass(frozen=True)
+class ActiveLearning(Experiment):
+    """A pool asks for the loads at which it learns: the more often, the less it is sure there, by the entropy of its
+    action. Does it take fewer decisions to equal spacing than with loads that are all as frequent? And does it lift all
+    loads as well in the end?
+
+    **Arguments:**
+
+    - `plain_units`: in the pools that learn by the plain gradient.
+    - `plain_steps` (decisions): for which these learn.
+    - `natural_units`: in the pools that learn by the natural gradient.
+    - `natural_steps` (decisions): for which these learn.
+    - `explore`: the share of loads that are drawn uniformly all the same.
+    - `cells`: in which the entropy is looked at.
+    - `seeds`: pools of each kind.
+    """
+
+    name: ClassVar[str] = "sec-4.4.1-active-learning"
+    title: ClassVar[str] = "loads that the learner asks for"
+    source: ClassVar[str] = "section 4.4.1"
+
+    plain_units: int = 4
+    plain_steps: int = 5_000_000
+    natural_units: int = 8
+    natural_steps: int = 400_000
+    explore: float = 0.1
+    cells: int = 32
+    seeds: int = 24
+
+    def __post_init__(self) -> None:
+        for name in ("plain_units", "natural_units"):
+            check(2 <= getattr(self, name) <= 64, name, getattr(self, name), "in 2 … 64")
+        for name in ("plain_steps", "natural_steps"):
+            check(200 <= getattr(self, name) <= 10**9, name, getattr(self, name), "in 200 … 1,000,000,000")
+        check(0 <= self.explore <= 1, "explore", self.explore, "in 0 … 1")
+        check(2 <= self.cells <= 10_000, "cells", self.cells, "in 2 … 10,000")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(plain_units=2, plain_steps=2_000, natural_units=3, natural_steps=2_000, seeds=3)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        asks = {"policy_settings": {"explore": self.explore, "cells": self.cells}}
+        for name, units, steps, changes in (
+            ("plain", self.plain_units, self.plain_steps, {}),
+            ("natural", self.natural_units, self.natural_steps, NATURAL),
+        ):
+            for loads in ("uniform", "queried"):
+                task = LinearRecruitment(units=units, loads=loads)
+                how: dict[str, Any] = {**changes, **(asks if loads == "queried" else {})}
+                run = work.train(task, settings_for(task, **how), steps, self.seeds)
+                threshold, gain = parameter_history(run)
+                decision = run.curve()[0]
+                found[f"{name} decision"] = decision
+                found[f"{name} {loads} spacing"] = spacing_error(threshold, task)
+                found[f"{name} {loads} error"] = force_error(threshold, gain, task)
+                found[f"{name} {loads} from"] = equally_spaced_from(decision, spacing_deviation(threshold, gain, task))
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        sizes = {"plain": self.plain_units, "natural": self.natural_units}
+        return draw_active(values, {name: f"{words}, {sizes[name]} units" for name, words in WORDS.items()})
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made = []
+        for name, words in WORDS.items():
+            steps = values[f"{name} decision"][-1]
+            found = [values[f"{name} {loads} from"] for loads in ("uniform", "queried")]
+            never = [int(np.isinf(times).sum()) for times in found]
+            times = [np.minimum(times, steps) for times in found]
+            quicker = median_of(times[1] / times[0])
+            late = (
+                f"Not at {steps:,}, which then count: {never[0]} with uniform loads, {never[1]} with those asked for."
+            )
+            final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
+            made += [
+                Claim(
+                    f"Loads in proportion to the policy's entropy shorten learning ({words}).",
+                    "section 4.4.1",
+                    "decisions until equally spaced up to the end, by those with uniform loads from the same start: "
+                    "below 1, with its interval",
+                    quicker,
+                    quicker.high < 1,
+                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
+                ),
+                Claim(
+                    f"Over all loads alike the learnt force is no worse ({words}).",
+                    "our own expectation",
+                    f"root mean square error in the end, by that with uniform loads: at most {NO_WORSE}, with its "
+                    "interval",
+                    final,
+                    final.high <= NO_WORSE,
+                ),
+            ]
+        return made
+
+
+def draw_active(values: Values, words: Mapping[str, str]) -> Figure:
+    """For every learner: the spacing and the error over decisions, and from when on every pool is equally spaced."""
+
+    figure = new_figure(9, 6)
+    axes = figure.subplots(len(words), 3, width_ratios=[1.3, 1.3, 1])
+    kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "loads asked for"))
+    for row, (name, title) in zip(axes, words.items(), strict=True):
+        decision = values[f"{name} decision"] / 1e6
+        for loads, colour, label in kinds:
+            for place, quantity in ((row[0], "spacing"), (row[1], "error")):
+                low, median, high = np.percentile(values[f"{name} {loads} {quantity}"], [25, 50, 75], axis=0)
+                place.fill_between(decision, low, high, color=colour, alpha=0.2, linewidth=0)
+                place.plot(decision, median, color=colour, label=label)
+        uniform, queried = (np.minimum(values[f"{name} {k} from"] / 1e6, decision[-1]) for k, _, _ in kinds)
+        most = 1.05 * max(uniform.max(), queried.max())
+        row[2].plot([0, most], [0, most], color="0.6", linewidth=0.8, linestyle="--")
+        row[2].plot(uniform, queried, "o", markersize=3.5, color="C0", alpha=0.7, clip_on=False)
+        row[0].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
+        row[0].set(yscale="log", ylabel="threshold furthest off, in spacings", xlabel="million decisions", title=title)
+        row[1].set(ylabel="error of the force, all loads alike", xlabel="million decisions", ylim=(0, None))
+        row[2].set(xlabel="uniform loads", ylabel="loads asked for", xlim=(0, most), ylim=(0, most), aspect="equal")
+        row[2].set_title("million decisions until equally\nspaced for good, each pool", fontsize=9)
+        row[0].title.set_fontsize(9)
+    axes[0, 1].legend(fontsize=8)
+    return figure

@@ -1,0 +1,188 @@
+"""Section 4.4.1: gains that decay, so that units keep exploring."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
+from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
+from motorgrad.tasks import Drift, LinearRecruitment
+from motorgrad.training import settings_for
+
+LOADS = np.linspace(0.0, 1.0, 41)
+LAST = 0.25  # of a practice
+
+
+@dataclasses.dataclass(frozen=True)
+class GainDecay(Experiment):
+    """Gains that lose a small part of themselves at every decision. Pools that have learnt the linear mapping learn on
+    with them: with a muscle that stays as it is, and with one that loses part of its strength and regains it. What is
+    measured: how stochastic the pools remain, how well they follow the muscle, and what that costs where nothing
+    changes. Beside it, pools whose gains decay from the start.
+
+    **Arguments:**
+
+    - `units`: in each pool.
+    - `seeds`: pools of each kind.
+    - `learnt` (decisions): for which each pool learns at first.
+    - `steps` (decisions): for which it learns on.
+    - `period` (decisions): of the muscle: strong in the first half, weak in the second.
+    - `amount`: by how much its strength changes, as a part.
+    - `decays` (per decision): of the gains, λ, three, rising. By default a gain without gradient falls to 1/e in half a
+      period, and in ten times and a tenth of that. The one in the middle is also used from the start.
+    """
+
+    name: ClassVar[str] = "sec-4.4.1-gain-decay"
+    title: ClassVar[str] = "gains that decay"
+    source: ClassVar[str] = "section 4.4.1"
+
+    units: int = 2
+    seeds: int = 20
+    learnt: int = 4_000_000
+    steps: int = 3_000_000
+    period: int = 2_000_000
+    amount: float = -0.5
+    decays: tuple[float, ...] = (1e-7, 1e-6, 1e-5)
+
+    def __post_init__(self) -> None:
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
+        check(200 <= self.learnt <= 10**9, "learnt", self.learnt, "in 200 … 1,000,000,000")
+        rising = len(self.decays) == 3 and 0 < self.decays[0] < self.decays[1] < self.decays[2] <= 1
+        check(rising, "decays", self.decays, "three, rising, above 0 and at most 1")
+        check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
+        Drift(self.amount, self.period)
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seeds=3, learnt=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
+
+    def task(self, drifts: bool) -> LinearRecruitment:
+        return LinearRecruitment(
+            units=self.units, drift=Drift(self.amount, self.period, "steps") if drifts else Drift()
+        )
+
+    def run(self, work: Workspace) -> Values:
+        still, middle = self.task(False), self.decays[1]
+        settings = {d: settings_for(still, weight_decays={"gain": d} if d else None) for d in (0.0, *self.decays)}
+        first = [work.train(still, settings[decay], self.learnt, self.seeds) for decay in (0.0, middle)]
+        found: Values = {
+            "decay": np.array(list(settings)),
+            "changes": np.arange(1, 2 * self.steps // self.period) * (self.period // 2),
+            "least": np.array([least_error(still, 1.0), least_error(still, 1.0 + self.amount)]),
+            "first decision": first[0].curve()[0],
+            "first error": np.stack([run.curve("error")[1] for run in first]),
+            "first entropy": np.stack([entropy(*parameter_history(run), LOADS) for run in first]),
+        }
+        for name, drifts in (("still", False), ("drifting", True)):
+            task, start = self.task(drifts), first[0].policies
+            runs = [work.train(task, each, self.steps, self.seeds, start) for each in settings.values()]
+            found["decision"] = runs[0].curve()[0]
+            found[f"{name} error"] = np.stack([run.curve("error")[1] for run in runs])
+            found[f"{name} entropy"] = np.stack([entropy(*parameter_history(run), LOADS) for run in runs])
+        return found
+
+    def figure(self, values: Values) -> Figure:
+
+        figure = new_figure(9, 6)
+        axes = figure.subplots(2, 3, sharex="col", sharey="row")
+        labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]
+        columns = {
+            "first": "from the start",
+            "still": "learnt pools: nothing changes",
+            "drifting": "learnt pools: weak where shaded",
+        }
+        for column, (name, title) in enumerate(columns.items()):
+            decision = values["first decision" if name == "first" else "decision"]
+            rows = (0, 2) if name == "first" else range(len(labels))
+            for row, quantity in enumerate(("error", "entropy")):
+                draw_quartiles(
+                    axes[row, column], decision, values[f"{name} {quantity}"], [labels[r] for r in rows], rows
+                )
+                if name == "drifting":
+                    shade_weak(axes[row, column], values["changes"], decision[-1])
+            changes = values["changes"] if name == "drifting" else []
+            draw_least_error(axes[0, column], changes, decision[-1], values["least"])
+            axes[0, column].set_title(title, fontsize=10)
+            axes[1, column].set_xlabel("decisions, million")
+        axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))
+        axes[1, 0].set(ylabel="entropy, bits per unit", ylim=(0, 1.03))
+        axes[1, 1].legend(title="decay of gains, per decision", fontsize=8)
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        after = values["decision"] > values["changes"][0]
+        end = _last(values["decision"])
+        first, plain = values["first entropy"][0], values["still entropy"][0][:, end].mean(axis=1)
+        quarter = len(values["first decision"]) // 4
+        fading = mean_of(first[:, quarter : 2 * quarter].mean(axis=1) - plain)
+        kept = mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain)
+        made = [
+            Claim(
+                "As learning progresses the network loses the ability to explore.",
+                "section 4.4.1",
+                "where nothing changes, less entropy at the end than in the second quarter: difference above 0",
+                fading,
+                fading.low > 0,
+                "bits per unit",
+                f"At the end {plain.mean():.3f} bits.",
+            ),
+            Claim(
+                f"Gains that decay ({values['decay'][1]:g} per decision) force it to explore.",
+                "section 4.4.1",
+                "more entropy at the end than without, where nothing changes: difference above 0",
+                kept,
+                kept.low > 0,
+                "bits per unit",
+            ),
+        ]
+        tracking = values["drifting error"][:, :, after].mean(axis=2)
+        still = values["still error"][:, :, end].mean(axis=2)
+        for row, decay in enumerate(values["decay"][1:], 1):
+            better, cost = mean_of(tracking[0] - tracking[row]), mean_of(still[row] - still[0])
+            made += [
+                Claim(
+                    f"With it ({decay:g}) a pool adapts better to a muscle that changes.",
+                    "section 4.4.1",
+                    "less mean error after the first change than without: difference above 0",
+                    better,
+                    better.low > 0,
+                    "of the pool's force",
+                    f"Mean error {tracking[row].mean():.4f}, without {tracking[0].mean():.4f}.",
+                ),
+                Claim(
+                    f"It costs precision where nothing changes ({decay:g}).",
+                    "our own expectation",
+                    "more mean error at the end than without: difference above 0",
+                    cost,
+                    cost.low > 0,
+                    "of the pool's force",
+                    f"Mean error {still[row].mean():.4f}, without {still[0].mean():.4f}.",
+                ),
+            ]
+        error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
+        harm = mean_of(error[1] - error[0])
+        made.append(
+            Claim(
+                f"Gains that decay from the start ({values['decay'][2]:g}) keep a pool from learning.",
+                "our own observation",
+                "more mean error at the end of the first practice than without: difference above 0",
+                harm,
+                harm.low > 0,
+                "of the pool's force",
+                f"Seen in the first results, then stated. Mean error {error[1].mean():.4f}, "
+                f"without {error[0].mean():.4f}.",
+            )
+        )
+        return made
+
+
+def _last(decision: np.ndarray) -> np.ndarray:
+    """Which records are of the last part of a practice, over which its end is averaged."""
+    return np.arange(len(decision)) >= round((1 - LAST) * len(decision))

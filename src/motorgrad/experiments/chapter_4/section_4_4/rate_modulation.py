@@ -1,0 +1,174 @@
+"""Section 4.4.1: units whose firing rate is modulated."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+import numpy as np
+from scipy.special import expit
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, final, first_time, median_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
+from motorgrad.tasks import LinearRecruitment
+from motorgrad.training import evaluate, settings_for
+
+KINDS = {"binary": "motoneurons", "graded": "graded-motoneurons"}
+DAMPINGS = NATURAL["dampings"] | {"log_deviation": 0.01}
+"""Without one of its own the logarithm of the deviation would run away: see the page about graded units."""
+
+REACHED = 1.25  # times the least error of units that fire or not: a pool has learnt
+LAST = 0.1  # of the records: what is called the end
+INPUTS = np.linspace(0, 1, 201)
+CURVES = (("binary", "C1", "fire or not"), ("graded", "C0", "graded"))
+
+
+@dataclasses.dataclass(frozen=True)
+class RateModulation(Experiment):
+    """Motoneurons whose activation is graded, a sigmoid of the load with noise, beside those that fire or do not. Both
+    learn the linear mapping by the natural gradient. How well do so many units grade the force, and how soon?
+
+    **Arguments:**
+
+    - `units`: in the pools, rising.
+    - `steps` (decisions): for which each pool learns.
+    - `deviation`: of the graded units' noise before learning.
+    - `floor`: below which that cannot fall.
+    - `seeds`: pools of each kind.
+    """
+
+    name: ClassVar[str] = "sec-4.4.1-rate-modulation"
+    title: ClassVar[str] = "units of graded activation"
+    source: ClassVar[str] = "section 4.4.1"
+
+    units: tuple[int, ...] = (1, 2, 4)
+    steps: int = 300_000
+    deviation: float = 0.3
+    floor: float = 0.02
+    seeds: int = 24
+
+    def __post_init__(self) -> None:
+        rising = len(self.units) > 0 and list(self.units) == sorted(set(self.units))
+        check(rising and min(self.units) >= 1 and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
+        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        wanted = "positive, floor < deviation, at most 10"
+        check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(steps=2_000, seeds=3)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"units": np.array(self.units)}
+        found["least"] = np.array([least_error(LinearRecruitment(units=units)) for units in self.units])
+        noise = {"policy_settings": {"deviation": self.deviation, "floor": self.floor}}
+        for units in self.units:
+            task = LinearRecruitment(units=units)
+            for kind, policy in KINDS.items():
+                changes = NATURAL | {"policy": policy} | (noise | {"dampings": DAMPINGS} if kind == "graded" else {})
+                run = work.train(task, settings_for(task, **changes), self.steps, self.seeds)
+                found["decision"], found[f"{units} {kind} error"] = run.curve("error")
+                found[f"{units} {kind} end"] = final(run, "error", LAST)
+                found[f"{units} {kind} without noise"] = evaluate(run, mode="mode").readings["error"]
+                for name in ("threshold", "gain"):
+                    found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
+                if kind == "graded":
+                    found[f"{units} deviation"] = self.floor + np.exp(history(run, 3)[2])
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_rate(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made, steps = [], values["decision"][-1]
+        for row, units in enumerate(map(int, values["units"])):
+            least, graded = values["least"][row], values[f"{units} graded end"]
+            lower = median_of(graded / least)
+            firsts = [
+                first_time(values["decision"], values[f"{units} {kind} error"] < REACHED * least) for kind in KINDS
+            ]
+            times = [np.nan_to_num(first, nan=float(steps)) for first in firsts]
+            sooner = median_of(times[1] / times[0])
+            deviation = np.median(values[f"{units} deviation"], axis=2)
+            narrow, falls = median_of(deviation[:, -1]), deviation[:, -1] / deviation[:, deviation.shape[1] // 2]
+            said = f"{units} unit{'s' * (units > 1)}"
+            quiet = [np.median(values[f"{units} {kind} without noise"]) for kind in KINDS]
+            never = [int(np.isnan(first).sum()) for first in firsts]
+            made += [
+                Claim(
+                    f"Graded units err less than as many units that fire or not could at best ({said}).",
+                    "our own expectation",
+                    "mean error in the last tenth, by the least that is possible for the others: below 1, with its "
+                    "interval",
+                    lower,
+                    lower.high < 1,
+                    note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
+                    f"others {quiet[0]:.4f}; least for these {least:.4f}.",
+                ),
+                Claim(
+                    f"They learn sooner ({said}).",
+                    "our own expectation",
+                    f"decisions to {REACHED} times that least error, by those of the others: below 1, with its "
+                    "interval",
+                    sooner,
+                    sooner.high < 1,
+                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; not within "
+                    f"{steps:,} decisions: {never[1]} and {never[0]}.",
+                ),
+                Claim(
+                    f"As learning goes on, graded units converge to a deterministic output ({said}).",
+                    "section 6.2.3",
+                    "deviation of the noise in the end below 0.1, with its interval",
+                    narrow,
+                    narrow.high < 0.1,
+                    note=f"It begins at {self.deviation:g}; the floor is {self.floor:g}. In the second "
+                    f"half it went down to {np.median(falls):.2f} of what it was.",
+                ),
+            ]
+        return made
+
+
+def draw_rate(values: Values) -> Figure:
+    """For every number of units the error over decisions, the noise of graded units, and the mean force of each pool.
+
+    Bars at the right: the error without noise, by the mean or the most probable action.
+    """
+
+    units = [int(count) for count in values["units"]]
+    figure = new_figure(3 * len(units) + 0.6, 7.6)
+    axes = figure.subplots(3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
+    decision = values["decision"] / 1e3
+    for column, count in enumerate(units):
+        above, noise, below = axes[:, column]
+        for kind, colour, label in CURVES:
+            low, median, high = np.percentile(values[f"{count} {kind} error"], [25, 50, 75], axis=0)
+            above.fill_between(decision, low, high, color=colour, alpha=0.2, linewidth=0)
+            above.plot(decision, median, color=colour, label=label)
+            above.plot(
+                decision[-1] * 1.06,
+                np.median(values[f"{count} {kind} without noise"]),
+                "_",
+                color=colour,
+                markersize=12,
+            )
+            for threshold, gain in zip(
+                values[f"{count} {kind} threshold"], values[f"{count} {kind} gain"], strict=True
+            ):
+                force = expit(gain * (INPUTS[:, None] - threshold)).mean(1)
+                below.plot(INPUTS, force, color=colour, linewidth=0.6, alpha=0.5)
+        above.axhline(values["least"][column], color="0.4", linewidth=0.9, linestyle="--")
+        above.set(title=f"{count} unit{'s' * (count > 1)}", xlabel="thousand decisions", ylim=(0, None))
+        low, median, high = np.percentile(np.median(values[f"{count} deviation"], axis=2), [25, 50, 75], axis=0)
+        noise.fill_between(decision, low, high, color="C0", alpha=0.2, linewidth=0)
+        noise.plot(decision, median, color="C0")
+        noise.set(xlabel="thousand decisions", ylim=(0, None))
+        below.plot(INPUTS, LinearRecruitment(units=count).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
+        below.set(xlabel="load", ylim=(-0.12, 1.12))
+    axes[0, 0].set_ylabel("mean error of the force")
+    axes[1, 0].set_ylabel("deviation of the noise")
+    axes[2, 0].set_ylabel("mean force")
+    axes[0, 0].legend(fontsize=8)
+    return figure

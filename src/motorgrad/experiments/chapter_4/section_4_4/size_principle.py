@@ -1,0 +1,201 @@
+"""Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
+from motorgrad.tasks import ArmRecruitment, LinearRecruitment
+from motorgrad.training import settings_for
+
+GRID = 201  # loads, of the whole range, over which a unit's firing is averaged
+WORDS = {
+    "linear plain": "linear mapping, plain gradient",
+    "linear natural": "linear mapping, natural gradient",
+    "arm plain": "arm, plain gradient",
+    "arm natural": "arm, natural gradient",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class SizePrinciple(Experiment):
+    """Units whose force grows exponentially from one to the next learn to share a load, from thresholds at random. Are
+    they recruited in the order of their sizes? In the linear mapping every order pays the same, so that an order there
+    is the doing of learning alone; in the arm it need not be.
+
+    **Arguments:**
+
+    - `units`: in each pool.
+    - `size_ratio`: the largest unit's force by the smallest's. By default each unit has twice the force of the last.
+    - `seeds`: pools of each kind.
+    - `linear` (decisions): for which pools learn the linear mapping by the plain gradient.
+    - `linear_natural` (decisions): the same by the natural gradient.
+    - `arm` (decisions): for which pools learn to lift, by either gradient.
+    """
+
+    name: ClassVar[str] = "sec-4.4.1-size-principle"
+    title: ClassVar[str] = "units of different sizes"
+    source: ClassVar[str] = "section 4.4.1"
+
+    units: int = 4
+    size_ratio: float = 8.0
+    seeds: int = 48
+    linear: int = 6_000_000
+    linear_natural: int = 1_000_000
+    arm: int = 600_000
+
+    def __post_init__(self) -> None:
+        check(3 <= self.units <= 6, "units", self.units, "in 3 … 6")
+        check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        for name in ("linear", "linear_natural", "arm"):
+            check(200 <= getattr(self, name) <= 10**9, name, getattr(self, name), "in 200 … 1,000,000,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
+
+    def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
+        """Of every line: the task, what is not as in its own learner, and the decisions."""
+        linear = LinearRecruitment(units=self.units, size_ratio=self.size_ratio)
+        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
+        # a threshold in kg is some 14 times one from 0 to 1, and its Fisher information so many times squared less
+        scaled = NATURAL | {"dampings": {"threshold": NATURAL["dampings"]["threshold"] / arm.high**2}}
+        return {
+            "linear plain": (linear, {}, self.linear),
+            "linear natural": (linear, NATURAL, self.linear_natural),
+            "arm plain": (arm, {}, self.arm),
+            "arm natural": (arm, scaled, self.arm),
+        }
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"size": LinearRecruitment(units=self.units, size_ratio=self.size_ratio).sizes}
+        for name, (task, changes, steps) in self.studies().items():
+            run = work.train(task, settings_for(task, **changes), steps, self.seeds)
+            loads = np.linspace(max(task.low, 0.0), task.high, GRID)
+            found[f"{name} load"] = recruitment_loads(firing_probability(run.policies, loads), loads)
+            found[f"{name} gain"] = thresholds_and_gains(run.policies)[1]
+            found[f"{name} high"] = np.array(task.high)
+        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
+        return found | {"orders": np.array(orders_of(self.units)), "order pay": order_pay(arm)}
+
+    def figure(self, values: Values) -> Figure:
+        return draw_sizes(values, WORDS, {name: order(values, name) for name in WORDS})
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made, chance, pay = [], 1 / len(values["orders"]), values["order pay"]
+        for name, words in WORDS.items():
+            found = order(values, name)
+            each, whole = mean_of(found), share_of(found > 1 - 1e-9)
+            positive = share_of((values[f"{name} gain"] > 0).all(axis=1))
+            made.append(
+                Claim(
+                    f"Units organise themselves by the size principle, small ones first ({words}).",
+                    "section 4.4.1",
+                    "rank correlation of size and recruitment: mean above 0",
+                    each,
+                    each.low > 0,
+                    note=f"In exactly this order: {whole}; chance {chance:.3f}. All gains positive: {positive}.",
+                )
+            )
+        best = values["orders"][pay.argmax()] + 1
+        made.append(
+            Claim(
+                "In the arm the order of the size principle pays best.",
+                "section 4.4.1",
+                "what it pays less than the best order of units without noise: 0",
+                exact(pay.max() - pay[0]),
+                pay[0] == pay.max(),
+                "reward",
+                f"The best order, from the smallest 1 to the largest {len(best)}: {', '.join(map(str, best))}.",
+            )
+        )
+        for name in ("linear plain", "linear natural"):
+            inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
+            made.append(
+                Claim(
+                    f"The larger a unit, the nearer to the middle of the range it is recruited ({WORDS[name]}).",
+                    "our own observation",
+                    "rank correlation of size and distance from the middle: mean below 0",
+                    inward,
+                    inward.high < 0,
+                    note="Seen in the first results, then stated.",
+                )
+            )
+        return made
+
+
+def orders_of(units: int) -> list[tuple[int, ...]]:
+    """Every order of recruitment; the first is that of size."""
+    return list(itertools.permutations(range(units)))
+
+
+def order_pay(task: ArmRecruitment) -> np.ndarray:
+    """What units without noise earn on average over a sweep in each order of `orders_of`, each from its best load."""
+    loads, found = np.linspace(task.low, task.high, GRID), []
+    for order in orders_of(task.units):
+        parts = np.concatenate([[0.0], np.cumsum(task.sizes[list(order)])])
+        pay = [np.asarray(task.pay(load, parts, task.effect(load, parts))).max() for load in loads]  # type: ignore
+        found.append(np.mean(pay))
+    return np.array(found)
+
+
+def recruitment_loads(probability: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """From which load on a unit fires, `(seeds, units)`: for a unit with a sharp threshold that is its threshold.
+
+    It is the part of the range in which it is silent, on average, so that units that always or never fire have one too.
+
+    **Arguments:** `probability` (seeds, loads, units); the loads, equally spaced.
+    """
+    return loads[0] + (loads[-1] - loads[0]) * (1 - probability.mean(axis=1))
+
+
+def correlations(values: Values, places: np.ndarray) -> np.ndarray:
+    """Spearman's rank correlation of the units' sizes and their places, of each seed."""
+    from scipy import stats
+
+    return np.array([stats.spearmanr(values["size"], row)[0] for row in places])
+
+
+def order(values: Values, name: str) -> np.ndarray:
+    """The rank correlation of size and recruitment, of each seed: 1 where small units come first."""
+    return correlations(values, values[f"{name} load"])
+
+
+def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np.ndarray]) -> Figure:
+    """For every line the load from which each unit fires, over its size, and the rank correlations of all pools.
+
+    A grey line joins the units of a pool; units of negative gain are hollow.
+    """
+
+    figure = new_figure(8, 6.8)
+    axes = figure.subplots(2, 2, sharex=True)
+    size = values["size"]
+    for place, (name, title) in zip(axes.flat, words.items(), strict=True):
+        loads = values[f"{name} load"]
+        shift = np.geomspace(0.88, 1 / 0.88, len(loads))
+        for seed, row in enumerate(loads):
+            place.plot(size * shift[seed], row, color="0.85", linewidth=0.5, zorder=1)
+        for unit, positive in itertools.product(range(len(size)), (True, False)):
+            which = (values[f"{name} gain"][:, unit] > 0) == positive
+            colour = f"C{unit}"
+            face = colour if positive else "white"
+            place.scatter(size[unit] * shift[which], loads[which, unit], 12, face, edgecolor=colour, zorder=2)
+        mean = mean_of(orders[name])
+        place.set_title(f"{title}\nrank correlation {mean.value:+.2f} [{mean.low:+.2f} … {mean.high:+.2f}]", fontsize=9)
+        place.set_xscale("log", base=2)
+        place.set_xticks(size, [f"{part:.2f}" for part in size])
+        place.minorticks_off()
+        place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
+    for row, unit in zip(axes, ("", ", kg"), strict=True):
+        row[0].set_ylabel(f"fires from this load on{unit}")
+    for place in axes[1]:
+        place.set_xlabel("size, part of the whole force (hollow: gain below 0)")
+    return figure

@@ -1,0 +1,108 @@
+"""What the experiments on 24 independent muscles share: the learner, its training, and how it is judged."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Literal, Self
+
+import jax
+import numpy as np
+
+from motorgrad._errors import check, choice
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import Hexapod, Task
+from motorgrad.training import AgentSettings, Run, evaluate, settings_for, stepper_of
+
+FULL = "the learner"
+VARIANTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    FULL: ({}, {}),
+    "mirror tie": ({}, {"policy": "mirrored"}),
+    # So much damping leaves the gradient's direction as it is; the limit on the divergence still sets the length.
+    "Euclidean": ({}, {"damping": 1e4, "rate": 1e6}),
+    "no critic": ({}, {"critic": "none"}),
+    "no lag": ({"lag": 0}, {}),
+    "seven inputs": ({"observes": ("lateral",)}, {}),
+}
+"""What is changed, by name: of the task, and of the learner."""
+
+MODES: tuple[Literal["mode", "sample"], ...] = ("mode", "sample")
+FRESH = 500_000_000
+"""Added to the numbers of rows, so that nothing is judged on the random numbers that it learnt from."""
+
+SETTLING = 2.0  # s
+
+
+@dataclasses.dataclass(frozen=True)
+class MuscleStudy(Experiment):
+    """An experiment on hexapods that learn to walk on 24 muscles, with the task's own learner.
+
+    **Arguments:**
+
+    - `updates`: steps of the parameters; what the learner anneals goes with them.
+    - `seeds`: hexapods that learn, each by itself.
+    - `watched` (simulated s): for which the frozen policies are watched, a multiple of 20.
+    """
+
+    updates: int = 1200
+    seeds: int = 10
+    watched: float = 60.0
+
+    def __post_init__(self) -> None:
+        check(1 <= self.updates <= 100_000, "updates", self.updates, "in 1 … 100,000")
+        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        spans = self.watched / 20
+        right = 1 <= spans <= 180 and spans == round(spans)
+        check(right, "watched", self.watched, "a multiple of 20 simulated s, at most 3600")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(updates=4, seeds=2, watched=20.0)
+
+    def task(self, variant: str = FULL) -> Hexapod:
+        """The task, as the variant has it."""
+        choice("variant", variant, VARIANTS)
+        return Hexapod(**VARIANTS[variant][0])
+
+    def learner(self, variant: str = FULL) -> AgentSettings:
+        """The task's own learner, whose schedules end with so many updates."""
+        task = self.task(variant)
+        own = settings_for(task)
+        kept = self.updates * own.average_start // own.metric_kl_steps
+        scaled = {"entropy_steps": self.updates, "metric_kl_steps": self.updates, "average_start": kept}
+        return settings_for(task, **{**scaled, **VARIANTS[variant][1]})
+
+    def trained(self, work: Workspace, variant: str = FULL, seeds: int | None = None) -> Run:
+        """The hexapods that have learnt; those of another experiment with the same settings, where there are some."""
+        settings = self.learner(variant)
+        assert isinstance(settings.improve, int)
+        return work.train(self.task(variant), settings, self.updates * settings.improve, seeds or self.seeds)
+
+    def judged(self, work: Workspace, run: Run, variant: str = FULL) -> Values:
+        """How frozen policies walk from a fresh start, by mode and quantity, a number or a word for each seed."""
+
+        def watch(mode: Literal["mode", "sample"]) -> dict[str, Any]:
+            outcome = evaluate(run, round(self.watched / run.task.period), mode=mode, threads=work.threads)
+            return {**outcome.readings, **outcome.measures}
+
+        found: Values = {}
+        for mode in MODES:
+            seen = work.part(f"{variant} {mode}", lambda mode=mode: watch(mode))
+            found |= {f"{variant} {mode} {name}": np.asarray(values) for name, values in seen.items()}
+        return found
+
+
+def frozen_readings(
+    work: Workspace, policies: Policy, task: Task, seconds: float, mode: Literal["sample", "mode"], names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """The mean of each named reading over `seconds`, after the two first, for each of the `policies` along their
+    leading axis, `(policies,)`."""
+    count = len(jax.tree.leaves(policies)[0])
+    agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
+    stepper = stepper_of(task, agent, [FRESH + row for row in range(count)], mode, work.threads)
+    stepper.use(policies)
+    stepper.advance(round(SETTLING / task.period))
+    stepper.harvest()
+    stepper.advance(round(seconds / task.period))
+    record = stepper.harvest()
+    return {name: np.asarray(record[name], float) for name in names}

@@ -1,0 +1,393 @@
+"""Sections 5.3.3 and 5.4.1: a search for the hexapod's body, for the fixed controller's speed."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import compile_model
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5.extensions._body_space import (
+    HEAVIER,
+    PAIRS,
+    PITCH,
+    SETTLING,
+    SPACE,
+    WIDER,
+    WORDS,
+    YAW,
+    body_of,
+    differences,
+    jittered,
+    random_bodies,
+    usual_bodies,
+    usual_numbers,
+    walk_in_batches,
+    walk_measures,
+    walk_variants,
+)
+from motorgrad.search import Boltzmann, CmaEs, Method, Uniform, search
+from motorgrad.sim import draw
+
+KINDS = ("cma-es", "boltzmann", "uniform")
+COLOURS = {"cma-es": "C0", "boltzmann": "C1", "uniform": "0.5"}
+METHODS = {"cma-es": "CMA-ES", "boltzmann": "Boltzmann selection", "uniform": "random sampling"}
+COMPARED = {
+    "base": "wide and heavy against\nslim and light",
+    "width": "wide against slim",
+    "mass": "heavy against light",
+    "joints": "vertical against lateral\njoints between sections",
+}
+MEASURED = {"speed": "m/s faster", "duty": "feet on the ground for longer\n(part of the time)", "tilt": "° more tilt"}
+BODIES = {"usual": ("usual body", "C0", 0.12), "chance": ("bodies at random places", "C1", -0.12)}
+SOURCE = "section 5.3.3"
+BODY_WORDS = {"usual": "of the usual body", "chance": "of bodies at random places"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Morphology(Experiment):
+    """A search for the hexapod's body: 15 of its numbers, so that it is fast under the fixed controller. CMA-ES, the
+    thesis's random search with Boltzmann selection and random sampling, with as many evaluations each; the body that
+    each search calls the best walks again, often. Which of its numbers made the best body fast; and what the thesis
+    observed: a wide heavy trunk against a slim light one, and vertical against lateral joints between the sections.
+
+    **Arguments:**
+
+    - `evaluations`: bodies that a search tries, a multiple of `batch`.
+    - `searches`: of each method, at least 2.
+    - `batch`: bodies of a search that walk together, at least 4.
+    - `seconds` (simulated s): length of every walk, of which the first does not count.
+    - `again`: walks by which a number is judged, of bodies that differ by too little to matter; at least 2.
+    - `bodies`: bodies at random places, of which variants are compared; at least 2.
+    - `temperature`: of Boltzmann selection, in standard deviations of the scores.
+    - `changed`: numbers that Boltzmann selection moves at a time.
+    - `width`: standard deviation of its noise, in parts of a number's range.
+    """
+
+    name: ClassVar[str] = "sec-5.3.3-morphology"
+    title: ClassVar[str] = "a search for the hexapod's body"
+    source: ClassVar[str] = "section 5.3.3"
+    needs: ClassVar[tuple[str, str] | None] = ("evosax", "search")
+
+    evaluations: int = 240
+    searches: int = 5
+    batch: int = 12
+    seconds: float = 4.0
+    again: int = 12
+    bodies: int = 40
+    temperature: float = Boltzmann.temperature
+    changed: int = Boltzmann.changed
+    width: float = Boltzmann.width
+
+    def __post_init__(self) -> None:
+        for name, least in (("searches", 2), ("batch", 4), ("again", 2), ("bodies", 2)):
+            check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"in {least} … 10,000")
+        whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
+        check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
+        self.method("boltzmann")
+        check(SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"in {SETTLING + 1:g} … 3600 simulated s")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
+
+    def method(self, kind: str) -> Method:
+        """A method of search, with as many candidates to a round as the others."""
+        if kind == "cma-es":
+            return CmaEs(population=self.batch)
+        if kind == "boltzmann":
+            return Boltzmann(self.batch, self.temperature, self.changed, self.width)
+        return Uniform(candidates=self.batch)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for kind in KINDS:
+            each = [
+                work.part(f"{kind} {number}", lambda kind=kind, number=number: self._search(work, kind, number))
+                for number in range(self.searches)
+            ]
+            found |= {f"{kind} {name}": np.stack([one[name] for one in each]) for name in each[0]}
+        found |= {"usual": work.part("usual", lambda: self._often(work, [usual_numbers()], 0))["speed"][0]}
+        best = int(np.argmax(found["cma-es again"].mean(axis=1)))
+        numbers = dict(zip(SPACE.names, found["cma-es best"][best].tolist(), strict=True))
+        found |= work.part("what helped", lambda: self._helped(work, numbers))
+        for name, make in (("usual", usual_bodies), ("chance", random_bodies)):
+            count = self.again if name == "usual" else self.bodies
+            bodies = make(count, np.random.default_rng(2))
+            seen = work.part(f"{name} bodies", lambda bodies=bodies: walk_variants(bodies, self.seconds, work.threads))
+            found |= {f"{name} {measure}": values for measure, values in seen.items()}
+        return found
+
+    def _search(self, work: Workspace, kind: str, number: int) -> Values:
+        """All that a search tries; the numbers that it calls the best; and how fast these are, again and again."""
+        done = search(
+            lambda candidates, random: walk_measures(candidates, self.seconds, work.threads)["speed"],
+            SPACE,
+            self.method(kind),
+            evaluations=self.evaluations,
+            seed=number,
+            progress=work.progress,
+        )
+        best = done.best
+        again = self._often(work, [best], number)
+        return {
+            "candidates": done.candidates,
+            "scores": done.scores,
+            "best": np.array(list(best.values())),
+            "again": again["speed"][0],
+            "duty": again["duty"][0],
+        }
+
+    def _often(self, work: Workspace, each: list[dict[str, float]], seed: int) -> Values:
+        """Walks of bodies with changes too small to matter: (bodies, again). One that falls apart has a speed of 0."""
+        random = np.random.default_rng([1, seed])
+        bodies = [copy for numbers in each for copy in jittered(numbers, self.again, random)]
+        found = walk_in_batches(bodies, self.seconds, work.threads)
+        return {name: np.nan_to_num(values).reshape(len(each), self.again) for name, values in found.items()}
+
+    def _helped(self, work: Workspace, best: dict[str, float]) -> Values:
+        """The usual body with each number of the best one, and the best body with each number of the usual one."""
+        usual = usual_numbers()
+        best = {**best, "axis": YAW if best["axis"] > 0.5 else PITCH}
+        changed = [{**usual, name: best[name]} for name in SPACE.names]
+        undone = [{**best, name: usual[name]} for name in SPACE.names]
+        speed = self._often(work, [usual, best, *changed, *undone], 1000)["speed"]
+        size = SPACE.size
+        return {
+            "compared": speed[:2],
+            "changed": speed[2 : 2 + size],
+            "undone": speed[2 + size :],
+            "found": np.array(list(best.values())),
+        }
+
+    def figure(self, values: Values) -> Figure:
+        return draw_morphology(values, KINDS)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return morphology_claims(values, self.evaluations)
+
+
+def draw_morphology(values: Values, kinds: Sequence[str]) -> Figure:
+    """The searches and the bodies (above), which numbers were found and which helped (middle), what the thesis observed
+    (below)."""
+
+    figure = new_figure(10.5, 13.5)
+    parts: Any = figure.subfigures(3, 1, height_ratios=[3.6, 4.8, 3.2])
+    above = parts[0].subplots(2, 3, width_ratios=[2.6, 1.2, 1.2], height_ratios=[1, 1.6])
+    grid = above[0, 0].get_gridspec()
+    for axes in above[:, 0]:
+        axes.remove()
+    _searches(parts[0].add_subplot(grid[:, 0]), values, kinds)
+    _bodies(above[:, 1:], values)
+    found, helped = parts[1].subplots(1, 2, sharey=True)
+    _found(found, values, kinds)
+    _helped(helped, values)
+    _observed(parts[2].subplots(1, len(MEASURED), sharey=True), values)
+    return figure
+
+
+def _searches(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
+    """The best so far over the evaluations; at the right how fast the best bodies are when they walk again."""
+    for row, kind in enumerate(kinds):
+        curves = np.fmax.accumulate(values[f"{kind} scores"], axis=1)
+        count = np.arange(1, curves.shape[1] + 1)
+        colour = COLOURS[kind]
+        axes.fill_between(count, curves.min(axis=0), curves.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+        axes.plot(count, np.median(curves, axis=0), color=colour, label=METHODS[kind])
+        again = values[f"{kind} again"].mean(axis=1)
+        place = np.full(len(again), count[-1] * (1.05 + 0.04 * row))
+        axes.plot(place, again, "o", color=colour, markersize=4, clip_on=False)
+    axes.axhline(values["usual"].mean(), color="0.25", linestyle="--", linewidth=1, label="the usual body")
+    axes.set(xlabel="evaluations; dots: the best walk again", ylabel="speed of the best body so far (m/s)")
+    axes.set_ylim(0.9 * values["usual"].mean(), None)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=9)
+
+
+def _bodies(axes: Any, values: Values) -> None:
+    """The usual body and the best one, from the side and from above, to the same scale."""
+    best = dict(zip(SPACE.names, values["found"].tolist(), strict=True))
+    for column, (numbers, title) in enumerate(((usual_numbers(), "the usual body"), (best, "the best found"))):
+        body = body_of(numbers)
+        assert body is not None
+        shown = dataclasses.replace(body, drive="muscles")
+        model = compile_model(shown)
+        for row, elevation in enumerate((0.0, -90.0)):
+            place = axes[row, column]
+            firing = np.zeros(len(shown.groups))
+            draw(place, model, model.key(0).qpos, firing, elevation=elevation, linewidth=1.3, ground=not row)
+            place.set_aspect("equal", adjustable="box")
+            # the whole of either body, and the floor
+            place.set(xlim=(-0.7, 0.7), ylim=(-0.7, 0.7) if row else (-0.05, 0.4))
+            place.set_axis_off()
+        axes[0, column].set_title(title)
+
+
+def _found(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
+    """The numbers that each search calls the best, as places within the bounds."""
+    rows = np.arange(SPACE.size)
+    for line, kind in enumerate(kinds):
+        places = SPACE.places(values[f"{kind} best"])
+        height = rows[None] + 0.24 * (line - 1)
+        axes.plot(places, np.broadcast_to(height, places.shape), "o", color=COLOURS[kind], markersize=4, alpha=0.8)
+        axes.plot([], [], "o", color=COLOURS[kind], markersize=4, label=METHODS[kind])
+    usual = SPACE.places(list(usual_numbers().values()))
+    axes.plot(usual, rows, "|", color="0.1", markersize=20, markeredgewidth=1.6)
+    axes.plot([], [], "|", color="0.1", markersize=9, markeredgewidth=1.6, label="the usual body")
+    axes.set_yticks(rows, list(WORDS.values()))
+    axes.set(xlim=(-0.03, 1.03), ylim=(SPACE.size - 0.5, -0.5), xlabel="the best of each search, within the bounds")
+    bounds = [f"{each.low:g} … {each.high:g}" for each in SPACE.ranges.values()]
+    bounds[-1] = ""
+    for row, text in enumerate(bounds):
+        axes.text(1.05, row, text, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color="0.4")
+        axes.axhline(row + 0.5, color="0.9", linewidth=0.7, zorder=0)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=9)
+
+
+def _helped(axes: Axes, values: Values) -> None:
+    """What each number of the best body does to the usual one, and what its loss does to the best one."""
+    usual, best = values["compared"]
+    for name, words, colour, shift in (
+        ("changed", "gained by the usual body with this number of the best", "C0", -0.14),
+        ("undone", "lost by the best body with this number of the usual", "C3", 0.14),
+    ):
+        gained = values[name] - usual if name == "changed" else best - values[name]
+        _intervals(axes, gained, np.arange(SPACE.size) + shift, colour, words)
+    axes.axvline(0.0, color="0.6", linewidth=1, zorder=0)
+    for row in range(SPACE.size):
+        axes.axhline(row + 0.5, color="0.9", linewidth=0.7, zorder=0)
+    axes.set_xlabel(f"m/s; the usual body {usual.mean():.2f}, the best {best.mean():.2f}")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9)
+
+
+def _observed(places: Any, values: Values) -> None:
+    """By how much the first of each pair is faster, stands for longer and tilts more than the second."""
+    rows = np.arange(len(PAIRS))
+    for axes, (measure, words) in zip(places, MEASURED.items(), strict=True):
+        for bodies, (label, colour, shift) in BODIES.items():
+            found = [differences(values, bodies, pair, measure) for pair in PAIRS]
+            _intervals(axes, found, rows - shift, colour, label)
+        axes.axvline(0.0, color="0.6", linewidth=1, zorder=0)
+        axes.set(xlabel=words, ylim=(len(PAIRS) - 0.5, -0.5))
+    places[0].set_yticks(rows, [COMPARED[pair] for pair in PAIRS])
+    places[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
+
+
+def _intervals(axes: Axes, found: Any, rows: np.ndarray, colour: str, label: str) -> None:
+    """Means of rows of values, with their intervals."""
+    means = [mean_of(each) for each in found]
+    error = np.array([[m.value - m.low, m.high - m.value] for m in means]).T
+    axes.errorbar(
+        [m.value for m in means], rows, xerr=error, fmt="o", color=colour, markersize=4, capsize=2, label=label
+    )
+
+
+def morphology_claims(values: Values, evaluations: int) -> Sequence[Claim]:
+    """All claims, in the order of the thesis."""
+    return (*_search_claims(values, evaluations), *_observation_claims(values), *_explanation_claims(values))
+
+
+def _search_claims(values: Values, evaluations: int) -> list[Claim]:
+    usual = values["usual"].mean()
+    cma, boltzmann, uniform = (values[f"{kind} again"].mean(axis=1) for kind in ("cma-es", "boltzmann", "uniform"))
+    gain, half, ahead = (
+        mean_of(cma - usual),
+        mean_of((boltzmann - usual) - 0.5 * (cma - usual)),
+        mean_of(boltzmann - uniform),
+    )
+    told = f"The usual body walks at {usual:.2f} m/s; each search's best was judged by walks that it had not seen."
+    return [
+        Claim(
+            "An outer loop with a global optimiser finds a faster body.",
+            "section 5.4.1",
+            f"CMA-ES, {evaluations} evaluations: speed above the usual body's, difference above 0",
+            gain,
+            gain.low > 0,
+            "m/s",
+            told,
+        ),
+        Claim(
+            "Random search with Boltzmann selection is largely ineffective.",
+            SOURCE,
+            "gains less than half of what CMA-ES gains with as many evaluations: what it gains beyond a half below 0",
+            half,
+            half.high < 0,
+            "m/s",
+            f"It gains {(boltzmann - usual).mean():.2f} m/s, CMA-ES {gain.value:.2f} m/s.",
+        ),
+        Claim(
+            "To select and perturb is better than to sample anywhere.",
+            "our own expectation",
+            "Boltzmann selection against random sampling, as many evaluations: difference above 0",
+            ahead,
+            ahead.low > 0,
+            "m/s",
+            f"Random sampling gains {(uniform - usual).mean():.2f} m/s.",
+        ),
+    ]
+
+
+def _observation_claims(values: Values) -> list[Claim]:
+    made = []
+    for bodies, words in BODY_WORDS.items():
+        base, width, mass = (mean_of(differences(values, bodies, pair, "speed")) for pair in ("base", "width", "mass"))
+        made.append(
+            Claim(
+                f"A wide heavy trunk is faster than a slim light one ({words}).",
+                SOURCE,
+                f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference above 0",
+                base,
+                base.low > 0,
+                "m/s",
+                f"Width alone {width} m/s, mass alone {mass} m/s.",
+            )
+        )
+    for bodies, words in BODY_WORDS.items():
+        joints = mean_of(differences(values, bodies, "joints", "speed"))
+        speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]
+        made.append(
+            Claim(
+                f"Vertical joints between the sections make it faster than lateral ones ({words}).",
+                SOURCE,
+                "the same body with either: difference above 0",
+                joints,
+                joints.low > 0,
+                "m/s",
+                f"{speeds[0]:.2f} m/s and {speeds[1]:.2f} m/s.",
+            )
+        )
+    return made
+
+
+def _explanation_claims(values: Values) -> list[Claim]:
+    made = []
+    for pair, words in (("base", "wide heavy trunk than with a slim light one"), ("joints", None)):
+        words = words or "vertical joint between sections than with a lateral one"
+        for bodies, of in BODY_WORDS.items():
+            more = mean_of(differences(values, bodies, pair, "duty"))
+            made.append(
+                Claim(
+                    f"Feet are on the ground for longer with a {words} ({of}).",
+                    SOURCE,
+                    "part of the time: difference above 0",
+                    more,
+                    more.low > 0,
+                    "of the time",
+                )
+            )
+    for bodies, of in BODY_WORDS.items():
+        less = mean_of(-differences(values, bodies, "base", "tilt"))
+        made.append(
+            Claim(
+                f"A wide heavy trunk tilts less than a slim light one ({of}).",
+                SOURCE,
+                "root mean square tilt against the ground: difference above 0",
+                less,
+                less.low > 0,
+                "° less",
+            )
+        )
+    return made

@@ -1,0 +1,88 @@
+"""What the experiments with growing policies have in common: a pool that gets its units one by one, and its history."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._experiment import Experiment, Workspace
+from motorgrad.experiments._films import recorded_policies
+from motorgrad.tasks import Task
+from motorgrad.training import AgentSettings, Run, settings_for
+
+RATES = {"centre": 1e-4, "log_width": 5e-4}
+INTERVAL = 10_000
+SETTLED = 0.24
+"""The part of each interval in which the newest unit no longer shrinks: 2,412 of 10,000 decisions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class GrowingStudy(Experiment):
+    """Learners that grow.
+
+    **Arguments:**
+
+    - `units`: of the pool, which is full in the end.
+    - `seeds`: learners, each by itself.
+    """
+
+    units: int = 20
+    seeds: int = 24
+
+    def __post_init__(self) -> None:
+        check(2 <= self.units <= 1_000, "units", self.units, "in 2 … 1,000")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(units=4, seeds=3)
+
+    @property
+    def decisions(self) -> int:
+        """Of learning: a whole interval for each unit."""
+        return INTERVAL * self.units
+
+    def growing(self, task: Task, **changes: Any) -> AgentSettings:
+        """The constructive learner of section 6.4.4, whose numbers are the defaults, or a changed one."""
+        return settings_for(task, **{"policy": "growing", "rates": RATES, **changes})
+
+    def learnt(self, work: Workspace, task: Task, settings: AgentSettings) -> Run:
+        return work.train(task, settings, self.decisions, self.seeds)
+
+    def counts(self, wanted: tuple[int, ...]) -> tuple[int, ...]:
+        """Of these numbers of units those that are reached."""
+        return tuple(count for count in wanted if count <= self.units)
+
+
+def after_units(decision: np.ndarray, values: np.ndarray, units: int) -> np.ndarray:
+    """The mean of a curve in the learning phase that follows each addition by the clock, when the newest unit has
+    stopped shrinking and the next is not there yet: `(seeds, records)` to `(seeds, units)`."""
+    phase = np.stack([learning_phase(decision, unit) for unit in range(units)])
+    return np.stack([values[:, rows].mean(1) for rows in phase], axis=1)
+
+
+def learning_phase(decision: np.ndarray, unit: int) -> np.ndarray:
+    """Which records lie wholly in the learning phase after the unit of this number, from 0, was added by the clock."""
+    end = (unit + 1) * INTERVAL
+    return (decision - decision[0] >= end - SETTLED * INTERVAL) & (decision <= end)
+
+
+def disturbance(decision: np.ndarray, values: np.ndarray, units: int) -> np.ndarray:
+    """How much less a curve is in the first record after each addition by the clock than in the last before it,
+    `(seeds, units − 1)`."""
+    last = np.array([np.flatnonzero(decision <= unit * INTERVAL)[-1] for unit in range(1, units)])
+    return values[:, last] - values[:, last + 1]
+
+
+def grown_policies(run: Run, counts: Sequence[int]) -> Any:
+    """The policies of all seeds that grow by the clock, just before the next unit acts after each of these: along a
+    leading axis, seeds along the second. A record at an addition has the new unit too, at its start; it is left off.
+    """
+    decision = run.curve()[0]
+    policies = recorded_policies(run, [int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
+    active = jnp.arange(policies.active.shape[-1]) < jnp.asarray(counts)[:, None, None]
+    return eqx.tree_at(lambda each: each.active, policies, jnp.broadcast_to(active, policies.active.shape))

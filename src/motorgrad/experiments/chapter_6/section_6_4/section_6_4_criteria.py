@@ -1,0 +1,183 @@
+"""Section 6.4.3: when to add a unit, and when to stop."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, mean_of, median_of, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowingStudy, learning_phase
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
+from motorgrad.tasks import FallingParticle
+
+END = 0.05  # of the decisions, the last, over which the end is averaged
+QUIET = 0.1  # of the decisions, the last, without an addition: then growth has stopped
+WAYS: dict[str, dict[str, Any]] = {
+    "clock": {},
+    "first": {"growth": "plateau", "growth_patience": 1},
+    "plateau": {"growth": "plateau"},
+    "short": {"growth": "plateau", "growth_window": 2_000, "growth_patience": 6},
+}
+WORDS = {
+    "clock": "by the clock, every 10,000 decisions",
+    "first": "at a plateau; stops at the first unit that brings nothing",
+    "plateau": "at a plateau; stops after three in a row (the default)",
+    "short": "at a plateau of 2,000 decisions; stops after six in a row",
+}
+LEAST = 5  # seeds, for a mean over those that had so many units
+
+
+@dataclasses.dataclass(frozen=True)
+class Criteria(GrowingStudy):
+    """When the next unit is added, and when none is added any more: by the clock, or once the reward no longer rises by
+    more than its interval. Every learner has the same number of decisions, in the layouts R3 and R1: its reward over
+    decisions and against its units, how many units it ends with, and when the last of them came.
+
+    **Arguments:**
+
+    - `units`: of the pool; growth by the clock fills it.
+    - `seeds`: learners by each criterion.
+    - `layouts`: of rewards, by name.
+    """
+
+    name: ClassVar[str] = "sec-6.4-criteria"
+    title: ClassVar[str] = "when to add a unit, and when to stop"
+    source: ClassVar[str] = "section 6.4"
+
+    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(units=4, seeds=3, layouts=("R3",))
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for layout in self.layouts:
+            task = FallingParticle(layout=layout, units=self.units)
+            for way, changes in WAYS.items():
+                run = self.learnt(work, task, self.growing(task, **changes))
+                found["decision"], found[f"{layout} {way} reward"] = run.curve()
+                found[f"{layout} {way} units"] = run.curve("units")[1]
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_criteria(values, self.layouts, WORDS, INTERVAL)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return [claim for layout in self.layouts for claim in self._of(values, layout)]
+
+    def _of(self, values: Values, layout: str) -> list[Claim]:
+        ends = {way: final_reward(values, layout, way) for way in WAYS}
+        lives = {way: values[f"{layout} {way} reward"].mean(1) for way in WAYS}
+        sizes = {way: values[f"{layout} {way} units"][:, -1] for way in WAYS}
+        naive = mean_of(ends["first"] - ends["clock"])
+        made = [
+            Claim(
+                f"To stop once a unit brings no improvement is naive: it stops too early ({layout}).",
+                "section 6.4.3",
+                "less reward at the end than by the clock: difference below 0",
+                naive,
+                naive.high < 0,
+                "reward per decision",
+                f"{median_of(sizes['first'])} units; {ends['first'].mean():.3f} and {ends['clock'].mean():.3f}.",
+            )
+        ]
+        for way in ("plateau", "short"):
+            units = values[f"{layout} {way} units"]
+            quiet = units[:, values["decision"] <= (1 - QUIET) * values["decision"][-1]][:, -1] == units[:, -1]
+            stopped = share_of((sizes[way] < self.units) & quiet)
+            lost, life = mean_of(ends[way] - ends["clock"]), mean_of(lives[way] - lives["clock"])
+            late = "Its window and patience were chosen by other seeds, 100 to 123. " if way == "short" else ""
+            made += [
+                Claim(
+                    f"It stops by itself before the pool is full ({layout}; {WORDS[way]}).",
+                    "sections 6.4.1 and 6.4.3, which leave the criterion open; ours",
+                    f"fewer than {self.units} units, and none added in the last tenth of all decisions: in most seeds",
+                    stopped,
+                    stopped.low > 0.5,
+                    note=f"{median_of(sizes[way])} units; the last came after {last_added(values, layout, way)} "
+                    "decisions.",
+                ),
+                Claim(
+                    f"With these it earns as much in the end ({layout}; {WORDS[way]}).",
+                    "our own expectation",
+                    "the interval of the difference from the clock's reward is above −0.02",
+                    lost,
+                    lost.low > -0.02,
+                    "reward per decision",
+                    f"{late}{ends[way].mean():.3f}, by the clock {ends['clock'].mean():.3f}.",
+                ),
+                Claim(
+                    f"Over all its practice it earns more, as it is disturbed less ({layout}; {WORDS[way]}).",
+                    "our own expectation",
+                    "more reward over all decisions than by the clock: difference above 0",
+                    life,
+                    life.low > 0,
+                    "reward per decision",
+                    f"{late}{lives[way].mean():.3f}, by the clock {lives['clock'].mean():.3f}.",
+                ),
+            ]
+        return made
+
+
+def final_reward(values: Values, layout: str, way: str) -> np.ndarray:
+    """Mean reward over the last decisions, `(seeds,)`; by the clock these are after the last unit has settled."""
+    late = values["decision"] > (1 - END) * values["decision"][-1]
+    if way == "clock":
+        late = learning_phase(values["decision"], round(values["decision"][-1] / INTERVAL) - 1)
+    return values[f"{layout} {way} reward"][:, late].mean(1)
+
+
+def last_added(values: Values, layout: str, way: str) -> str:
+    """When the last unit was added, the median over seeds, in words."""
+    units = values[f"{layout} {way} units"]
+    return f"{np.median(values['decision'][(units == units[:, -1:]).argmax(1)]):,.0f}"
+
+
+def draw_criteria(values: Values, layouts: Sequence[str], words: Mapping[str, str], interval: int) -> Figure:
+    """For each layout: reward over decisions, units over decisions, and reward against units."""
+    from matplotlib.ticker import MaxNLocator
+
+    figure = new_figure(10, 6.6)
+    axes: Any = figure.subplots(len(layouts), 3, squeeze=False, sharey="col")
+    thousands = values["decision"] / 1e3
+    span = max(1, round(interval / values["decision"][0]))
+    for row, layout in zip(axes, layouts, strict=True):
+        for number, way in enumerate(words):
+            reward, units = values[f"{layout} {way} reward"], values[f"{layout} {way} units"]
+            draw_band(row[0], thousands, reward, f"C{number}", words[way], span)
+            draw_band(row[1], thousands, units, f"C{number}", words[way])
+            _by_units(row[2], reward, units, f"C{number}", least=round(0.8 * span))
+        row[0].set_ylabel(f"{layout}: reward, last {interval:,} decisions")
+        row[1].set(ylabel="units", ylim=(0, None))
+        row[2].set(ylabel="reward")
+    axes[0, 1].set_title("units over time", fontsize=10)
+    axes[0, 2].set_title("reward at the end of so many units", fontsize=10)
+    for each in axes[:, 1]:
+        each.yaxis.set_major_locator(MaxNLocator(integer=True))
+    for each, label in zip(axes[-1], ("thousand decisions", "thousand decisions", "units"), strict=True):
+        each.set_xlabel(label)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8.5)
+    return figure
+
+
+def _by_units(axes: Axes, reward: np.ndarray, units: np.ndarray, colour: str, least: int) -> None:
+    """The reward at the end of the time with so many units, mean and interval over the seeds that had so many for at
+    least so many records: longer than the newest took to shrink."""
+    count, found = [], []
+    for number in range(1, int(units.max()) + 1):
+        there = (units == number).sum(1) >= least
+        if there.sum() < LEAST:
+            continue
+        last = [
+            row[np.flatnonzero(had == number)[-2:]].mean() for row, had in zip(reward[there], units[there], strict=True)
+        ]
+        count.append(number)
+        found.append(mean_of(last))
+    if count:
+        error = [[each.value - each.low for each in found], [each.high - each.value for each in found]]
+        axes.errorbar(count, [each.value for each in found], error, fmt="o-", markersize=3, color=colour, linewidth=1)

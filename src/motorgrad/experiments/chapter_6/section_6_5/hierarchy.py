@@ -1,0 +1,280 @@
+"""Section 6.5.4: sub-policies that act only while the unit above them fires."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
+from motorgrad.policies import Gated, Policy, split
+from motorgrad.sim import draw_paths, draw_reward
+from motorgrad.tasks import FallingParticle, Region
+from motorgrad.training import AgentSettings, settings_for
+
+LEFT, RIGHT, NONE = (-0.4, 0.0), (0.4, 0.0), (0.0, 0.0)
+LINES: tuple[Region, ...] = ((1.0, 0.25, 0.65, 0.06, 0.15), (1.0, 0.75, 0.15, 0.06, 0.15))
+"""Two upright lines of reward, one above to the left and one below to the right: what to do depends on the height."""
+
+RATES = {"centre": 2e-4, "log_width": 8e-4, "weights": 1.6e-2, "bias": 1.6e-2}
+END = 0.05  # of the decisions, the last, over which the end is averaged
+GRID = 61
+FORCES = {
+    "ungated": (LEFT, RIGHT),
+    "gated": (NONE,) * 2 + (LEFT, RIGHT) * 2,
+    "deep": (NONE,) * 2 + ((NONE,) * 2 + (LEFT, RIGHT) * 2) * 2,
+}
+"""Of each unit, in the order of an action; gates push nowhere."""
+
+WORDS = {
+    "ungated": "two hyperplanes for the whole box",
+    "gated": "two gates, two hyperplanes behind each",
+    "flat gated": "local units, as many parameters",
+    "deep": "two gates behind each of two gates, two hyperplanes behind each",
+    "flat deep": "local units, as many parameters as that",
+}
+GATES: dict[str, dict[str, Any]] = {"gated": {"gates": 2}, "deep": {"gates": 2, "levels": 2}}
+SMOOTH = 10  # records
+CURVES = {
+    "ungated": ("0.5", "-"),
+    "gated": ("C0", "-"),
+    "flat gated": ("C0", ":"),
+    "deep": ("C3", "-"),
+    "flat deep": ("C3", ":"),
+}
+LEVELS = ("#222222", "#B07500")
+
+
+@dataclasses.dataclass(frozen=True)
+class Hierarchy(Experiment):
+    """A hierarchy: gates, local units in the plane of the falling particle, and behind each of them two hyperplane
+    units that push to the left and to the right only while the gate fires; and one with gates behind gates. All are
+    learnt together, in a layout in which different things are to be done above and below. Beside them are the same two
+    units without gates, and pools of local units with as many parameters.
+
+    **Arguments:**
+
+    - `decisions`: of learning.
+    - `seeds`: learners of each kind.
+    - `drawn` (episodes): paths in each picture.
+    """
+
+    name: ClassVar[str] = "sec-6.5.4-hierarchy"
+    title: ClassVar[str] = "sub-policies behind gates"
+    source: ClassVar[str] = "section 6.5.4"
+
+    decisions: int = 200_000
+    seeds: int = 24
+    drawn: int = 10
+
+    def __post_init__(self) -> None:
+        check(400 <= self.decisions <= 10**9, "decisions", self.decisions, "in 400 … 1,000,000,000")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=2_000, seeds=3, drawn=3)
+
+    def learner(self, name: str) -> tuple[FallingParticle, AgentSettings]:
+        """A task with the forces of a policy's units, and the policy's learner."""
+        if name.startswith("flat "):
+            count = round(parameter_count(self.learner(name.removeprefix("flat "))) / 4)
+            task = FallingParticle(regions=LINES, units=count)
+            return task, settings_for(task, policy_settings={"copies": 1, "width": 0.3})
+        forces = FORCES[name]
+        task = FallingParticle(regions=LINES, units=len(forces), forces=forces)
+        start = {"policy": "hyperplanes", "policy_settings": None}
+        if name in GATES:
+            start = {"policy": "gated", "policy_settings": GATES[name]}
+        rates = RATES if name in GATES else {group: RATES[group] for group in ("weights", "bias")}
+        return task, settings_for(task, **start, rates=rates)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"parameters": np.array([parameter_count(self.learner(name)) for name in WORDS])}
+        for name in WORDS:
+            task, settings = self.learner(name)
+            run = work.train(task, settings, self.decisions, self.seeds)
+            found["decision"], reward = run.curve()
+            late = found["decision"] > (1 - END) * found["decision"][-1]
+            found |= {f"{name} reward": reward, f"{name} end": reward[:, late].mean(1)}
+            if name not in GATES:
+                continue
+            policies: Any = run.policies
+            before: Any = run.initial
+            found[f"{name} moved"] = np.linalg.norm(policies.gate.centre - before.gate.centre, axis=-1).mean(1)
+            if name == "gated":
+                found["turned"] = gate_difference(policies)
+            row = median_row(found[f"{name} end"])
+            policy = policy_at(policies, row)
+            shown = {"row": np.array(row), **stored_paths(task, policy, self.drawn), **gate_maps(policy)}
+            found |= prefixed(name, shown)
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_hierarchy(values, {name: self.learner(name)[0] for name in GATES}, WORDS)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        ends = {name: values[f"{name} end"] for name in WORDS}
+        counts = dict(zip(WORDS, values["parameters"], strict=True))
+        made = []
+        for better, worse, statement, source in (
+            ("gated", "ungated", "Gates are of use: what to do is learnt in each region by itself.", "section 6.5.4"),
+            ("deep", "gated", "So are gates behind gates.", "section 6.5.4"),
+            ("gated", "flat gated", "A hierarchy learns better than as many parameters in one pool.", "section 6.5.4"),
+            ("deep", "flat deep", "So does one of two levels.", "section 6.5.4"),
+        ):
+            gain = mean_of(ends[better] - ends[worse])
+            made.append(
+                Claim(
+                    statement,
+                    f"{source}, which proposes hierarchies",
+                    f"more reward at the end: {WORDS[better]}, against {WORDS[worse]}: difference above 0",
+                    gain,
+                    gain.low > 0,
+                    "reward per decision",
+                    f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
+                    f"{counts[worse]}.",
+                )
+            )
+        moved, turned = mean_of(values["gated moved"]), mean_of(values["turned"])
+        return [
+            *made,
+            Claim(
+                "Gates are learnt: they move to their regions.",
+                "section 6.5.4",
+                "distance from where they began, the mean of both: above 0.05",
+                moved,
+                moved.low > 0.05,
+                "of the box",
+            ),
+            Claim(
+                "Behind each gate something else is learnt.",
+                "section 6.5.4",
+                "where the two pools behind the gates push, seen at the same places: mean difference above 0.1 of the "
+                "force",
+                turned,
+                turned.low > 0.1,
+                "of the force",
+            ),
+        ]
+
+
+def parameter_count(learner: tuple[FallingParticle, AgentSettings]) -> int:
+    """How many numbers a learner learns."""
+    policy: Any = learner[1].agent(learner[0]).policy
+    return sum(leaf.size for leaf in jax.tree.leaves(split(policy)[0]))
+
+
+def push(branch: Policy, places: Any) -> np.ndarray:
+    """Where a pool of one unit to the left and one to the right pushes, from −1 to 1, `(places,)`."""
+    fires = np.asarray(jax.vmap(branch.prob)(jnp.asarray(places, jnp.float32)))
+    return fires[:, 1] - fires[:, 0]
+
+
+def gate_difference(policies: Any) -> np.ndarray:
+    """How differently the two pools behind two gates push, the mean over the box, `(seeds,)`."""
+    found = []
+    for row in range(len(policies.gate.centre)):
+        first, second = (push(branch, grid()) for branch in policy_at(policies, row).branches)
+        found.append(np.abs(first - second).mean())
+    return np.array(found)
+
+
+def grid() -> np.ndarray:
+    """Places all over the box, `(places, 2)`."""
+    side = np.linspace(0, 1, GRID)
+    return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+
+
+def gate_maps(policy: Gated) -> Values:
+    """For every pool of units at the end of a hierarchy: where its gates are open, and where it pushes then; and all
+    gates' centres and widths by level."""
+    pools, gates = list(_leaves(policy, np.ones(GRID**2))), list(_gates(policy, 0))
+    return {
+        "open": np.stack([open_ for open_, _ in pools]).reshape(-1, GRID, GRID),
+        "push": np.stack([pushes for _, pushes in pools]).reshape(-1, GRID, GRID),
+        "level": np.concatenate([np.full(len(centre), level) for level, centre, _ in gates]),
+        "centre": np.concatenate([centre for _, centre, _ in gates]),
+        "width": np.concatenate([width for _, _, width in gates]),
+    }
+
+
+def _leaves(policy: Any, above: np.ndarray) -> Any:
+    fires = np.asarray(jax.vmap(policy.gate.prob)(jnp.asarray(grid(), jnp.float32)))
+    for gate, branch in enumerate(policy.branches):
+        open_ = above * fires[:, gate]
+        if isinstance(branch, Gated):
+            yield from _leaves(branch, open_)
+        else:
+            yield open_, push(branch, grid())
+
+
+def _gates(policy: Any, level: int) -> Any:
+    yield level, np.asarray(policy.gate.centre), np.exp(np.asarray(policy.gate.log_width))
+    for branch in policy.branches:
+        if isinstance(branch, Gated):
+            yield from _gates(branch, level + 1)
+
+
+def draw_hierarchy(values: Values, tasks: Mapping[str, FallingParticle], words: Mapping[str, str]) -> Figure:
+    """For each hierarchy: its gates with paths, and where each pool at its end acts and pushes; the reward of all."""
+
+    figure = new_figure(11, 7.2)
+    halves: Any = figure.subfigures(2, 1, height_ratios=[1.65, 1])
+    above, below = halves
+    shown: Any = None
+    rows: Any = above.subplots(len(tasks), 5)
+    for axes, (name, task) in zip(rows, tasks.items(), strict=True):
+        pools = len(values[f"{name} open"])
+        _draw_gates(axes[0], values, name, task)
+        axes[0].set_title(f"{len(values[f'{name} level'])} gates, paths: seed {int(values[f'{name} row'])}", fontsize=9)
+        for number, panel in enumerate(axes[1:]):
+            if number >= pools:
+                panel.set_axis_off()
+                continue
+            shown = _draw_pool(panel, values[f"{name} open"][number], values[f"{name} push"][number])
+            panel.set_title(f"pool {number + 1} of {pools}", fontsize=9)
+    above.colorbar(shown, ax=rows, shrink=0.6, label="push to the right,\ntimes how open")
+    _draw_curves(below.subplots(), values, words)
+    return figure
+
+
+def _draw_gates(axes: Axes, values: Values, name: str, task: FallingParticle) -> None:
+    """The reward, paths, and each gate's ellipse of one width, by level."""
+    from matplotlib.patches import Ellipse
+
+    draw_reward(axes, task)
+    draw_paths(axes, np.split(values[f"{name} paths"], values[f"{name} ends"][:-1]))
+    rows = zip(*(values[f"{name} {part}"] for part in ("level", "centre", "width")), strict=True)
+    for level, centre, width in rows:
+        ellipse = Ellipse(tuple(centre), *(2 * width), fill=False, color=LEVELS[level % 2], linewidth=2 - level % 2)
+        axes.add_patch(ellipse)
+
+
+def _draw_pool(axes: Axes, opened: np.ndarray, push: np.ndarray) -> Any:
+    """Where a pool pushes to the left (blue) and to the right (red), as much as its gates are open."""
+    shown = axes.imshow(opened * push, origin="lower", extent=(0, 1, 0, 1), cmap="RdBu_r", vmin=-1, vmax=1)
+    axes.contour(
+        opened, [0.25, 0.5, 0.75], extent=(0, 1, 0, 1), colors="0.3", linewidths=(0.6, 1.2, 0.6), linestyles="-"
+    )
+    axes.set(xticks=(), yticks=())
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+    return shown
+
+
+def _draw_curves(axes: Axes, values: Values, words: Mapping[str, str]) -> None:
+    counts = dict(zip(words, values["parameters"], strict=True))
+    for name, (colour, line) in CURVES.items():
+        label = f"{words[name]} ({counts[name]} parameters)"
+        draw_band(axes, values["decision"] / 1e3, values[f"{name} reward"], colour, label, SMOOTH, line)
+    axes.set(xlabel="thousand decisions", ylabel="reward per decision")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)

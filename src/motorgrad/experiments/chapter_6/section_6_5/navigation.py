@@ -1,0 +1,204 @@
+"""Section 6.5.4: a flow field that is learnt leads round an obstacle to a goal."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, mean_of, moving_mean, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
+from motorgrad.policies import Policy
+from motorgrad.sim import draw_paths, draw_reward
+from motorgrad.tasks import ParticleNavigation
+from motorgrad.training import Evaluation, Run, evaluate, settings_for
+
+RATES = {"own": None, "half": {"centre": 1e-4, "log_width": 4e-4}}
+WORDS = {"own": "the task's own step sizes", "half": "half of them"}
+ARRIVES = 0.9  # of the episodes: then a seed has found its way
+SMOOTH = 5  # records
+NOTHING = 1e-6  # a force below this is rounding
+
+
+@dataclasses.dataclass(frozen=True)
+class Navigation(Experiment):
+    """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, come
+    to a field of forces that leads it there. How many episodes end at the goal, how soon, and what the obstacle
+    takes; and the expected force of a typical seed over the plane, before and after.
+
+    **Arguments:**
+
+    - `decisions`: of learning.
+    - `seeds`: learners with each step size.
+    - `watched` (decisions): for which the frozen policies are watched.
+    - `drawn` (episodes): paths in each picture.
+    """
+
+    name: ClassVar[str] = "sec-6.5.4-navigation"
+    title: ClassVar[str] = "a flow field for navigation"
+    source: ClassVar[str] = "section 6.5.4"
+
+    decisions: int = 200_000
+    seeds: int = 24
+    watched: int = 10_000
+    drawn: int = 8
+
+    def __post_init__(self) -> None:
+        check(400 <= self.decisions <= 10**9, "decisions", self.decisions, "in 400 … 1,000,000,000")
+        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        check(1_000 <= self.watched <= 10**7, "watched", self.watched, "in 1,000 … 10,000,000 decisions")
+        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
+
+    def learnt(self, work: Workspace, name: str) -> Run:
+        """The runs with some step sizes."""
+        task = ParticleNavigation()
+        settings = settings_for(task, **({} if RATES[name] is None else {"rates": RATES[name]}))
+        return work.train(task, settings, self.decisions, self.seeds)
+
+    def films(self, work: Workspace) -> Mapping[str, Run]:
+        return {"animation": self.learnt(work, "half")}
+
+    def run(self, work: Workspace) -> Values:
+        task, found = ParticleNavigation(), {}
+        for name in RATES:
+            run = self.learnt(work, name)
+            found |= {"decision": run.curve()[0], f"{name} arrivals": arrival_shares(run.metrics, self.seeds)}
+            found |= prefixed(name, frozen_outcome(evaluate(run, self.watched)))
+            if name == "half":
+                found |= prefixed("before", frozen_outcome(evaluate(run, self.watched, untrained=True)))
+                row = median_row(found["half reward"])
+                found["row"] = np.array(row)
+                for when, policies in (("before", run.initial), ("after", run.policies)):
+                    policy = policy_at(policies, row)
+                    shown = {"flow": flow(policy, task, found.setdefault("places", flow_places()))}
+                    # before learning paths wander until they are cut, and a few hide all
+                    count = self.drawn if when == "after" else min(self.drawn, 2)
+                    found |= prefixed(when, shown | stored_paths(task, policy, count))
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_navigation(values, ParticleNavigation(), WORDS)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        before, made = values["before share"], []
+        for name, words in WORDS.items():
+            after = values[f"{name} share"]
+            more, less = mean_of(after - before), mean_of(values[f"{name} cost"] - values["before cost"])
+            found = share_of(after >= ARRIVES)
+            made += [
+                Claim(
+                    f"A flow field is learnt that leads to the goal ({words}).",
+                    "section 6.5.4",
+                    "more episodes end at the goal than before learning: difference of shares above 0",
+                    more,
+                    more.low > 0,
+                    "of the episodes",
+                    f"{before.mean():.0%} before, {after.mean():.0%} after.",
+                ),
+                Claim(
+                    f"It does so in every run ({words}).",
+                    "our own expectation",
+                    f"seeds in which at least {ARRIVES:.0%} of the episodes end at the goal: all",
+                    found,
+                    found.value == 1,
+                    note=f"Seeds in which none does: {int((after == 0).sum())}.",
+                ),
+                Claim(
+                    f"It leads past the obstacle ({words}).",
+                    "section 6.5.4",
+                    "what the obstacle takes per decision is less than before learning: difference below 0",
+                    less,
+                    less.high < 0,
+                    "reward per decision",
+                    f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
+                    f"episode {values['before cost per episode'].mean():.2f} and "
+                    f"{values[f'{name} cost per episode'].mean():.2f}.",
+                ),
+            ]
+        sooner = mean_of(values["half arrival"] - values["before arrival"])
+        made.append(
+            Claim(
+                "It leads there sooner.",
+                "section 6.5.4",
+                "decisions to the goal, where it is reached, fewer than before learning (half step sizes): below 0",
+                sooner,
+                sooner.high < 0,
+                "decisions",
+                f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
+            )
+        )
+        return made
+
+
+def flow_places() -> np.ndarray:
+    """Where the flow is drawn, `(places, 2)`."""
+    side = (np.arange(16) + 0.5) / 16
+    return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+
+
+def flow(policy: Policy, task: Any, at: np.ndarray) -> np.ndarray:
+    """The expected force at each place, `(places, 2)`."""
+    fires = jax.vmap(policy.prob)(jnp.asarray(at, jnp.float32))
+    return np.asarray(fires) @ np.asarray(task.dynamics.forces)
+
+
+def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
+    """Of the episodes that ended within each record, the share that ended at the goal, `(seeds, records)`; that of the
+    record before where none ended."""
+    ended, arrived = (metrics[name].to_numpy().reshape(-1, seeds).T for name in ("episodes", "arrival_count"))
+    share = np.where(ended > 0, arrived / np.maximum(ended, 1), np.nan)
+    for record in range(1, share.shape[1]):
+        share[:, record] = np.where(np.isnan(share[:, record]), share[:, record - 1], share[:, record])
+    return np.nan_to_num(share)
+
+
+def frozen_outcome(outcome: Evaluation) -> Values:
+    """What was seen of frozen policies, of each seed; decisions to the goal are the time limit where none arrived."""
+    ended, arrived = (outcome.metrics[name].to_numpy() for name in ("episodes", "arrival_count"))
+    decisions = len(outcome.time)
+    return {
+        "reward": outcome.reward,
+        "share": arrived / np.maximum(ended, 1),
+        "arrival": np.nan_to_num(outcome.readings["arrival"], nan=float(ParticleNavigation().time_limit)),
+        "cost": outcome.readings["cost"],
+        "cost per episode": outcome.readings["cost"] * decisions / np.maximum(ended, 1),
+    }
+
+
+def draw_navigation(values: Values, task: ParticleNavigation, words: Mapping[str, str]) -> Figure:
+    """The expected force and paths before and after learning, and the share of episodes that end at the goal."""
+
+    figure = new_figure(11, 4.1)
+    axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
+    for panel, when in zip(axes, ("before", "after"), strict=False):
+        draw_reward(panel, task)
+        flow = values[f"{when} flow"]
+        most = float(np.linalg.norm(flow, axis=1).max())
+        if most > NOTHING:
+            x, y = values["places"].T
+            panel.quiver(x, y, *flow.T, color="#0061B0", width=0.0045, scale=16 * most, zorder=1.5, alpha=0.75)
+        draw_paths(panel, np.split(values[f"{when} paths"], values[f"{when} ends"][:-1]))
+    axes[0].set_title("before learning: forces cancel; paths", fontsize=10)
+    axes[1].set_title(f"learnt, seed {int(values['row'])}: mean force, paths", fontsize=10)
+    _arrivals(axes[2], values, words)
+    return figure
+
+
+def _arrivals(axes: Axes, values: Values, words: Mapping[str, str]) -> None:
+    """All seeds, and their mean."""
+    thousands = values["decision"] / 1e3
+    for (name, label), colour in zip(words.items(), ("C1", "C0"), strict=True):
+        shares, at = moving_mean(values[f"{name} arrivals"], SMOOTH), thousands[SMOOTH - 1 :]
+        axes.plot(at, shares.T, color=colour, linewidth=0.5, alpha=0.35)
+        axes.plot(at, shares.mean(0), color=colour, linewidth=2.2, label=label)
+    axes.set(xlabel="thousand decisions", ylabel="episodes that end at the goal", ylim=(0, 1.02))
+    axes.legend(title="thin: every seed, thick: mean", loc="lower right", fontsize=8, title_fontsize=8)

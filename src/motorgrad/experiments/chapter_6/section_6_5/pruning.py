@@ -1,0 +1,164 @@
+"""Section 6.5.4: units that take no part, and what becomes of the policy without them."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
+from motorgrad.experiments.chapter_6.figure_6_5 import JUNK
+from motorgrad.policies import LocalGaussians, Masked, activity, prune, reach
+from motorgrad.sim import trajectories
+from motorgrad.tasks import FallingParticle, Region, region_reward
+
+ROUND = 4096  # places
+KEPT = 0.005  # reward per decision that may be lost or won
+SIDES = ((0.0, 1.0), (0.0, 1.0))  # of the box
+
+
+@dataclasses.dataclass(frozen=True)
+class Pruning(LayoutStudy):
+    """Of the policies that were learnt in R1 and R2, units that hardly ever fire on the learner's own paths are taken
+    away, and what is left acts from the same starts with the same random numbers. The bound is the expected number of
+    firings in an episode: without such a unit no more episodes than that, as a share, go otherwise.
+
+    **Arguments:**
+
+    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `seeds`: learners of each layout.
+    - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
+    - `looks` (episodes): over which activity is averaged; other ones, as many, judge.
+    - `bounds`: expected firings in an episode below which units are taken away; the first is that of junk.
+    """
+
+    name: ClassVar[str] = "sec-6.5.4-pruning"
+    title: ClassVar[str] = "pruning of junk units"
+    source: ClassVar[str] = "section 6.5.4"
+
+    looks: int = 400
+    bounds: tuple[float, ...] = (JUNK, 0.5, 2.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(10 <= self.looks <= 10**6, "looks", self.looks, "in 10 … 1,000,000 episodes")
+        valid = len(self.bounds) > 0 and list(self.bounds) == sorted(set(self.bounds)) and self.bounds[0] > 0
+        check(valid, "bounds", self.bounds, "positive numbers, rising")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"bounds": np.array(self.bounds)}
+        for layout in self.layouts:
+            task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
+            work.say(f"prunes what was learnt in {layout}")
+            each = [self._pruned(task, policy_at(run.policies, row)) for row in range(self.seeds)]
+            found |= {f"{layout} {name}": np.stack([made[name] for made in each]) for name in each[0]}
+        return found
+
+    def _pruned(self, task: FallingParticle, policy: LocalGaussians) -> Values:
+        """Of one policy: its units, and its reward with all of them and with those that each bound leaves."""
+        whole = Masked(policy, jnp.ones(policy.outputs, bool))
+        seen = trajectories(task, whole, self.looks, seed=1)
+        at = np.concatenate([path[:-1] for path in seen])
+        firing = np.asarray(activity(whole, at)) * len(at) / self.looks
+        before = trajectories(task, whole, self.looks, seed=2)
+        rewards, changed = [_reward(task, before)], []
+        for bound in self.bounds:
+            after = trajectories(task, prune(whole, firing >= bound), self.looks, seed=2)
+            rewards.append(_reward(task, after))
+            changed.append(np.mean([not np.array_equal(a, b) for a, b in zip(before, after, strict=True)]))
+        return {
+            "firing": firing,
+            "reach": np.asarray(reach(policy, *np.transpose(SIDES))),
+            "centre": np.asarray(policy.centre),
+            "reward": np.array(rewards),
+            "changed": np.array(changed),
+        }
+
+    def figure(self, values: Values) -> Figure:
+
+        figure = new_figure(9, 3.8)
+        units, kept = figure.subplots(1, 2)
+        for colour, layout in zip(("C0", "C1", "C2"), self.layouts, strict=False):
+            firing = values[f"{layout} firing"]
+            units.plot(np.sort(firing.ravel()), np.arange(1, firing.size + 1) / len(firing), color=colour, label=layout)
+            change = values[f"{layout} reward"][:, 1:] - values[f"{layout} reward"][:, :1]
+            means = [mean_of(each) for each in change.T]
+            error = [[m.value - m.low for m in means], [m.high - m.value for m in means]]
+            kept.errorbar(values["bounds"], [m.value for m in means], error, fmt="o-", color=colour, label=layout)
+        units.axvline(values["bounds"][0], color="0.5", linewidth=0.8, linestyle="--")
+        units.text(values["bounds"][0] * 0.9, 7.8, "junk", color="0.4", ha="right", va="top")
+        units.set(xscale="log", xlim=(1e-4, 30), ylim=(0, 8.2))
+        units.set(xlabel="expected firings in an episode", ylabel="units that fire less often, of 8")
+        units.legend(loc="center left")
+        kept.axhline(0, color="0.7", linewidth=0.8)
+        kept.set(xscale="log", xlabel="pruned below so many firings in an episode", ylabel="change of reward")
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made = []
+        for layout in self.layouts:
+            firing, reward = values[f"{layout} firing"], values[f"{layout} reward"]
+            junk = firing < values["bounds"][0]
+            change = mean_of(reward[:, 1] - reward[:, 0])
+            allowed = (firing * junk).sum(1)
+            most = mean_of(values[f"{layout} changed"][:, 0] - allowed)
+            beyond = outside(values[f"{layout} centre"])
+            useful = share_of(~junk[beyond]) if beyond.any() else share_of([False])
+            made += [
+                Claim(
+                    f"Junk units can be pruned: the reward stays ({layout}).",
+                    "section 6.3.1",
+                    f"change of reward within {KEPT:g} with the interval",
+                    change,
+                    change.low >= -KEPT and change.high <= KEPT,
+                    "per decision",
+                    f"Less than once in {1 / values['bounds'][0]:g} episodes fire {junk.sum(1).mean():.2f} of 8 units; "
+                    f"the reward is {reward[:, 0].mean():.3f}.",
+                ),
+                Claim(
+                    f"No more episodes go otherwise than their expected firings allow ({layout}).",
+                    "the bound on the page about pruning",
+                    "share of episodes that changed, less the expected firings of what was taken away: not above 0",
+                    most,
+                    most.low <= 0,
+                ),
+                Claim(
+                    f"A unit beyond a wall takes no part ({layout}).",
+                    "section 6.3.1",
+                    "share of units with the centre out of the box that fire more often than junk: below one half",
+                    useful,
+                    useful.high < 0.5,
+                    note=f"{beyond.sum(1).mean():.2f} of 8 units are out of the box; "
+                    f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} fire nowhere in it with a "
+                    f"probability of {values['bounds'][0]:g}.",
+                ),
+            ]
+        return made
+
+
+def _reward(task: FallingParticle, paths: Sequence[np.ndarray]) -> float:
+    """Mean reward per decision along paths; the reward is a function of the place alone."""
+    places = np.concatenate([path[1:] for path in paths])
+    # of few different lengths, for which it is compiled
+    padded = np.pad(places, ((0, -len(places) % ROUND), (0, 0)), constant_values=np.nan)
+    return float(np.nanmean(_paid(task.places, padded)))
+
+
+@functools.cache
+def _payer(regions: tuple[Region, ...]) -> Any:
+    return jax.jit(jax.vmap(lambda place: region_reward(regions, place)))
+
+
+def _paid(regions: tuple[Region, ...], places: np.ndarray) -> np.ndarray:
+    return np.asarray(_payer(regions)(jnp.asarray(places, jnp.float32)))
