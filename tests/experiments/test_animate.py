@@ -195,7 +195,7 @@ def test_what_cannot_be_filmed(falling, tmp_path, change, words):
 def test_runs_that_cannot_be_filmed(tmp_path):
     chain = train("chain", steps=40, window=20, progress=False)
     known = "particle, particle-navigation, particle-orbit"
-    with pytest.raises(ValueError, match=f"task 'chain' cannot be animated: it must be one on a particle: {known}$"):
+    with pytest.raises(ValueError, match=f"task 'chain' cannot be filmed: it must be a task on a particle: {known}$"):
         animate(chain, tmp_path / "a.mp4")
     plain = train("particle", settings_for(FallingParticle(), policy="hyperplanes", policy_settings=None, rates=None),
                   40, window=20, progress=False)  # fmt: skip
@@ -225,7 +225,7 @@ def test_a_course_fits_together(falling, change, words):
 
 
 def test_records_that_are_not_there(falling):
-    with pytest.raises(ValueError, match=r"records = \[10\]: must be of the 10 that the run has"):
+    with pytest.raises(ValueError, match=r"records = \[10\]: must be among the 10 records of the run"):
         recorded(falling, [10])
 
 
@@ -329,7 +329,7 @@ def test_reproduce_films_what_an_experiment_shows(tmp_path, quick_films):
 
 def test_an_experiment_without_learners_in_a_plane_says_so(status, quick_films, capsys):
     assert status("reproduce", "fig-2.1", "--quick", "--animate", "--out", "out") == 0
-    assert "fig-2.1: nothing of it can be filmed" in capsys.readouterr().err
+    assert "fig-2.1: nothing to film" in capsys.readouterr().err
 
 
 def test_the_command_films(status, quick_films, monkeypatch, capsys):

@@ -203,7 +203,7 @@ def test_values_of_another_version_are_named(tmp_path):
 
 def test_other_settings_in_the_same_folder_are_refused_by_name(tmp_path):
     reproduce(Coin(), tmp_path, progress=False)
-    with pytest.raises(ValueError, match=r"coin with throws = 400, not 300: give another folder"):
+    with pytest.raises(ValueError, match=r"coin with throws = 400, not 300: use another folder"):
         reproduce(Coin(throws=300), tmp_path, progress=False)
     assert json.loads((tmp_path / "coin" / "record.json").read_text())["settings"]["throws"] == 400
 
@@ -254,7 +254,7 @@ def test_the_report_is_one_page_with_everything_in_it(tmp_path):
     assert "a coin & its faces" in text
     assert "Throw a coin <so> many times." in text
     assert "It always shows <heads>." in text
-    assert "A smoke size" in text
+    assert "A smoke test" in text
     assert [a["id"] for tag, a in page.found if tag == "section"] == ["fig-2.1", "coin"]
     pictures = [a for tag, a in page.found if tag == "img"]
     assert all(a["src"].startswith("data:image/svg+xml;base64,") and a["alt"] for a in pictures)

@@ -1,7 +1,8 @@
-"""Experiments: what is learnt, measured and drawn; each figure of the source and each claim, by name.
+"""Experiments: every figure and claim of the thesis, and what goes beyond it, by name.
 
-An experiment is a frozen dataclass of its settings with `run`, `figure` and `claims`; `reproduce` does all three, takes
-up what is already there, and leaves a record; `write_report` puts the records of a folder on one page.
+An experiment is a frozen dataclass of its settings with `run`, `figure` and `claims`. `reproduce` runs it or loads what
+is stored, draws the figure, judges the claims and leaves a record; `write_report` puts all records of a folder on one
+page.
 """
 
 from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, share_of

@@ -1,6 +1,7 @@
 """Claims about measured numbers, and the statistics behind them: intervals, and summaries of learning curves."""
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -66,6 +67,14 @@ def below(
 ) -> Claim:
     """A claim that holds if the whole interval lies below `bound`; the other arguments are those of `Claim`."""
     return Claim(statement, source, expected, measured, measured.high < bound, unit, note)
+
+
+positive = functools.partial(above, 0)
+"""A claim that holds if the whole interval lies above 0."""
+negative = functools.partial(below, 0)
+"""A claim that holds if the whole interval lies below 0."""
+more_than_half = functools.partial(above, 0.5)
+"""A claim that holds if the whole interval lies above one half: of the seeds, most often."""
 
 
 def exact(value: float) -> Measured:

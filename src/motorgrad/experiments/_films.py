@@ -1,4 +1,4 @@
-"""From a run in the plane of a particle to a film of how it was learnt."""
+"""Films of runs, and the policies and motions that they show, restored from a run's records."""
 
 import math
 import os
@@ -22,22 +22,23 @@ from motorgrad.sim import Course, Film, Motion, film_learning
 from motorgrad.tasks import TASKS, BodyTask, ParticleTask
 from motorgrad.training import Evaluation, Run
 
-SECONDS = 12.0  # of film
-LATE = 0.25  # of the records, by which the seed in the middle is chosen
+SECONDS = 12.0  # length of a film
+LATE = 0.25  # share of the records, the last, that decide which seed is the median one
 
 
 def course_of(run: Run, seed: int | None = None) -> Course:
-    """What happened in a run of a task on a particle, before the first decision and at every record.
+    """The course of learning of a run in a particle's plane: policies and rewards before the first decision and at
+    every record.
 
-    **Arguments:** `run`; `seed`, whose policy is followed, by default the one in the middle, or next above it, by
-    its mean reward over the last quarter of the records: not the best, but what to expect.
+    **Arguments:** `run`; `seed`, the seed whose policy is shown. The default is the median seed (or the next above it)
+    by mean reward over the last quarter of the records: a typical seed, not the best.
 
-    **Raises:** `ValueError` for a run of another task, without records, and for a seed that it does not have.
+    **Raises:** `ValueError` for a run of another task, a run without records, and a seed that the run does not have.
     """
     task, seeds = run.task, run.seeds
     if not isinstance(task, ParticleTask):
         known = [name for name, kind in TASKS.items() if isinstance(kind, type) and issubclass(kind, ParticleTask)]
-        raise ValueError(f"task {task.name!r} cannot be animated: it must be one on a particle: {', '.join(known)}")
+        raise ValueError(f"task {task.name!r} cannot be filmed: it must be a task on a particle: {', '.join(known)}")
     decision, reward = run.curve()
     if seed is None:
         late = reward[:, -max(1, round(LATE * reward.shape[1])) :].mean(axis=1)
@@ -65,15 +66,15 @@ def animate(
     *,
     progress: bool = True,
 ) -> Film:
-    """Write a film of how a run in the plane of a particle was learnt; `motorgrad.sim.film_learning` has what is seen.
+    """Film how a run in a particle's plane was learnt; `motorgrad.sim.film_learning` describes the film.
 
     **Arguments:**
 
     - `run`: of a task on a particle, finished or not.
-    - `path`: a file ending in ".mp4" or ".gif", by default `figures/learning.mp4` of the run directory.
-    - `seed`: whose units are shown; by default the one in the middle, see `course_of`.
-    - `seconds`: of film, by default 12.
-    - `progress`: whether to show how far it is.
+    - `path`: a file ending in ".mp4" or ".gif"; by default `figures/learning.mp4` in the run directory.
+    - `seed`: the seed whose units are shown; by default the median one, see `course_of`.
+    - `seconds`: length of the film, by default 12.
+    - `progress`: whether to show progress.
 
     **Raises:** `ValueError` as `course_of` and `film_learning` do, before any work, and for a run in memory without a
     path.
@@ -87,7 +88,7 @@ def animate(
 
 
 def _units(run: Run) -> Float[np.ndarray, "seeds moments"] | None:
-    """How many units each seed has at the start and at every record; `None` where that does not change."""
+    """Number of units of each seed at the start and at every record; `None` if it is constant."""
     if "units" not in run.metrics.column_names:
         return None
     assert isinstance(run.initial, Masked)
@@ -96,7 +97,8 @@ def _units(run: Run) -> Float[np.ndarray, "seeds moments"] | None:
 
 @contextmanager
 def _bar(what: str, shown: bool) -> Iterator[Any]:
-    """A progress bar on a terminal; elsewhere a line. Gives what takes the frames done and their total."""
+    """Context manager for a progress bar, or for a single line if this is no terminal. Yields a function of (frames
+    done, frames in all)."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -109,16 +111,16 @@ def _bar(what: str, shown: bool) -> Iterator[Any]:
 
 
 def recorded_policies(run: Run, records: Sequence[int] | Int[np.ndarray, " _"], seed: int | None = None) -> Any:
-    """The policies as they were at some records, along a leading axis; of one seed, or of all along a second axis.
+    """Policies as they were at some records, along a leading axis; of one seed, or of all along a second axis.
 
-    **Arguments:** `run`; `records`, by number from 0, or from the end if negative; `seed`.
+    **Arguments:** `run`; `records`, numbered from 0, or from the end if negative; `seed`.
     """
     count, seeds = len(run.seeds), run.seeds if seed is None else [seed]
     check(set(seeds) <= set(run.seeds), "seed", seed, f"one of the run's seeds, {', '.join(map(str, run.seeds))}")
     rows, which = np.array([run.seeds.index(each) for each in seeds]), np.asarray(records, int)
     total = run.metrics.num_rows // count
     inside = bool(np.all((-total <= which) & (which < total)))
-    check(inside, "records", which.tolist(), f"of the {total} that the run has")
+    check(inside, "records", which.tolist(), f"among the {total} records of the run")
     column = run.metrics["parameters"].combine_chunks()
     numbers = column.flatten().to_numpy().reshape(total, count, -1)[which][:, rows]
     initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[rows]), run.initial)
@@ -129,13 +131,13 @@ def recorded_policies(run: Run, records: Sequence[int] | Int[np.ndarray, " _"], 
 
 
 def _with(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> Policy:
-    """A policy with other parameters."""
+    """The policy with these parameters."""
     learnt, fixed = split(policy)
     return eqx.combine(ravel_pytree(learnt)[1](numbers), fixed)
 
 
 def _switched(policies: Masked, units: Float[np.ndarray, "records seeds"]) -> Masked:
-    """Growing pools with so many units: growth switches on the first unit that is off."""
+    """Growing pools with so many active units: growth activates the first inactive unit."""
     start = np.asarray(policies.active)
     place_in_queue = np.cumsum(~start, axis=-1) * ~start
     active = place_in_queue <= (units - start.sum(-1))[..., None]
@@ -143,8 +145,8 @@ def _switched(policies: Masked, units: Float[np.ndarray, "records seeds"]) -> Ma
 
 
 def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds: float = 10.0) -> Motion:
-    """The motion of one seed in an evaluation, its first `seconds`."""
-    check(0 < seconds < math.inf, "seconds", seconds, "a positive time")
+    """The first `seconds` of one seed's motion in an evaluation, for a film."""
+    check(0 < seconds < math.inf, "seconds", seconds, "positive and finite")
     task = run.task
     if not isinstance(task, BodyTask) or outcome.position is None or outcome.activation is None:
         raise ValueError(f"task {task.name!r} has no body to film")

@@ -1,4 +1,4 @@
-"""Every experiment by name, in the order of the source."""
+"""All experiments by name, in the order of the source."""
 
 from motorgrad.experiments._experiment import Experiment
 from motorgrad.experiments.appendix_a.figure_a_1 import Wrapping
@@ -133,4 +133,4 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         Circular,
     )
 }
-"""A new experiment is a file, and a name in this table."""
+"""A new experiment is one file and one entry in this table."""

@@ -49,7 +49,7 @@ class Wrapping(Experiment):
         for name in ("origin_distance", "insertion_distance"):
             value = getattr(self, name)
             check(1.01 * self.radius <= value < 100, name, value, f"at least 1.01 times the radius, {self.radius} m")
-        check(1 <= self.geometries <= 100_000, "geometries", self.geometries, "in 1 … 100,000")
+        self.check_range(1, 100_000, "geometries")
 
     @classmethod
     def quick(cls) -> Self:

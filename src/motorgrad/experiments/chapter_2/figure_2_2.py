@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, median_of, share_of
+from motorgrad.experiments._claims import Claim, above, below, exact, mean_of, median_of, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
@@ -158,12 +158,12 @@ def _wide_claims(values: Values) -> list[Claim]:
             "of initial means",
             "On the reward drawn, by exact gradients.",
         ),
-        Claim(
+        above(
+            learnt["narrow"].high,
             "Learning from rewards alone, it reaches it more often from a wide, unbiased start than from narrow ones.",
             "figure 2.2",
             f"above {learnt['narrow'].high:.3g}, which the share from narrow starts may be",
             learnt["wide"],
-            learnt["wide"].low > learnt["narrow"].high,
             "of runs",
             f"From narrow starts: {learnt['narrow']}. On the reward drawn.",
         ),
@@ -183,12 +183,11 @@ def _random_claims(values: Values) -> list[Claim]:
     ):
         more = mean_of(middle - other)
         made.append(
-            Claim(
+            positive(
                 f"{statement}.",
                 "figure 2.2",
                 "above 0",
                 more,
-                more.low > 0,
                 "more of starts",
                 f"{middle.mean():.3g} against {other.mean():.3g} from {words} ones; sums of five bumps of random "
                 "place, height and width, by exact gradients.",
@@ -210,12 +209,12 @@ def _noise_claims(values: Values) -> list[Claim]:
             "is the greatest σ left",
             "By exact gradients, on the reward drawn.",
         ),
-        Claim(
+        below(
+            0.05,
             "So does learning from rewards alone.",
             "figure 2.2",
             "below 0.05",
             learnt,
-            learnt.high < 0.05,
             "is the σ left",
             "It falls like one over the square root of time, as the step size is proportional to σ².",
         ),

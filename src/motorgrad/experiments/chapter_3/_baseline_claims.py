@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, exact, mean_of
+from motorgrad.experiments._claims import Claim, Measured, above, exact, mean_of
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments.chapter_3._estimates import WORLDS
 
@@ -37,12 +37,12 @@ def _variance_claims(values: Values) -> list[Claim]:
         ratio, shape = ratio_of(without, compared), values["parabola decay"][row]
         limit = _height(shape, 0.0) / _height(shape, float(values["average reward"]))
         made.append(
-            Claim(
+            above(
+                1,
                 f"A running-mean baseline reduces the variance of the estimate (β = {decay:g}).",
                 SOURCE,
                 "above 1",
                 ratio,
-                ratio.low > 1,
                 "times less",
                 f"Groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by linear algebra.",
             )
@@ -181,12 +181,12 @@ def _decay(values: Values) -> list[Claim]:
         for reach, slow in ((FAR, False), (NEAR, False), (FAR, True))
     )
     return [
-        Claim(
+        above(
+            1,
             f"The variance rises with the decay (running mean, β = {last:g} against {first:g}).",
             SOURCE,
             "above 1",
             variance,
-            variance.low > 1,
             "times the variance",
         ),
         Claim(

@@ -78,12 +78,12 @@ class Learner(Experiment):
     decays: tuple[float, ...] = tuple(BIAS)
 
     def __post_init__(self) -> None:
-        check(2 <= self.runs <= 100_000, "runs", self.runs, "in 2 … 100,000")
-        check(1_000 <= self.longest <= 10**8, "longest", self.longest, "in 1,000 … 100,000,000 decisions")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        self.check_range(2, 100_000, "runs")
+        self.check_range(1_000, 10**8, "longest", unit=" decisions")
+        self.check_range(1, 10_000, "seeds")
         known = {SHORT, LONG} <= set(self.decays) <= set(BIAS)
         check(known, "decays", self.decays, f"{SHORT:g}, {LONG:g} and others of {', '.join(map(str, BIAS))}")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(200, 10**9, "steps")
 
     @classmethod
     def quick(cls) -> Self:

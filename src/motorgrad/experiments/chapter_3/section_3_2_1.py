@@ -61,15 +61,15 @@ class Baselines(Experiment):
     steps: int = 600_000
 
     def __post_init__(self) -> None:
-        check(40 <= self.runs <= 100_000, "runs", self.runs, "in 40 … 100,000")
-        check(1_000 <= self.longest <= 10**8, "longest", self.longest, "in 1,000 … 100,000,000 decisions")
+        self.check_range(40, 100_000, "runs")
+        self.check_range(1_000, 10**8, "longest", unit=" decisions")
         for name in ("decays", "constants", "swept"):
             given = getattr(self, name)
             check(list(given) == sorted(set(given)), name, given, "rising")
         enough = len(self.decays) > 1 and BIAS_DECAY in self.decays
         check(enough, "decays", self.decays, f"at least two, {BIAS_DECAY} among them")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(1, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
 
     @classmethod
     def quick(cls) -> Self:

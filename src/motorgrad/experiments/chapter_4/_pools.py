@@ -141,8 +141,8 @@ class LinearStudy(Experiment):
 
     def __post_init__(self) -> None:
         check_units(self.units, 2)
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000 decisions")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        self.check_range(200, 10**9, "steps", unit=" decisions")
+        self.check_range(1, 10_000, "seeds")
         settings_for(self.task(min(self.units)), rate=self.rate)
 
     @classmethod

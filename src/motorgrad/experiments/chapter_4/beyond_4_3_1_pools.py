@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, median_of, share_of
+from motorgrad.experiments._claims import Claim, Measured, above, below, median_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -75,11 +75,11 @@ class LargePools(Experiment):
     share: float = 1.0
 
     def __post_init__(self) -> None:
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
         rising = list(self.pools) == sorted(set(self.pools)) and SHOWN in self.pools and self.pools[0] >= 2
         check(rising and self.pools[-1] <= 1024, "pools", self.pools, "rising numbers from 2 to 1,024, 16 among them")
-        check(2 <= self.dissected <= 1024, "dissected", self.dissected, "in 2 … 1,024 units")
-        check(1 <= self.tries <= 5, "tries", self.tries, "in 1 … 5")
+        self.check_range(2, 1024, "dissected", unit=" units")
+        self.check_range(1, 5, "tries")
         check(0 < self.share <= 10, "share", self.share, "above 0, at most 10")
 
     @classmethod
@@ -157,12 +157,12 @@ class LargePools(Experiment):
             if name in NEEDED:
                 share = share_of(np.isfinite(times))
                 said = f"With {name}, {self.dissected} units do not get there in {self._steps(TRIED):,} decisions."
-                made.append(Claim(said, OURS, "in most seeds", share, share.high < 0.5, "", note))
+                made.append(below(0.5, said, OURS, "in most seeds", share, "", note))
                 continue
             late = median_of(np.where(np.isfinite(times), times, self._steps(TRIED)) / min(whole, self._steps(TRIED)))
             said = f"With {name}, {self.dissected} units get there later."
             expected = "longer than the median with all of it: a ratio above 1"
-            made.append(Claim(said, OURS, expected, late, late.low > 1, "times as long", note))
+            made.append(above(1, said, OURS, expected, late, "times as long", note))
         return made
 
     def _spaced(self, values: Values, units: int) -> Claim:

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
@@ -42,8 +41,8 @@ class ForceGrading(Experiment):
     steepness: float = 4.0
 
     def __post_init__(self) -> None:
-        check(2 <= self.units <= 100, "units", self.units, "in 2 … 100")
-        check(0.1 <= self.steepness <= 1000, "steepness", self.steepness, "in 0.1 … 1000")
+        self.check_range(2, 100, "units")
+        self.check_range(0.1, 1000, "steepness")
 
     def run(self, work: Workspace) -> Values:
         deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]

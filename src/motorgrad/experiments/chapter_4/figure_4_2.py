@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any, ClassVar
 
-from motorgrad._errors import check
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import FLEXOR, Axes, Figure, new_figure
 
@@ -30,7 +29,7 @@ class RecruitmentTask(Experiment):
     units: int = 4
 
     def __post_init__(self) -> None:
-        check(2 <= self.units <= 8, "units", self.units, "in 2 … 8")
+        self.check_range(2, 8, "units")
 
     def run(self, work: Workspace) -> Values:
         return {}

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, median_of, share_of
+from motorgrad.experiments._claims import Claim, median_of, more_than_half, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -98,12 +98,11 @@ class LinearPolicies(LinearStudy):
         for units in sizes:
             spaced, known = share_of(values[f"off {units}"] < SPACED), values.get(f"mean field {units}")
             made.append(
-                Claim(
+                more_than_half(
                     f"{units} units come to the optimal policy, of equally spaced thresholds.",
                     "section 4.3.1, figure 4.3",
                     "in most seeds",
                     spaced,
-                    spaced.low > 0.5,
                     note=f"After {self.steps:,} decisions every threshold is within {SPACED:g} spacings of its ideal "
                     "place, and every gain is positive."
                     + ("" if known is None else f" In the mean field that takes {_millions(known)}."),
@@ -113,12 +112,11 @@ class LinearPolicies(LinearStudy):
             at = int(values[f"soon {units}"])
             spaced = share_of(values[f"off soon {units}"] < SPACED)
             made.append(
-                Claim(
+                more_than_half(
                     f"{units} units are equally spaced by {at:,} decisions.",
                     f"the mean field: after {_millions(values[f'mean field {units}'])}",
                     "in most seeds",
                     spaced,
-                    spaced.low > 0.5,
                 )
             )
         for units in sizes:

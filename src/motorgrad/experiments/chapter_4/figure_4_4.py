@@ -7,7 +7,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import LEVEL, Claim, final, mean_of, share_of
+from motorgrad.experiments._claims import (
+    LEVEL,
+    Claim,
+    final,
+    mean_of,
+    more_than_half,
+    negative,
+    positive,
+    share_of,
+)
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -78,24 +87,22 @@ class LinearPerformance(LinearStudy):
         for units in numbers:
             better = share_of(last[units] < values[f"error {units}"][:, 0])
             made.append(
-                Claim(
+                more_than_half(
                     f"Pools of {units} units get better by learning.",
                     "figure 4.4",
                     "in most seeds",
                     better,
-                    better.low > 0.5,
                     note="The last tenth of learning against the first record.",
                 )
             )
         for few, many in pairwise(numbers):
             gain = mean_of(last[many] - last[few])
             made.append(
-                Claim(
+                negative(
                     f"{many} units end nearer to the mapping than {few}.",
                     "figure 4.4, section 4.2",
                     "below 0",
                     gain,
-                    gain.high < 0,
                     "of the full force, in mean |error|",
                     f"Seed by seed, in the last tenth of {self.steps:,} decisions.",
                 )
@@ -106,12 +113,11 @@ class LinearPerformance(LinearStudy):
             times = {units: np.minimum(times, values["decision"][-1]) for units, times in found.items()}
             later = mean_of((times[many] - times[few]) / 1e6)
             made.append(
-                Claim(
+                positive(
                     f"{many} units take longer than {few} until they are equally spaced.",
                     "figure 4.4",
                     "above 0",
                     later,
-                    later.low > 0,
                     "million decisions later",
                     f"From when on every threshold is within {SPACED:g} spacings of its place at every record up to "
                     f"the end. Of {later.count} pools each, {never[few]} and {never[many]} are not so; then all "

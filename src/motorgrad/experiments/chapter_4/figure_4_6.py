@@ -7,7 +7,6 @@ from typing import ClassVar, Self
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import lift, lift_table
 from motorgrad.experiments._claims import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
@@ -44,7 +43,7 @@ class HeightFunction(Experiment):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(1 <= self.points <= 100_000, "points", self.points, "in 1 … 100,000")
+        self.check_range(1, 100_000, "points")
 
     @classmethod
     def quick(cls) -> Self:

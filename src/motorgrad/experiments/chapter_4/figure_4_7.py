@@ -7,7 +7,6 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
@@ -36,8 +35,7 @@ class RewardSurface(Experiment):
     activations: int = 1001
 
     def __post_init__(self) -> None:
-        for name in ("loads", "activations"):
-            check(11 <= getattr(self, name) <= 10_001, name, getattr(self, name), "in 11 … 10,001")
+        self.check_range(11, 10_001, "loads", "activations")
 
     def run(self, work: Workspace) -> Values:
         task = ArmRecruitment()

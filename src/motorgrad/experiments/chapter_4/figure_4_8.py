@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -58,8 +57,8 @@ class ArmPolicies(Experiment):
 
     def __post_init__(self) -> None:
         check_units(self.units, 1)
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000 decisions")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        self.check_range(200, 10**9, "steps", unit=" decisions")
+        self.check_range(1, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -104,12 +103,11 @@ class ArmPolicies(Experiment):
         for units in values["units"].tolist():
             graded = share_of((values[f"gain {units}"] > 0).all(1))
             made.append(
-                Claim(
+                more_than_half(
                     f"Pools of {units} units recruit: all their gains are positive.",
                     "figure 4.8",
                     "in most seeds",
                     graded,
-                    graded.low > 0.5,
                     note="The others have a unit of negative gain, most often with a threshold beyond the loads: it "
                     "fires at every load (the pathology of section 4.4).",
                 )

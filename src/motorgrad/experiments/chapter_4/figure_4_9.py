@@ -52,7 +52,7 @@ class ChainExploration(Experiment):
 
     def __post_init__(self) -> None:
         check(DRAWN <= self.longest <= 20, "longest", self.longest, f"in {DRAWN} … 20 states")
-        check(2 <= self.runs <= 10**6, "runs", self.runs, "in 2 … 1,000,000")
+        self.check_range(2, 10**6, "runs")
 
     @classmethod
     def quick(cls) -> Self:

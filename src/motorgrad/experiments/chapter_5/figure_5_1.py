@@ -52,7 +52,7 @@ class MusclePair(Experiment):
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
             check(10 <= angle <= 175, "angles", angle, "in 10 … 175 degrees")
-        check(3 <= self.points <= 100_000, "points", self.points, "in 3 … 100,000")
+        self.check_range(3, 100_000, "points")
 
     @classmethod
     def quick(cls) -> Self:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, median_of
+from motorgrad.experiments._claims import Claim, above, mean_of, median_of, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
@@ -58,15 +58,13 @@ class HopperBehaviour(HopperStudy):
         heights = f"Medians: {median_of(before).value:.2f} m before, {median_of(after).value:.2f} m after."
         same = "Where ours learns sooner or hops higher, that counts as holding."
         return (
-            Claim(
-                "The hopper hops higher after learning.", "figure 5.3", "more than 0", gain, gain.low > 0, "m", heights
-            ),
-            Claim(
+            positive("The hopper hops higher after learning.", "figure 5.3", "more than 0", gain, "m", heights),
+            above(
+                10,
                 "A good jump is rewarded with more than 10, far above the penalty of 0.1 for a muscle.",
                 "section 5.2",
                 "more than 10",
                 pay,
-                pay.low > 10,
                 note="Of the greatest height of a hop in m, times 100.",
             ),
             Claim(

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from motorgrad.bodies import compile_model
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, below, mean_of, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy, median_seed
@@ -83,43 +83,39 @@ class HopperDynamics(HopperStudy):
         rising = mean_of(values["rising"][:, FLEXOR] - ground[:, FLEXOR])
         on, off = mean_of(ground[:, EXTENSOR]).value, mean_of(air[:, EXTENSOR]).value
         return (
-            Claim(
+            positive(
                 "The extensor's firing is tied to foot contact: it fires more often on the ground than in the air.",
                 "figure 5.4",
                 "a difference of more than 0",
                 tied,
-                tied.low > 0,
                 note=f"It fires at {on:.0%} of the decisions on the ground, and at {off:.0%} of those in the air.",
             ),
-            Claim(
+            more_than_half(
                 "The extensor's firing follows foot contact directly: it fires on the ground and is silent in the air.",
                 "figure 5.4",
                 "at most decisions: a share above 0.5, and 1 if nothing else counted",
                 agrees,
-                agrees.low > 0.5,
                 note="The mean of the share of decisions on the ground at which it fires and of the share in the air "
                 "at which it does not, so that chance gives 0.5.",
             ),
-            Claim(
+            positive(
                 "The flexor is inhibited by foot contact: it fires less often on the ground than in the air.",
                 "figure 5.4",
                 "a difference of more than 0",
                 inhibited,
-                inhibited.low > 0,
             ),
-            Claim(
+            below(
+                0.5,
                 "With the foot on the ground the flexor is mostly silent.",
                 "figure 5.4",
                 "fires at less than half of the decisions",
                 silent,
-                silent.high < 0.5,
             ),
-            Claim(
+            positive(
                 "The push is followed by flexion: the flexor fires more often on the way up than on the ground.",
                 "section 5.2.2",
                 "a difference of more than 0",
                 rising,
-                rising.low > 0,
             ),
         )
 

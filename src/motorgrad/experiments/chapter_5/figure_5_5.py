@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, share_of
+from motorgrad.experiments._claims import Claim, Measured, more_than_half, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
@@ -71,19 +71,17 @@ class HopperWeights(HopperStudy):
         weights = values["weights"]
         extends, inhibits = share_of(weights[:, 1, 0] > 0), share_of(weights[:, 0, 0] < 0)
         made = [
-            Claim(
+            more_than_half(
                 "Foot contact makes the extensor fire: its weight is positive.",
                 "figures 5.4, 5.5",
                 "in every run (8 of 8 in an independent model): in most runs",
                 extends,
-                extends.low > 0.5,
             ),
-            Claim(
+            more_than_half(
                 "Foot contact inhibits the flexor: its weight is negative.",
                 "figures 5.4, 5.5",
                 "in every run (7 of 8 in an independent model): in most runs",
                 inhibits,
-                inhibits.low > 0.5,
             ),
         ]
         for sensor in (1, 2):
@@ -102,12 +100,11 @@ class HopperWeights(HopperStudy):
         signs = np.sign(weights[:, :, :3])
         whole = share_of((signs == np.sign(np.median(weights[:, :, :3], axis=0))).all(axis=(1, 2)))
         made.append(
-            Claim(
+            more_than_half(
                 "Learning comes to the same signs of all six weights between sensors and muscles.",
                 "section 5.2.2",
                 "the same in every run: in most runs",
                 whole,
-                whole.low > 0.5,
             )
         )
         return made

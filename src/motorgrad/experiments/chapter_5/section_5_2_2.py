@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from motorgrad._errors import check, choice
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
@@ -116,31 +116,28 @@ class ActionPeriod(Experiment):
             "second": "The decay and the penalty are the same per second.",
         }[self.constant]
         return (
-            Claim(
+            positive(
                 f"A short action period makes learning slow: at {short} hops pass {HIGH} m later than at the best.",
                 self.source,
                 "more than 0",
                 slower,
-                slower.low > 0,
                 "s of practice later",
                 f"The soonest is {soonest:g} ms; none can be before {SMOOTH:g} s. A seed that never does counts as all "
                 f"the practice. {chosen} {numbers}",
             ),
-            Claim(
+            positive(
                 f"After the same practice hoppers that decide every {short} hop lower than at the best period.",
                 self.source,
                 "more than 0",
                 low,
-                low.low > 0,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
             ),
-            Claim(
+            positive(
                 f"Too long a period cannot respond quickly enough: at {long} hops are lower than at the best.",
                 self.source,
                 "more than 0",
                 late,
-                late.low > 0,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
             ),

@@ -39,8 +39,8 @@ class LocalStudy(Experiment):
     seeds: int = 48
 
     def __post_init__(self) -> None:
-        check(1_000 <= self.decisions <= 10**8, "decisions", self.decisions, "in 1,000 … 100,000,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(1_000, 10**8, "decisions")
+        self.check_range(2, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, median_of, moving_mean
+from motorgrad.experiments._claims import Claim, above, below, mean_of, median_of, moving_mean
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late_reward
@@ -71,24 +71,24 @@ class NaturalStep(LayoutStudy):
             better = mean_of(values[f"{layout} natural late"] - values[f"{layout} plain late"])
             never = {name: int((each == values["decision"][-1]).sum()) for name, each in times.items()}
             made += [
-                Claim(
+                below(
+                    1,
                     f"The natural step takes fewer decisions ({layout}).",
                     "our own expectation",
                     f"until {SHARE:.0%} of the mean reward that the plain gradient comes to, by its median: below 1 "
                     "with the interval",
                     ratio,
-                    ratio.high < 1,
                     "of the decisions",
                     f"Medians {np.median(times['natural']):,.0f} and {np.median(times['plain']):,.0f}; never: "
                     f"{never['natural']} and {never['plain']} of {len(times['plain'])}; these count with all.",
                 ),
-                Claim(
+                above(
+                    -0.005,
                     f"It comes as far or farther ({layout}).",
                     "our own expectation",
                     "reward in the last 200 of 2,000 episodes, less that of the plain gradient: above −0.005 with the "
                     "interval",
                     better,
-                    better.low > -0.005,
                     "per decision",
                     f"{values[f'{layout} natural late'].mean():.4f} and {values[f'{layout} plain late'].mean():.4f}.",
                 ),

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of
+from motorgrad.experiments._claims import Claim, above, exact, mean_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 
@@ -42,10 +42,10 @@ class Partition(Experiment):
     fits: int = 24
 
     def __post_init__(self) -> None:
-        check(2 <= self.predictors <= 100, "predictors", self.predictors, "in 2 … 100")
+        self.check_range(2, 100, "predictors")
         check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"in {NEAR:g} … {DISTANT:g}")
-        check(20 <= self.cells <= 2_000, "cells", self.cells, "in 20 … 2,000")
-        check(2 <= self.fits <= 10_000, "fits", self.fits, "in 2 … 10,000")
+        self.check_range(20, 2_000, "cells")
+        self.check_range(2, 10_000, "fits")
 
     @classmethod
     def quick(cls) -> Self:
@@ -115,12 +115,12 @@ class Partition(Experiment):
                 f"{max(len(parts(best[row])) for best in values['linear'])}; {np.mean(used):.1f} predictors are the "
                 "best somewhere.",
             ),
-            Claim(
+            above(
+                1,
                 "A decision that is simple is split: more than one predictor has a part in it.",
                 "section 6.1.2",
                 "stretches of the line by fitted predictors: more than 1 with the interval",
                 fitted,
-                fitted.low > 1,
                 "parts",
             ),
         ]

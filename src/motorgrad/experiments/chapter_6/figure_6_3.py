@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
@@ -41,7 +40,7 @@ class ParticlePolicy(Experiment):
     most: int = 6
 
     def __post_init__(self) -> None:
-        check(1 <= self.most <= 8, "most", self.most, "in 1 … 8 forces to each side")
+        self.check_range(1, 8, "most", unit=" forces to each side")
 
     @classmethod
     def quick(cls) -> Self:

@@ -6,7 +6,6 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
@@ -44,8 +43,8 @@ class InitialPolicy(Experiment):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(10 <= self.episodes <= 10**6, "episodes", self.episodes, "in 10 … 1,000,000")
-        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+        self.check_range(10, 10**6, "episodes")
+        self.check_range(1, 1_000, "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:

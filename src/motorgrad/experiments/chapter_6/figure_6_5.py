@@ -6,8 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, mean_of, share_of
+from motorgrad.experiments._claims import Claim, Measured, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
@@ -58,8 +57,7 @@ class LocalPolicies(LocalStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("episodes", "looks", "drawn"):
-            check(1 <= getattr(self, name) <= 10**6, name, getattr(self, name), "in 1 … 1,000,000 episodes")
+        self.check_range(1, 10**6, "episodes", "looks", "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:
@@ -134,12 +132,11 @@ class LocalPolicies(LocalStudy):
             late_reward, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
             gained = mean_of(late_reward - values[f"{layout} untrained"])
             made += [
-                Claim(
+                positive(
                     f"Local units learn {layout}.",
                     "section 6.3.1",
                     "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
                     gained,
-                    gained.low > 0,
                     "per decision",
                 ),
                 Claim(
@@ -162,29 +159,26 @@ class LocalPolicies(LocalStudy):
         most = "in most seeds"
         sided = share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED)
         return [
-            Claim(
+            more_than_half(
                 "Some units end up taking no part in the policy (R1).",
                 "section 6.3.1",
                 f"at least one unit that fires less than once in {1 / JUNK:g} episodes: {most}",
                 some,
-                some.low > 0.5,
                 note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
                 f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
             ),
-            Claim(
+            more_than_half(
                 "Some of them are pushed out of the box (R1).",
                 "section 6.3.1",
                 f"at least one unit that takes no part and whose centre is beyond a wall: {most}",
                 out,
-                out.low > 0.5,
                 note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
             ),
-            Claim(
+            more_than_half(
                 "Policies for a symmetrical task are highly asymmetrical (R2).",
                 "section 6.3.1",
                 f"more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle: {most}",
                 sided,
-                sided.low > 0.5,
             ),
         ]
 

@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, share_of
+from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
@@ -43,8 +42,8 @@ class AnyUnitFires(LocalStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(1 <= self.looks <= 10**6, "looks", self.looks, "in 1 … 1,000,000 episodes")
-        check(10 <= self.cells <= 1_000, "cells", self.cells, "in 10 … 1,000")
+        self.check_range(1, 10**6, "looks", unit=" episodes")
+        self.check_range(10, 1_000, "cells")
 
     @classmethod
     def quick(cls) -> Self:
@@ -100,28 +99,25 @@ class AnyUnitFires(LocalStudy):
                 exact(error),
                 error < bound,
             ),
-            Claim(
+            more_than_half(
                 "The response is local: in part of the box the particle is left alone.",
                 "section 6.1",
                 f"on at least {QUIET_SHARE:.0%} of the box below {SILENT:g}: {most}",
                 both,
-                both.low > 0.5,
                 note=f"On average on {(found < SILENT).mean():.0%} of it; before learning on "
                 f"{(values['any before learning'] < SILENT).mean():.0%}.",
             ),
-            Claim(
+            more_than_half(
                 "Somewhere the policy is sure to act.",
                 "figure 6.6",
                 f"above {SURE:g} somewhere: {most}",
                 sure,
-                sure.low > 0.5,
             ),
-            Claim(
+            more_than_half(
                 "It acts where the particle comes by.",
                 "section 6.5.4: local units only have an effect near the dynamics",
                 f"more probable where the particle is than over the whole box: {most}",
                 near,
-                near.low > 0.5,
                 note=f"{values['any where it is'].mean():.2f} where it is, {found.mean():.2f} over the box.",
             ),
         ]

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments._films import recorded_policies
@@ -165,12 +165,11 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
     worst = min((each for pair in gains.values() for each in pair), key=lambda each: each.low)
     apart = f"(gap {gap:g})"
     made = [
-        Claim(
+        positive(
             f"Every kind learns both sides, one after the other {apart}.",
             "what the comparison needs",
             "gain on the side that is learnt, the least of all: above 0",
             worst,
-            worst.low > 0,
             "per decision",
             "Gain on A: " + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items()) + ".",
         ),
@@ -190,24 +189,22 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
         )
     for name in (name for name in FAR if name in kinds):
         made.append(
-            Claim(
+            more_than_half(
                 f"Global policies forget {apart}: {KINDS[name].words}.",
                 "section 6.1.1",
                 "lost of what was gained on A while B is learnt: above one half with the interval",
                 shares[name],
-                shares[name].low > 0.5,
                 "of the gain",
             )
         )
         for local in (local for local in LOCAL if local in kinds):
             more = mean_of(reward_lost(values, gap, name) - reward_lost(values, gap, local))
             made.append(
-                Claim(
+                positive(
                     f"They lose more than local ones {apart}: {KINDS[name].words}, {KINDS[local].words}.",
                     "section 6.1.1",
                     "reward lost on A, less that which local units lose: above 0",
                     more,
-                    more.low > 0,
                     "per decision",
                 )
             )

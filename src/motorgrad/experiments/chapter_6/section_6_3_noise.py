@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, first_time, mean_of, median_of, moving_mean
+from motorgrad.experiments._claims import Claim, above, first_time, mean_of, median_of, moving_mean, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
@@ -129,23 +129,22 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
             note=f"Policies learnt without noise come to {values[f'{layout} {name} unused'].mean():.3f} in it, those "
             f"learnt in it to {final_reward(noisy).mean():.3f}, without noise to {final_reward(still).mean():.3f}.",
         ),
-        Claim(
+        above(
+            1,
             f"It slows learning ({words}).",
             "section 6.3",
             f"decisions until {LITTLE:.0%} of the noiseless final reward, by the median without noise: above 1 with "
             "the interval",
             slower,
-            slower.low > 1,
             "times",
             f"{never} of {len(times)} never got there, and count with all {decision[-1]:,} decisions; without noise "
             f"{np.median(usual):,.0f}.",
         ),
-        Claim(
+        positive(
             f"Learning in noise makes up for a part of it ({words}).",
             "our own expectation",
             "more reward at the end than policies have in this noise that were learnt without: difference above 0",
             adapted,
-            adapted.low > 0,
             "per decision",
         ),
     ]

@@ -6,8 +6,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, median_of
+from motorgrad.experiments._claims import Claim, below, median_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -55,13 +54,10 @@ class ActiveLearning(Experiment):
     seeds: int = 24
 
     def __post_init__(self) -> None:
-        for name in ("plain_units", "natural_units"):
-            check(2 <= getattr(self, name) <= 64, name, getattr(self, name), "in 2 … 64")
-        for name in ("plain_steps", "natural_steps"):
-            check(200 <= getattr(self, name) <= 10**9, name, getattr(self, name), "in 200 … 1,000,000,000")
-        check(0 <= self.explore <= 1, "explore", self.explore, "in 0 … 1")
-        check(2 <= self.cells <= 10_000, "cells", self.cells, "in 2 … 10,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 64, "plain_units", "natural_units")
+        self.check_range(200, 10**9, "plain_steps", "natural_steps")
+        self.check_range(0, 1, "explore")
+        self.check_range(2, 10_000, "cells", "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -103,13 +99,13 @@ class ActiveLearning(Experiment):
             )
             final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
             made += [
-                Claim(
+                below(
+                    1,
                     f"Loads in proportion to the policy's entropy shorten learning ({words}).",
                     "section 4.4.1",
                     "decisions until equally spaced up to the end, by those with uniform loads from the same start: "
                     "below 1, with its interval",
                     quicker,
-                    quicker.high < 1,
                     note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
                 ),
                 Claim(

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, median_of, share_of
+from motorgrad.experiments._claims import Claim, below, median_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, with_new_unit
@@ -42,12 +42,12 @@ class LocalEffect(Experiment):
     steps: int = 400_000
 
     def __post_init__(self) -> None:
-        check(1 <= self.units <= 100, "units", self.units, "in 1 … 100")
-        check(0 <= self.threshold <= 1, "threshold", self.threshold, "in 0 … 1")
+        self.check_range(1, 100, "units")
+        self.check_range(0, 1, "threshold")
         rising = len(self.gains) > 1 and self.gains[0] == 0 and list(self.gains) == sorted(set(self.gains))
         check(rising, "gains", self.gains, "at least two, rising from 0")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
 
     @classmethod
     def quick(cls) -> Self:
@@ -135,12 +135,12 @@ class LocalEffect(Experiment):
                 narrower.high <= 0.75,
                 note="The change falls in steps from the threshold to both ends: it is one step beside a staircase.",
             ),
-            Claim(
+            below(
+                0.1,
                 f"At a gain of {top} there is no effect at the extremes.",
                 "figure 4.10",
                 "below 0.1 of the greatest effect, with its interval",
                 ends,
-                ends.high < 0.1,
             ),
             Claim(
                 f"At a gain of {top} the effect is greatest at the new unit's threshold.",

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
@@ -50,7 +50,7 @@ class ForgettingBaseline(Experiment):
     rates: tuple[float, ...] = (0.001, 0.01, 0.1)
 
     def __post_init__(self) -> None:
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         check(len(self.rates) > 0, "rates", self.rates, "at least one")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
@@ -118,22 +118,20 @@ class ForgettingBaseline(Experiment):
             nearer = mean_of(behind[0] - behind[row])
             better = mean_of(error[0] - error[row])
             made += [
-                Claim(
+                positive(
                     f"Where {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster than the "
                     "mean of all.",
                     "section 4.4.1",
                     "after the first change the baseline is nearer to the present rewards: difference above 0",
                     nearer,
-                    nearer.low > 0,
                     "reward",
                     f"Mean distance {behind[row].mean():.4f}, with the mean of all {behind[0].mean():.4f}.",
                 ),
-                Claim(
+                positive(
                     f"Pools that learn with it ({lines[row]}) follow {changes} better.",
                     "section 4.4.1",
                     "less mean error after the first change: difference above 0",
                     better,
-                    better.low > 0,
                     "of the pool's force",
                     f"Mean error {error[row].mean():.4f}, with the mean of all {error[0].mean():.4f}.",
                 ),
@@ -141,12 +139,11 @@ class ForgettingBaseline(Experiment):
         natural = mean_of(error[0] - error[-1])
         return [
             *made,
-            Claim(
+            positive(
                 f"With the natural gradient pools follow {changes} better than with the plain one.",
                 OURS,
                 "less mean error after the first change: difference above 0",
                 natural,
-                natural.low > 0,
                 "of the pool's force",
                 f"Mean error {error[-1].mean():.4f}, with the plain one {error[0].mean():.4f}.",
             ),

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
@@ -51,9 +51,9 @@ class GainDecay(Experiment):
     decays: tuple[float, ...] = (1e-7, 1e-6, 1e-5)
 
     def __post_init__(self) -> None:
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
-        check(200 <= self.learnt <= 10**9, "learnt", self.learnt, "in 200 … 1,000,000,000")
+        self.check_range(200, 10**9, "learnt")
         rising = len(self.decays) == 3 and 0 < self.decays[0] < self.decays[1] < self.decays[2] <= 1
         check(rising, "decays", self.decays, "three, rising, above 0 and at most 1")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
@@ -124,21 +124,19 @@ class GainDecay(Experiment):
         fading = mean_of(first[:, quarter : 2 * quarter].mean(axis=1) - plain)
         kept = mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain)
         made = [
-            Claim(
+            positive(
                 "As learning progresses the network loses the ability to explore.",
                 "section 4.4.1",
                 "where nothing changes, less entropy at the end than in the second quarter: difference above 0",
                 fading,
-                fading.low > 0,
                 "bits per unit",
                 f"At the end {plain.mean():.3f} bits.",
             ),
-            Claim(
+            positive(
                 f"Gains that decay ({values['decay'][1]:g} per decision) force it to explore.",
                 "section 4.4.1",
                 "more entropy at the end than without, where nothing changes: difference above 0",
                 kept,
-                kept.low > 0,
                 "bits per unit",
             ),
         ]
@@ -147,21 +145,19 @@ class GainDecay(Experiment):
         for row, decay in enumerate(values["decay"][1:], 1):
             better, cost = mean_of(tracking[0] - tracking[row]), mean_of(still[row] - still[0])
             made += [
-                Claim(
+                positive(
                     f"With it ({decay:g}) a pool adapts better to a muscle that changes.",
                     "section 4.4.1",
                     "less mean error after the first change than without: difference above 0",
                     better,
-                    better.low > 0,
                     "of the pool's force",
                     f"Mean error {tracking[row].mean():.4f}, without {tracking[0].mean():.4f}.",
                 ),
-                Claim(
+                positive(
                     f"It costs precision where nothing changes ({decay:g}).",
                     "our own expectation",
                     "more mean error at the end than without: difference above 0",
                     cost,
-                    cost.low > 0,
                     "of the pool's force",
                     f"Mean error {still[row].mean():.4f}, without {still[0].mean():.4f}.",
                 ),
@@ -169,12 +165,11 @@ class GainDecay(Experiment):
         error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
         harm = mean_of(error[1] - error[0])
         made.append(
-            Claim(
+            positive(
                 f"Gains that decay from the start ({values['decay'][2]:g}) keep a pool from learning.",
                 "our own observation",
                 "more mean error at the end of the first practice than without: difference above 0",
                 harm,
-                harm.low > 0,
                 "of the pool's force",
                 f"Seen in the first results, then stated. Mean error {error[1].mean():.4f}, "
                 f"without {error[0].mean():.4f}.",

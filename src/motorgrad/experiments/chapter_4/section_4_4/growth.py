@@ -6,8 +6,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, median_of, share_of
+from motorgrad.experiments._claims import Claim, below, exact, median_of, more_than_half, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -62,11 +61,9 @@ class Growth(Experiment):
     seeds: int = 24
 
     def __post_init__(self) -> None:
-        for name in ("units", "plain_units"):
-            check(3 <= getattr(self, name) <= 64, name, getattr(self, name), "in 3 … 64")
-        for name in ("phase", "plain_phase"):
-            check(200 <= getattr(self, name) <= 10**8, name, getattr(self, name), "in 200 … 100,000,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(3, 64, "units", "plain_units")
+        self.check_range(200, 10**8, "phase", "plain_phase")
+        self.check_range(2, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -130,21 +127,21 @@ class Growth(Experiment):
             better = median_of(values[f"{name} grown error"].mean(1) / values[f"{name} start error"].mean(1))
             spaced = median_of(values[f"{name} grown spacing"][-1] / values[f"{name} start spacing"])
             made += [
-                Claim(
+                below(
+                    1,
                     f"Growing is the better strategy: less error on the way ({way.words}).",
                     "section 4.4",
                     "mean error over all decisions, by that of a pool complete from the start: below 1, with its "
                     "interval",
                     better,
-                    better.high < 1,
                     note=f"{way.units} units, {way.units * way.phase:,} decisions.",
                 ),
-                Claim(
+                below(
+                    1,
                     f"Growing is the better strategy: nearer to equal spacing in the end ({way.words}).",
                     "section 4.4",
                     "spacing error, by that of a pool complete from the start: below 1, with its interval",
                     spaced,
-                    spaced.high < 1,
                 ),
                 _converged_claim(values, name, way),
                 _sooner_claim(values, name, way),
@@ -158,12 +155,12 @@ class Growth(Experiment):
         )
         return [
             *made,
-            Claim(
+            below(
+                1,
                 "Each additional unit forces the older thresholds to move less than the last (force as a ratio).",
                 "section 4.4",
                 "mean move with the last unit, by that with the second: below 1, with its interval",
                 least,
-                least.high < 1,
             ),
             Claim(
                 "To make room for another unit each of N thresholds moves by 1/(N(N + 1)) of the input.",
@@ -197,13 +194,12 @@ def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
     there = np.isfinite(total) & np.isfinite(whole)
     sooner = share_of(total < whole)
     ratio = f"{median_of(total[there] / whole[there])} of the decisions. " if there.any() else ""
-    return Claim(
+    return more_than_half(
         f"Growing is sooner, were each unit to come as soon as those there are equally spaced ({way.words}).",
         "section 4.4",
         "fewer decisions until equally spaced for good, summed over the phases, than a pool complete from the start: "
         "in most seeds; a pool that is not so at the end of every phase is not sooner",
         sooner,
-        sooner.low > 0.5,
         note=f"{ratio}Not equally spaced at the end: {int(np.isinf(grown).sum())} of {grown.size} phases, "
         f"{int(np.isinf(whole).sum())} of {whole.size} complete pools. The last phase alone: "
         f"{_middle(grown[-1])}; complete pools: {_middle(whole)}.",

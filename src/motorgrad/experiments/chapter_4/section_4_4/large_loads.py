@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
+from motorgrad.experiments._claims import Claim, exact, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability
@@ -48,8 +48,8 @@ class LargeLoads(Experiment):
     def __post_init__(self) -> None:
         rising = list(self.sizes) == sorted(set(self.sizes)) and len(self.sizes) > 1 and self.sizes[0] > 0
         check(rising, "sizes", self.sizes, "at least two, rising")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
 
     @classmethod
@@ -107,12 +107,11 @@ class LargeLoads(Experiment):
                     "reward per unit of probability",
                     f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, paid, 0):.2f}.",
                 ),
-                Claim(
+                more_than_half(
                     f"With only large loads a large pool falls silent (lifts {words}).",
                     "section 4.4",
                     "in most pools",
                     shares,
-                    shares.low > 0.5,
                     note=f"Of {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
                     f"Of {sizes[0]} units: {share_of(silent['large'][0])}.",
                 ),
@@ -123,12 +122,11 @@ class LargeLoads(Experiment):
         kept = share_of(silent["all"][-1])
         return [
             *made,
-            Claim(
+            positive(
                 "Large pools fall silent more often than small ones (lifts paid only where complete).",
                 "section 4.4",
                 f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
                 grown,
-                grown.low > 0,
             ),
             Claim(
                 "Exposure to small loads prevents it (lifts paid only where complete).",

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, final, mean_of, share_of
+from motorgrad.experiments._claims import Claim, Measured, final, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
@@ -53,8 +53,8 @@ class NegativeInputs(Experiment):
     decays: tuple[float, ...] = (1e-3, 1e-2)
 
     def __post_init__(self) -> None:
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
         for decay in self.decays:
             check(0 < decay <= 1, "decays", decay, "in (0, 1]")
         self.task("thesis")
@@ -96,21 +96,19 @@ class NegativeInputs(Experiment):
             more = mean_of(firing[name] - firing["thesis"])
             oftener = mean_of(caught[name] * 1.0 - caught["thesis"])
             made += [
-                Claim(
+                positive(
                     f"Where loads of 0 and below are {words}, some force is always put out.",
                     "section 4.4",
                     "at −2 to 0 kg more of the pool fires than where sweeps begin at −2 kg: difference above 0",
                     more,
-                    more.low > 0,
                     "of the pool",
                     f"Mean: {firing[name].mean():.3f}, from −2 kg {firing['thesis'].mean():.3f}.",
                 ),
-                Claim(
+                positive(
                     f"Where loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
                     "section 4.4",
                     "a greater share than where sweeps begin at −2 kg: difference above 0",
                     oftener,
-                    oftener.low > 0,
                     note=f"Shares: {share_of(caught[name])}; from −2 kg {share_of(caught['thesis'])}; "
                     f"from −6 kg {share_of(caught['often'])}. {ENLARGED}",
                 ),
@@ -127,19 +125,17 @@ def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
     )
     switched, raised = share_among(gain < 0, pools), share_among(threshold > start, pools & (gain < 0))
     return [
-        Claim(
+        more_than_half(
             "That unit has switched to a negative gain.",
             "section 4.4",
             "in most pools that have one, of those that never saw a load of 0",
             switched,
-            switched.low > 0.5,
         ),
-        Claim(
+        more_than_half(
             "It has raised its threshold then.",
             "section 4.4",
             "in most of those pools",
             raised,
-            raised.low > 0.5,
         ),
     ]
 
@@ -149,23 +145,21 @@ def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> list[Claim]:
     stay = share_among(caught[_again(0.0)], caught["never"])
     reward = dict(zip(map(str, values["state"]), np.median(values["reward"], axis=1), strict=True))
     made = [
-        Claim(
+        more_than_half(
             "Loads of 0 and below do not correct it when they come back.",
             "section 4.4",
             "most pools that had such a unit still have one",
             stay,
-            stay.low > 0.5,
         )
     ]
     for decay in values["decay"]:
         free = share_among(~caught[_again(decay)], caught["never"] & caught[_again(0.0)])
         made.append(
-            Claim(
+            more_than_half(
                 f"A decay of the gains ({decay:g} per sweep) frees those that stay caught without it.",
                 "our own question, after section 4.4.1",
                 "most of them",
                 free,
-                free.low > 0.5,
                 note=f"Median reward of all pools: {reward[_again(decay)]:.2f}, without {reward[_again(0.0)]:.2f}.",
             )
         )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, final, first_time, median_of
+from motorgrad.experiments._claims import Claim, below, final, first_time, median_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
@@ -52,10 +52,10 @@ class RateModulation(Experiment):
     def __post_init__(self) -> None:
         rising = len(self.units) > 0 and list(self.units) == sorted(set(self.units))
         check(rising and min(self.units) >= 1 and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(200, 10**9, "steps")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -98,32 +98,32 @@ class RateModulation(Experiment):
             quiet = [np.median(values[f"{units} {kind} without noise"]) for kind in KINDS]
             never = [int(np.isnan(first).sum()) for first in firsts]
             made += [
-                Claim(
+                below(
+                    1,
                     f"Graded units err less than as many units that fire or not could at best ({said}).",
                     "our own expectation",
                     "mean error in the last tenth, by the least that is possible for the others: below 1, with its "
                     "interval",
                     lower,
-                    lower.high < 1,
                     note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
                     f"others {quiet[0]:.4f}; least for these {least:.4f}.",
                 ),
-                Claim(
+                below(
+                    1,
                     f"They learn sooner ({said}).",
                     "our own expectation",
                     f"decisions to {REACHED} times that least error, by those of the others: below 1, with its "
                     "interval",
                     sooner,
-                    sooner.high < 1,
                     note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; not within "
                     f"{steps:,} decisions: {never[1]} and {never[0]}.",
                 ),
-                Claim(
+                below(
+                    0.1,
                     f"As learning goes on, graded units converge to a deterministic output ({said}).",
                     "section 6.2.3",
                     "deviation of the noise in the end below 0.1, with its interval",
                     narrow,
-                    narrow.high < 0.1,
                     note=f"It begins at {self.deviation:g}; the floor is {self.floor:g}. In the second "
                     f"half it went down to {np.median(falls):.2f} of what it was.",
                 ),

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
+from motorgrad.experiments._claims import Claim, exact, mean_of, negative, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
@@ -52,11 +52,10 @@ class SizePrinciple(Experiment):
     arm: int = 600_000
 
     def __post_init__(self) -> None:
-        check(3 <= self.units <= 6, "units", self.units, "in 3 … 6")
+        self.check_range(3, 6, "units")
         check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        for name in ("linear", "linear_natural", "arm"):
-            check(200 <= getattr(self, name) <= 10**9, name, getattr(self, name), "in 200 … 1,000,000,000")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "linear", "linear_natural", "arm")
 
     @classmethod
     def quick(cls) -> Self:
@@ -94,15 +93,14 @@ class SizePrinciple(Experiment):
         for name, words in WORDS.items():
             found = order(values, name)
             each, whole = mean_of(found), share_of(found > 1 - 1e-9)
-            positive = share_of((values[f"{name} gain"] > 0).all(axis=1))
+            graded = share_of((values[f"{name} gain"] > 0).all(axis=1))
             made.append(
-                Claim(
+                positive(
                     f"Units organise themselves by the size principle, small ones first ({words}).",
                     "section 4.4.1",
                     "rank correlation of size and recruitment: mean above 0",
                     each,
-                    each.low > 0,
-                    note=f"In exactly this order: {whole}; chance {chance:.3f}. All gains positive: {positive}.",
+                    note=f"In exactly this order: {whole}; chance {chance:.3f}. All gains positive: {graded}.",
                 )
             )
         best = values["orders"][pay.argmax()] + 1
@@ -120,12 +118,11 @@ class SizePrinciple(Experiment):
         for name in ("linear plain", "linear natural"):
             inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
             made.append(
-                Claim(
+                negative(
                     f"The larger a unit, the nearer to the middle of the range it is recruited ({WORDS[name]}).",
                     "our own observation",
                     "rank correlation of size and distance from the middle: mean below 0",
                     inward,
-                    inward.high < 0,
                     note="Seen in the first results, then stated.",
                 )
             )

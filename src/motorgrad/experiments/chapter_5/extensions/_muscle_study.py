@@ -49,8 +49,8 @@ class MuscleStudy(Experiment):
     watched: float = 60.0
 
     def __post_init__(self) -> None:
-        check(1 <= self.updates <= 100_000, "updates", self.updates, "in 1 … 100,000")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(1, 100_000, "updates")
+        self.check_range(2, 1000, "seeds")
         spans = self.watched / 20
         right = 1 <= spans <= 180 and spans == round(spans)
         check(right, "watched", self.watched, "a multiple of 20 simulated s, at most 3600")

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
-from motorgrad.experiments._claims import Claim, mean_of, median_of
+from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
@@ -55,7 +55,7 @@ class FoundSynergies(MuscleStudy):
     def __post_init__(self) -> None:
         super().__post_init__()
         check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"in 1 … seeds, {self.seeds}")
-        check(2 <= self.learners <= 1000, "learners", self.learners, "in 2 … 1000")
+        self.check_range(2, 1000, "learners")
         check(1 <= self.seconds <= 1e6, "seconds", self.seconds, "in 1 … 1,000,000 simulated s")
         _ = HexapodSynergy(lag=self.lag)
 
@@ -93,29 +93,27 @@ class FoundSynergies(MuscleStudy):
         hand = median_of(values["by hand sample net"])
         explained = mean_of(values["explained"])
         return [
-            Claim(
+            more_than_half(
                 "Four synergies account for most of what 24 muscles do in a learnt gait.",
                 OURS,
                 "part of the activations' sum of squares above one half",
                 explained,
-                explained.low > 0.5,
             ),
-            Claim(
+            above(
+                level,
                 "On synergies found in learnt gaits four units learn to walk.",
                 OURS,
                 f"frozen, actions drawn: median speed above that of the fixed controller, {level:.2f} m/s",
                 speed,
-                speed.low > level,
                 "m/s",
                 f"Net displacement over 20 s: {net} m/s, with the most probable actions {mode}; on synergies made by "
                 f"hand {hand}.",
             ),
-            Claim(
+            positive(
                 "It is the synergies that help: with muscles drawn by lot they get less far.",
                 OURS,
                 "frozen, actions drawn, net displacement over 20 s: mean difference by gait above 0",
                 over,
-                over.low > 0,
                 "m/s",
             ),
         ]

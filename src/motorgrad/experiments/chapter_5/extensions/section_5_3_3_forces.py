@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.section_5_2_2 import behind_best
@@ -56,7 +56,7 @@ class Forces(Experiment):
     def __post_init__(self) -> None:
         rising = len(self.levels) >= 3 and min(self.levels) > 0 and bool(np.all(np.diff(self.levels) > 0))
         check(rising and 1.0 in self.levels[1:-1], "levels", self.levels, "at least three, rising, 1 between the ends")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
         for name, least in (("seconds", 1.0), ("watched", SETTLING + 1.0)):
             check(least <= getattr(self, name) <= 1e6, name, getattr(self, name), f"from {least:g} to 1e6 simulated s")
 
@@ -122,30 +122,27 @@ class Forces(Experiment):
         net, falls = ([values[f"{way} {name}"][-1].mean() for way in WAYS] for name in ("net", "falls"))
         told = {way: _medians(values, way) for way in WAYS}
         made = [
-            Claim(
+            positive(
                 "More force of all muscles slows the hexapod down past a point.",
                 self.source,
                 f"at {most} times the force slower than at the best level between the ends: above 0",
                 past,
-                past.low > 0,
                 "m/s slower",
                 f"The best for each seed is that of the others. Medians {told['all']}.",
             ),
-            Claim(
+            positive(
                 "More force of the lateral muscles without more of the vertical ones slows it down.",
                 self.source,
                 f"at {most} times the lateral force slower than at the usual: above 0",
                 more,
-                more.low > 0,
                 "m/s slower",
                 f"Medians {told['lateral']}.",
             ),
-            Claim(
+            positive(
                 "What slows it down is that the vertical muscles do not match.",
                 self.source,
                 f"at {most} times the lateral force, faster with {most} times the vertical force too: above 0",
                 matched,
-                matched.low > 0,
                 "m/s faster",
                 f"Net displacement {net[0]:.2f} m/s with it, {net[1]:.2f} m/s without; overturned {falls[0]:.2g} and "
                 f"{falls[1]:.2g} times, after which a body begins anew.",
@@ -156,12 +153,11 @@ class Forces(Experiment):
             less = mean_of(values[f"{way} duty"][level] - values[f"{way} duty"][-1])
             air, belly = (values[f"{way} {name}"].mean(axis=1) for name in ("airborne", "belly"))
             made.append(
-                Claim(
+                positive(
                     f"With more force {words} feet are on the ground for less of the time.",
                     self.source,
                     f"at {most} times the force less than at {levels[level]:g}: above 0",
                     less,
-                    less.low > 0,
                     "of the time",
                     f"In the air for {air[-1]:.0%} of the time in place of {air[level]:.0%}, on the belly for "
                     f"{belly[-1]:.0%} in place of {belly[level]:.0%}.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, negative, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._body_space import (
@@ -300,30 +300,27 @@ def _search_claims(values: Values, evaluations: int) -> list[Claim]:
     )
     told = f"The usual body walks at {usual:.2f} m/s; each search's best was judged by walks that it had not seen."
     return [
-        Claim(
+        positive(
             "An outer loop with a global optimiser finds a faster body.",
             "section 5.4.1",
             f"CMA-ES, {evaluations} evaluations: speed above the usual body's, difference above 0",
             gain,
-            gain.low > 0,
             "m/s",
             told,
         ),
-        Claim(
+        negative(
             "Random search with Boltzmann selection is largely ineffective.",
             SOURCE,
             "gains less than half of what CMA-ES gains with as many evaluations: what it gains beyond a half below 0",
             half,
-            half.high < 0,
             "m/s",
             f"It gains {(boltzmann - usual).mean():.2f} m/s, CMA-ES {gain.value:.2f} m/s.",
         ),
-        Claim(
+        positive(
             "To select and perturb is better than to sample anywhere.",
             "our own expectation",
             "Boltzmann selection against random sampling, as many evaluations: difference above 0",
             ahead,
-            ahead.low > 0,
             "m/s",
             f"Random sampling gains {(uniform - usual).mean():.2f} m/s.",
         ),
@@ -335,12 +332,11 @@ def _observation_claims(values: Values) -> list[Claim]:
     for bodies, words in BODY_WORDS.items():
         base, width, mass = (mean_of(differences(values, bodies, pair, "speed")) for pair in ("base", "width", "mass"))
         made.append(
-            Claim(
+            positive(
                 f"A wide heavy trunk is faster than a slim light one ({words}).",
                 SOURCE,
                 f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference above 0",
                 base,
-                base.low > 0,
                 "m/s",
                 f"Width alone {width} m/s, mass alone {mass} m/s.",
             )
@@ -349,12 +345,11 @@ def _observation_claims(values: Values) -> list[Claim]:
         joints = mean_of(differences(values, bodies, "joints", "speed"))
         speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]
         made.append(
-            Claim(
+            positive(
                 f"Vertical joints between the sections make it faster than lateral ones ({words}).",
                 SOURCE,
                 "the same body with either: difference above 0",
                 joints,
-                joints.low > 0,
                 "m/s",
                 f"{speeds[0]:.2f} m/s and {speeds[1]:.2f} m/s.",
             )
@@ -369,24 +364,22 @@ def _explanation_claims(values: Values) -> list[Claim]:
         for bodies, of in BODY_WORDS.items():
             more = mean_of(differences(values, bodies, pair, "duty"))
             made.append(
-                Claim(
+                positive(
                     f"Feet are on the ground for longer with a {words} ({of}).",
                     SOURCE,
                     "part of the time: difference above 0",
                     more,
-                    more.low > 0,
                     "of the time",
                 )
             )
     for bodies, of in BODY_WORDS.items():
         less = mean_of(-differences(values, bodies, "base", "tilt"))
         made.append(
-            Claim(
+            positive(
                 f"A wide heavy trunk tilts less than a slim light one ({of}).",
                 SOURCE,
                 "root mean square tilt against the ground: difference above 0",
                 less,
-                less.low > 0,
                 "° less",
             )
         )

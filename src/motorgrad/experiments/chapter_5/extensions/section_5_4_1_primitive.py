@@ -11,7 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
@@ -125,12 +125,11 @@ class LearntPrimitives(Experiment):
             part = max(1, curve.shape[1] // 20)
             gained = mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1))
             made.append(
-                Claim(
+                positive(
                     f"Learning {words.removesuffix(' learnt together')} makes the hexapod faster.",
                     "section 5.4.1",
                     "the last fifth of the practice against the first twentieth: the difference is above 0",
                     gained,
-                    gained.low > 0,
                     "m/s",
                 )
             )
@@ -139,24 +138,22 @@ class LearntPrimitives(Experiment):
             sure = mean_of(values["both sure"] - values[f"{kind} sure"])
             speeds = f"{values['both speed'].mean():.2f} m/s and {values[f'{kind} speed'].mean():.2f} m/s."
             made.append(
-                Claim(
+                positive(
                     f"Both learnt together walk faster than {WORDS[kind]}.",
                     "section 5.4.1",
                     "after learning, frozen, seed by seed: the difference is above 0",
                     more,
-                    more.low > 0,
                     "m/s",
                     f"{speeds} With the means of the movement in place of draws the difference is {sure}.",
                 )
             )
         back = share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1))
         made.append(
-            Claim(
+            more_than_half(
                 "A tripod's step comes to begin when its own legs are back, rather than the other tripod's.",
                 "our own expectation",
                 "own legs' weights sum below 0 and below the others', for both tripods: in most seeds",
                 back,
-                back.low > 0.5,
             )
         )
         return made

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
@@ -55,7 +55,7 @@ class StridePeriod(Experiment):
     def __post_init__(self) -> None:
         check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
         check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
-        check(2 <= self.starts <= 1_000, "starts", self.starts, "in 2 … 1,000")
+        self.check_range(2, 1_000, "starts")
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
         rising = len(self.periods) > 1 and list(self.periods) == sorted(set(self.periods))
@@ -117,12 +117,11 @@ class StridePeriod(Experiment):
         paid, room = mean_of(adaptive - constant), mean_of(room_for_slopes(fixed[:-1]))
         source = "section 5.4.1"
         return [
-            Claim(
+            positive(
                 "Policy gradient learns a stride period that is faster than the one it began with.",
                 source,
                 "one learnt period, mean over the slopes: the difference is above 0",
                 gained,
-                gained.low > 0,
                 "m/s",
                 f"{constant.mean():.2f} m/s; with {values['grid'][-1]:g} s, {began:.2f} m/s.",
             ),
@@ -134,29 +133,26 @@ class StridePeriod(Experiment):
                 share.low >= 0.9,
                 note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s with {best:.2f} m/s.",
             ),
-            Claim(
+            positive(
                 "Learnt with the pitch, strides are longer in time uphill than downhill.",
                 source,
                 "between the steepest two slopes: the difference is above 0",
                 longer,
-                longer.low > 0,
                 "s",
             ),
-            Claim(
+            positive(
                 "A period that follows the pitch is faster than one learnt period.",
                 source,
                 "mean over the slopes, seed by seed: the difference is above 0",
                 paid,
-                paid.low > 0,
                 "m/s",
                 f"{adaptive.mean():.2f} m/s and {constant.mean():.2f} m/s.",
             ),
-            Claim(
+            positive(
                 "There is something to be gained: the best period for each slope is faster than the best one for all.",
                 source,
                 "both chosen by the other starts, mean over the slopes: the difference is above 0",
                 room,
-                room.low > 0,
                 "m/s",
             ),
         ]

@@ -49,7 +49,7 @@ class SynergyStudy(Experiment):
             _ = self.learner(lag)
         least = 50 * self.task(min(self.lags)).period
         check(least <= self.seconds < math.inf, "seconds", self.seconds, f"a finite time of at least {least:g} s")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
         check(20.0 <= self.watched <= 3600, "watched", self.watched, "in 20 … 3600 simulated s")
 
     @classmethod

@@ -50,7 +50,7 @@ class StateMachine(Experiment):
 
     def __post_init__(self) -> None:
         check(SHOWN <= self.seconds <= 3600, "seconds", self.seconds, f"in {SHOWN:g} … 3600 simulated s")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:

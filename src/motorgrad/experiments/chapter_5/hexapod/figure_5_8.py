@@ -6,9 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS, debounced
-from motorgrad.experiments._claims import Claim, exact, share_of
+from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
@@ -43,7 +42,7 @@ class TwoGaits(SynergyStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(0.1 <= self.shown <= 10, "shown", self.shown, "in 0.1 … 10 simulated s")
+        self.check_range(0.1, 10, "shown", unit=" simulated s")
 
     def run(self, work: Workspace) -> Values:
         found = []
@@ -99,7 +98,7 @@ class TwoGaits(SynergyStudy):
             measured = share_of(own) if len(own) else exact(0)
             note = "" if len(own) else f"No seed of {len(holds)} came to this gait."
             expected = f"{expected}: in most seeds of this gait"
-            made.append(Claim(statement, "section 5.3.2", expected, measured, measured.low > 0.5, note=note))
+            made.append(more_than_half(statement, "section 5.3.2", expected, measured, note=note))
         return made
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
@@ -57,7 +57,7 @@ class BiomimeticHexapod(Experiment):
         check(0.0 <= self.highest <= 45.0, "highest", self.highest, "in 0 … 45 degrees")
         check(0.0 < self.height <= 1.0, "height", self.height, "in (0, 1] m")
         check(1.0 <= self.seconds <= 15, "seconds", self.seconds, "in 1 … 15 simulated s: the field ends")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -140,7 +140,7 @@ class BiomimeticHexapod(Experiment):
         for statement, differences, unit, note in rows:
             measured = mean_of(differences)
             expected = "on the same ground: difference above 0"
-            made.append(Claim(statement, SECTION, expected, measured, measured.low > 0, unit, note))
+            made.append(positive(statement, SECTION, expected, measured, unit, note))
         return made
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._claims import Claim, above, mean_of, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
@@ -57,7 +57,7 @@ class RoughGround(Experiment):
         check(rising, "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
         check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"in {LAST:g} … 20 simulated s: the field ends")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -164,20 +164,20 @@ def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
     kept = mean_of(net[rows][-1] / net[0].mean())
     most = f"{100 * values['height'][-1]:g} cm"
     return [
-        Claim(
+        above(
+            CONSISTENT,
             f"The controller consistently generates a tripod gait on {kind} up to {top}.",
             THESIS,
             f"at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
             tripod,
-            tripod.low > CONSISTENT,
             note=f"Phase between the tripods {_phases(values, kind, rows)} cycles, means by height.",
         ),
-        Claim(
+        above(
+            CONSISTENT,
             f"It does so on {kind} of {most} too.",
             OURS,
             f"on a share of the grounds above {CONSISTENT:g}",
             steepest,
-            steepest.low > CONSISTENT,
             note=f"Net speed there {net[-1].mean():.2f} m/s, {net[0].mean():.2f} on level ground.",
         ),
         Claim(
@@ -204,35 +204,34 @@ def controller_claims(values: Values, kinds: Sequence[str], clearance: float) ->
     by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
     seeds = len(still["mended"]) // len(kinds)
     return [
-        Claim(
+        above(
+            CONSISTENT,
             f"As the thesis words it, the controller is robust up to {top}: it does not come to a stand.",
             THESIS,
             f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
             share_of(~still["worded"]),
-            share_of(~still["worded"]).low > CONSISTENT,
             note=f"Grounds of {seeds} on which it stands still at the end of one of its walks: {by_kind}.",
         ),
-        Claim(
+        above(
+            CONSISTENT,
             f"With its deadlocks mended it does not come to a stand up to {top}.",
             OURS,
             f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
             share_of(~still["mended"]),
-            share_of(~still["mended"]).low > CONSISTENT,
         ),
-        Claim(
+        positive(
             "The mending is what keeps it walking.",
             OURS,
             "share of grounds on which it stands still, as worded less mended: above 0",
             fewer,
-            fewer.low > 0,
             note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
         ),
-        Claim(
+        above(
+            CONSISTENT,
             "It never overturns, at any height.",
             OURS,
             f"on a share of the grounds above {CONSISTENT:g}",
             never,
-            never.low > CONSISTENT,
         ),
     ]
 

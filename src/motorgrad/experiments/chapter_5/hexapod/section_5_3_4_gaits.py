@@ -6,7 +6,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, first_time, mean_of, median_of, share_of
+from motorgrad.experiments._claims import (
+    Claim,
+    below,
+    first_time,
+    mean_of,
+    median_of,
+    more_than_half,
+    positive,
+    share_of,
+)
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import (
@@ -170,20 +179,18 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
     still = share_of(values[f"lag {lag} mode gait"] == "stalled")
     level = float(values["controller net"][0])
     return [
-        Claim(
+        more_than_half(
             f"Learning consistently converges to one of two gaits, tripod or pronk ({late}).",
             source,
             "frozen, from a fresh start, with actions that are drawn: in most seeds",
             converged,
-            converged.low > 0.5,
             note=counts,
         ),
-        Claim(
+        more_than_half(
             f"Pronking is learnt more often than not ({late}).",
             source,
             "of the seeds that came to either gait: in most",
             pronking,
-            pronking.low > 0.5,
             note=counts if either.any() else f"No seed came to either gait. {counts}",
         ),
         Claim(
@@ -207,23 +214,22 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
             f"seeds during practice: {values[f'lag {lag} falls'].sum():.0f}.",
         ),
         *(
-            Claim(
+            more_than_half(
                 f"What was learnt gets ahead further than the fixed controller, with {words} ({late}).",
                 OURS,
                 f"net displacement in 20 s above {level:.2f} m/s: in most seeds",
                 share_of(values[f"lag {lag} {mode} net"] > level),
-                share_of(values[f"lag {lag} {mode} net"] > level).low > 0.5,
                 note=f"Medians: {median_of(values[f'lag {lag} {mode} net'])} m/s; heading speed "
                 f"{median_of(values[f'lag {lag} {mode} speed'])} m/s.",
             )
             for mode, words in ACTIONS.items()
         ),
-        Claim(
+        below(
+            RARE,
             f"With the most probable actions hardly any seed stands still ({late}).",
             OURS,
             f"the share of seeds of the class stalled: its interval below {RARE:g}",
             still,
-            still.high < RARE,
             note=f"Parts of stalled seconds: mean {values[f'lag {lag} mode stalls'].mean():.2f}, with actions that are "
             f"drawn {values[f'lag {lag} sample stalls'].mean():.2f}.",
         ),
@@ -246,23 +252,21 @@ def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
         for kind, words in (("pronk", "pronking"), ("tripod", "tripod"))
     ]
     made.append(
-        Claim(
+        more_than_half(
             "Without lag, seeds end between tripod and pronk.",
             INDEPENDENT,
             f"all of its seeds: in most, with lag {first}",
             between,
-            between.low > 0.5,
         )
     )
     for lag in others:
         more = mean_of(viable(gaits[lag]) * 1.0 - viable(gaits[first]))
         made.append(
-            Claim(
+            positive(
                 f"With observations late by {lag}, more seeds come to tripod or pronk than with {first}.",
                 INDEPENDENT,
                 "4 of 8 with a lag of 1, 5 of 6 with 2, none without: difference of the shares above 0",
                 more,
-                more.low > 0,
             )
         )
     return made

@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._experiment import Experiment, Workspace
 from motorgrad.experiments._films import recorded_policies
 from motorgrad.tasks import Task
@@ -34,8 +33,8 @@ class GrowingStudy(Experiment):
     seeds: int = 24
 
     def __post_init__(self) -> None:
-        check(2 <= self.units <= 1_000, "units", self.units, "in 2 … 1,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 1_000, "units")
+        self.check_range(2, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
@@ -88,30 +88,27 @@ class GrowingPolicy(GrowingStudy):
         further = mean_of(new - others)
         gained = mean_of(values["reward"][:, -1] - values["reward"][:, 0])
         return [
-            Claim(
+            positive(
                 "With each unit alone in motion, it is the new unit that finds a place.",
                 "section 6.4.3",
                 "in the interval after its addition a unit's centre ends farther from where it began than those of "
                 "the units that were there: difference above 0",
                 further,
-                further.low > 0,
                 "of the box",
                 f"{new.mean():.3f} and {others.mean():.3f}; the new unit's steps are 16 times as long.",
             ),
-            Claim(
+            more_than_half(
                 "Shrinking forces each new unit to fit a local region.",
                 "section 6.4.3",
                 f"share of units with widths of at most {LOCAL:g} at the end of their own interval: above one half",
                 mean_of(local),
-                mean_of(local).low > 0.5,
                 note=f"The median of the greater width is {np.median(width):.2f}; shrinking alone ends at 0.15.",
             ),
-            Claim(
+            positive(
                 "A policy that grows gets better.",
                 "figure 6.7",
                 f"more reward after {self.units} units than after 1: difference above 0",
                 gained,
-                gained.low > 0,
                 "reward per decision",
             ),
         ]

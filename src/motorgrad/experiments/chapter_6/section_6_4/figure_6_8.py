@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, moving_mean, share_of
+from motorgrad.experiments._claims import Claim, above, mean_of, more_than_half, moving_mean, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
@@ -108,12 +108,11 @@ class GrowingReward(GrowingStudy):
         best = share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1)
         later = mean_of(after[:, -1] - after[:, PEAK - 1])
         return [
-            Claim(
+            more_than_half(
                 "Performance peaks after approximately 13 units.",
                 "figure 6.8",
                 f"the best of all learning phases is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
                 best,
-                best.low > 0.5,
                 note="The thesis saw one run.",
             ),
             Claim(
@@ -137,12 +136,12 @@ class GrowingReward(GrowingStudy):
             static, grown = (values[f"{each} reward"][:, last].mean(1) for each in (name, "grown"))
             found = mean_of(static - grown)
             made.append(
-                Claim(
+                above(
+                    -0.02,
                     f"Two units at each of 2 × 2 places, there from the start, do as well in two dimensions ({words}).",
                     "an independent model",
                     "not less reward at the end of as many decisions: the interval of the difference above −0.02",
                     found,
-                    found.low > -0.02,
                     "reward per decision",
                     f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
                 )

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._claims import Claim, Measured, mean_of, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
@@ -113,13 +113,12 @@ class Orbits(GrowingStudy):
                 sign * (values[f"{wanted} after"][:, -1] - values[f"{wanted} after"][:, self.units // 2 - 1])
             )
             made += [
-                Claim(
+                positive(
                     f"The orbit {'widens' if sign > 0 else 'narrows'} where {WANTED[wanted][0]}.",
                     "figure 6.9",
                     f"a {'greater' if sign > 0 else 'smaller'} radius than without pushes, {unforced:.3f}: difference "
                     "above 0",
                     changed,
-                    changed.low > 0,
                     "of the box",
                 ),
                 Claim(
@@ -131,13 +130,12 @@ class Orbits(GrowingStudy):
                     "of the box",
                     f"After {self.decisions:,} decisions, {self.units} units.",
                 ),
-                Claim(
+                positive(
                     f"The later half of the units is of use too, where {wanted} is wanted.",
                     "our own expectation",
                     f"with {self.units} units {'wider' if sign > 0 else 'narrower'} than with {self.units // 2}: "
                     "difference above 0",
                     later,
-                    later.low > 0,
                     "of the box",
                 ),
             ]

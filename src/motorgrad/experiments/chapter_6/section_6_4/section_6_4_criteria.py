@@ -6,7 +6,16 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, median_of, share_of
+from motorgrad.experiments._claims import (
+    Claim,
+    above,
+    mean_of,
+    median_of,
+    more_than_half,
+    negative,
+    positive,
+    share_of,
+)
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowingStudy, learning_phase
@@ -75,12 +84,11 @@ class Criteria(GrowingStudy):
         sizes = {way: values[f"{layout} {way} units"][:, -1] for way in WAYS}
         naive = mean_of(ends["first"] - ends["clock"])
         made = [
-            Claim(
+            negative(
                 f"To stop once a unit brings no improvement is naive: it stops too early ({layout}).",
                 "section 6.4.3",
                 "less reward at the end than by the clock: difference below 0",
                 naive,
-                naive.high < 0,
                 "reward per decision",
                 f"{median_of(sizes['first'])} units; {ends['first'].mean():.3f} and {ends['clock'].mean():.3f}.",
             )
@@ -92,30 +100,28 @@ class Criteria(GrowingStudy):
             lost, life = mean_of(ends[way] - ends["clock"]), mean_of(lives[way] - lives["clock"])
             late = "Its window and patience were chosen by other seeds, 100 to 123. " if way == "short" else ""
             made += [
-                Claim(
+                more_than_half(
                     f"It stops by itself before the pool is full ({layout}; {WORDS[way]}).",
                     "sections 6.4.1 and 6.4.3, which leave the criterion open; ours",
                     f"fewer than {self.units} units, and none added in the last tenth of all decisions: in most seeds",
                     stopped,
-                    stopped.low > 0.5,
                     note=f"{median_of(sizes[way])} units; the last came after {last_added(values, layout, way)} "
                     "decisions.",
                 ),
-                Claim(
+                above(
+                    -0.02,
                     f"With these it earns as much in the end ({layout}; {WORDS[way]}).",
                     "our own expectation",
                     "the interval of the difference from the clock's reward is above −0.02",
                     lost,
-                    lost.low > -0.02,
                     "reward per decision",
                     f"{late}{ends[way].mean():.3f}, by the clock {ends['clock'].mean():.3f}.",
                 ),
-                Claim(
+                positive(
                     f"Over all its practice it earns more, as it is disturbed less ({layout}; {WORDS[way]}).",
                     "our own expectation",
                     "more reward over all decisions than by the clock: difference above 0",
                     life,
-                    life.low > 0,
                     "reward per decision",
                     f"{late}{lives[way].mean():.3f}, by the clock {lives['clock'].mean():.3f}.",
                 ),

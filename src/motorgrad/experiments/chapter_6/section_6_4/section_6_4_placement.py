@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, mean_of, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
@@ -101,24 +101,22 @@ class Placement(GrowingStudy):
             for found, words in ((ends, "in the last learning phase"), (lives, "over all decisions")):
                 gain = mean_of(found["visited"] - found["centre"])
                 made.append(
-                    Claim(
+                    positive(
                         f"A unit that begins where the particle goes earns more ({layout}, {words}).",
                         "section 6.5.4: local units only have an effect near the dynamics; ours",
                         "more reward than with units that begin at the centre: difference above 0",
                         gain,
-                        gain.low > 0,
                         "reward per decision",
                         f"{found['visited'].mean():.3f}, from the centre {found['centre'].mean():.3f}.",
                     )
                 )
             shorter = mean_of(ways["visited"] - ways["centre"])
             made.append(
-                Claim(
+                negative(
                     f"It has less far to go to its place ({layout}).",
                     "our own expectation",
                     "from its beginning to where it is when the next comes, less than from the centre: below 0",
                     shorter,
-                    shorter.high < 0,
                     "of the box",
                     f"{ways['visited'].mean():.3f}, from the centre {ways['centre'].mean():.3f}.",
                 )

@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of
+from motorgrad.experiments._claims import Claim, above, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
@@ -75,9 +74,9 @@ class Hierarchy(Experiment):
     drawn: int = 10
 
     def __post_init__(self) -> None:
-        check(400 <= self.decisions <= 10**9, "decisions", self.decisions, "in 400 … 1,000,000,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+        self.check_range(400, 10**9, "decisions")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(1, 1_000, "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:
@@ -133,12 +132,11 @@ class Hierarchy(Experiment):
         ):
             gain = mean_of(ends[better] - ends[worse])
             made.append(
-                Claim(
+                positive(
                     statement,
                     f"{source}, which proposes hierarchies",
                     f"more reward at the end: {WORDS[better]}, against {WORDS[worse]}: difference above 0",
                     gain,
-                    gain.low > 0,
                     "reward per decision",
                     f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
                     f"{counts[worse]}.",
@@ -147,21 +145,21 @@ class Hierarchy(Experiment):
         moved, turned = mean_of(values["gated moved"]), mean_of(values["turned"])
         return [
             *made,
-            Claim(
+            above(
+                0.05,
                 "Gates are learnt: they move to their regions.",
                 "section 6.5.4",
                 "distance from where they began, the mean of both: above 0.05",
                 moved,
-                moved.low > 0.05,
                 "of the box",
             ),
-            Claim(
+            above(
+                0.1,
                 "Behind each gate something else is learnt.",
                 "section 6.5.4",
                 "where the two pools behind the gates push, seen at the same places: mean difference above 0.1 of the "
                 "force",
                 turned,
-                turned.low > 0.1,
                 "of the force",
             ),
         ]

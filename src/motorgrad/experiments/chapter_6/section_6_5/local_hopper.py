@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, median_of, share_of
+from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice_heights
@@ -77,7 +76,7 @@ class LocalHopper(Experiment):
     grown: int = 8
 
     def __post_init__(self) -> None:
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
+        self.check_range(2, 10_000, "seeds")
         check_practice(self.seconds, self.seeds, 50 * PERIOD)
         for name in WORDS:
             self.learner(name)
@@ -141,32 +140,30 @@ class LocalHopper(Experiment):
             start = values[f"{name} heights"][:, len(values["time"]) // 20]
             gained, high = mean_of(ends[name] - start), share_of(ends[name] > HIGH)
             made += [
-                Claim(
+                positive(
                     f"Local policies learn on a body: hoppers come to hop higher ({WORDS[name]}).",
                     "section 6.5.4",
                     "higher at the end than after a twentieth of the practice: difference above 0",
                     gained,
-                    gained.low > 0,
                     "m",
                     f"At the end {median_of(ends[name])} m.",
                 ),
-                Claim(
+                more_than_half(
                     f"They hop higher than random firing does ({WORDS[name]}).",
                     "our own expectation",
                     f"above {HIGH:g} m at the end: in most seeds",
                     high,
-                    high.low > 0.5,
                 ),
             ]
         for one_, other in COMPARED:
             less = mean_of(ends[one_] - ends[other])
             made.append(
-                Claim(
+                above(
+                    -0.05,
                     f"{WORDS[one_][0].upper()}{WORDS[one_][1:]}, learn as well as {WORDS[other]}.",
                     "our own expectation",
                     "height at the end of the same practice: the interval of the difference above −0.05 m",
                     less,
-                    less.low > -0.05,
                     "m",
                     f"{ends[one_].mean():.2f} m and {ends[other].mean():.2f} m.",
                 )

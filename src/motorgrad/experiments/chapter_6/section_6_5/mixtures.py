@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, moving_mean, share_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, moving_mean, positive, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
@@ -144,12 +144,11 @@ class Mixtures(LayoutStudy):
                 gain = mean_of(reward - values[f"{layout} {name} untrained"])
                 share = mean_of(reward / plain.mean())
                 made += [
-                    Claim(
+                    positive(
                         f"They learn: {words} ({layout}).",
                         source,
                         "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
                         gain,
-                        gain.low > 0,
                         "per decision",
                     ),
                     Claim(
@@ -170,12 +169,11 @@ class Mixtures(LayoutStudy):
         strength = values[f"{layout} {name} strength"][:, axis :: len(KINDS[name].task["forces"])]
         both = share_of((strength > 0).any(1) & (strength < 0).any(1))
         ways = ("left", "right") if axis == 0 else ("down", "up")
-        return Claim(
+        return more_than_half(
             f"Units learn to push {ways[0]} or {ways[1]} ({layout}, {KINDS[name].words}).",
             "section 6.5.4",
             f"all begin without a side, and in the end some push {ways[0]} and some {ways[1]}: in most seeds",
             both,
-            both.low > 0.5,
             note=f"Mean size of the strengths {np.abs(strength).mean():.2f}; a fixed force has 1.",
         )
 

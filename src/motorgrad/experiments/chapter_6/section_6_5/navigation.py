@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, moving_mean, share_of
+from motorgrad.experiments._claims import Claim, mean_of, moving_mean, negative, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
@@ -49,10 +48,10 @@ class Navigation(Experiment):
     drawn: int = 8
 
     def __post_init__(self) -> None:
-        check(400 <= self.decisions <= 10**9, "decisions", self.decisions, "in 400 … 1,000,000,000")
-        check(2 <= self.seeds <= 10_000, "seeds", self.seeds, "in 2 … 10,000")
-        check(1_000 <= self.watched <= 10**7, "watched", self.watched, "in 1,000 … 10,000,000 decisions")
-        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+        self.check_range(400, 10**9, "decisions")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(1_000, 10**7, "watched", unit=" decisions")
+        self.check_range(1, 1_000, "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:
@@ -95,12 +94,11 @@ class Navigation(Experiment):
             more, less = mean_of(after - before), mean_of(values[f"{name} cost"] - values["before cost"])
             found = share_of(after >= ARRIVES)
             made += [
-                Claim(
+                positive(
                     f"A flow field is learnt that leads to the goal ({words}).",
                     "section 6.5.4",
                     "more episodes end at the goal than before learning: difference of shares above 0",
                     more,
-                    more.low > 0,
                     "of the episodes",
                     f"{before.mean():.0%} before, {after.mean():.0%} after.",
                 ),
@@ -112,12 +110,11 @@ class Navigation(Experiment):
                     found.value == 1,
                     note=f"Seeds in which none does: {int((after == 0).sum())}.",
                 ),
-                Claim(
+                negative(
                     f"It leads past the obstacle ({words}).",
                     "section 6.5.4",
                     "what the obstacle takes per decision is less than before learning: difference below 0",
                     less,
-                    less.high < 0,
                     "reward per decision",
                     f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
                     f"episode {values['before cost per episode'].mean():.2f} and "
@@ -126,12 +123,11 @@ class Navigation(Experiment):
             ]
         sooner = mean_of(values["half arrival"] - values["before arrival"])
         made.append(
-            Claim(
+            negative(
                 "It leads there sooner.",
                 "section 6.5.4",
                 "decisions to the goal, where it is reached, fewer than before learning (half step sizes): below 0",
                 sooner,
-                sooner.high < 0,
                 "decisions",
                 f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
             )

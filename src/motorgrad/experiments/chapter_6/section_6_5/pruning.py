@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._claims import Claim, below, mean_of, share_of
 from motorgrad.experiments._experiment import Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
@@ -48,7 +48,7 @@ class Pruning(LayoutStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(10 <= self.looks <= 10**6, "looks", self.looks, "in 10 … 1,000,000 episodes")
+        self.check_range(10, 10**6, "looks", unit=" episodes")
         valid = len(self.bounds) > 0 and list(self.bounds) == sorted(set(self.bounds)) and self.bounds[0] > 0
         check(valid, "bounds", self.bounds, "positive numbers, rising")
 
@@ -133,12 +133,12 @@ class Pruning(LayoutStudy):
                     most,
                     most.low <= 0,
                 ),
-                Claim(
+                below(
+                    0.5,
                     f"A unit beyond a wall takes no part ({layout}).",
                     "section 6.3.1",
                     "share of units with the centre out of the box that fire more often than junk: below one half",
                     useful,
-                    useful.high < 0.5,
                     note=f"{beyond.sum(1).mean():.2f} of 8 units are out of the box; "
                     f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} fire nowhere in it with a "
                     f"probability of {values['bounds'][0]:g}.",

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of
+from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import STYLE, Figure, new_figure
 from motorgrad.learning import SpatialIndex
@@ -59,11 +59,11 @@ class Index(Experiment):
     def __post_init__(self) -> None:
         rising = list(self.sizes) == sorted(set(self.sizes)) and min(self.sizes, default=0) >= 4
         check(rising and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
-        check(1 <= self.pairs <= 20, "pairs", self.pairs, "in 1 … 20")
-        check(200 <= self.decisions <= 10**7, "decisions", self.decisions, "in 200 … 10,000,000")
-        check(16 <= self.units <= 8192, "units", self.units, "in 16 … 8,192")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
-        check(200 <= self.steps <= 10**8, "steps", self.steps, "in 200 … 100,000,000")
+        self.check_range(1, 20, "pairs")
+        self.check_range(200, 10**7, "decisions")
+        self.check_range(16, 8192, "units")
+        self.check_range(2, 1000, "seeds")
+        self.check_range(200, 10**8, "steps")
 
     @classmethod
     def quick(cls) -> Self:
@@ -162,7 +162,7 @@ class Index(Experiment):
         said = "The indexed learner ends with the reward of the one that asks all units."
         wanted = "the interval of the difference holds 0, and reaches no farther than a quarter of what is learnt"
         return [
-            Claim("Reward is learnt.", SOURCE, "a rise above 0", rise, rise.low > 0, "reward"),
+            positive("Reward is learnt.", SOURCE, "a rise above 0", rise, "reward"),
             Claim(said, SOURCE, wanted, difference, same, "reward"),
         ]
 
