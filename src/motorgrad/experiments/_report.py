@@ -1,4 +1,4 @@
-"""The report: figures, claims and numbers of every experiment in a folder, in one HTML file with the films beside it."""
+"""The report: one HTML file of all figures, claims and numbers in a folder, with the films beside it."""
 
 import base64
 import html

@@ -15,23 +15,24 @@ from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_
 Shape = tuple[float, float, float]
 """Distances of A and B from the capsule's centre, and its radius, in m."""
 
-STEP = 1e-6  # rad, of finite differences
+STEP = 1e-6  # step of finite differences, rad
 ALPHA, BETA, THETA = "#2e8b57", EXTENSOR, "0.25"
 WRAPPED, STRAIGHT = EXTENSOR, FLEXOR
 
 
 @dataclasses.dataclass(frozen=True)
 class Wrapping(Experiment):
-    """How a muscle from A to B passes a joint's capsule with centre C: around it while the angle θ is less than θ_c, on
-    tangents to the points where it touches; straight beyond. Only the angle β of the wrapped part depends on θ.
+    """The path of a muscle from A to B past a joint's capsule with centre C. It wraps around the capsule if the angle θ
+    is less than θ_c, leaving it along tangents, and is straight otherwise. Only the angle β of the wrapped part depends
+    on θ.
 
     **Arguments:**
 
-    - `origin_distance` (m): from C to A, as drawn.
-    - `insertion_distance` (m): from C to B, as drawn.
-    - `radius` (m): of the capsule, as drawn.
-    - `geometries`: further ones, drawn at random, over which the claims are checked.
-    - `seed`: of the further geometries.
+    - `origin_distance` (m): from C to A in the drawing.
+    - `insertion_distance` (m): from C to B in the drawing.
+    - `radius` (m): of the capsule in the drawing.
+    - `geometries`: number of further, random geometries for which the claims are checked.
+    - `seed`: of the random geometries.
     """
 
     name: ClassVar[str] = "fig-a.1"
@@ -57,7 +58,7 @@ class Wrapping(Experiment):
 
     @property
     def shape(self) -> Shape:
-        """Distances of A and B, and the radius."""
+        """Distances of A and B from C, and the radius."""
         return self.origin_distance, self.insertion_distance, self.radius
 
     def run(self, work: Workspace) -> Values:
@@ -85,20 +86,28 @@ class Wrapping(Experiment):
 
     def claims(self, values: Values) -> Sequence[Claim]:
         count = len(values["jump"])
-        over = f"The greatest over {count:,} geometries: the one drawn, and others at random."
+        over = f"The greatest deviation over {count:,} geometries: the one drawn and random ones."
         return (
             _zero(
-                "The angle from which on a path touches its capsule is θ_c = 2π − α_A − α_B.",
+                "A path touches its capsule if θ is less than θ_c = 2π − α_A − α_B.",
                 values["onset"],
                 "rad",
                 over,
             ),
-            _zero("The path's length is that of two tangents and an arc.", values["parts"], "m", over),
-            _zero("Where wrapping begins the length does not jump.", values["jump"], "m", over),
-            _zero("A wrapped path's length changes at the rate −r dθ/dt.", values["wrapped_rate"], "m/s", over, 1e-8),
-            _zero("A straight path's changes at D·dD/dt / |D|.", values["straight_rate"], "m/s", over, 1e-8),
+            _zero("The length of a path is that of two tangents and an arc.", values["parts"], "m", over),
+            _zero("The length is continuous where wrapping begins.", values["jump"], "m", over),
             _zero(
-                "The distances and angles in the drawing, but for β, are the same at every angle of the joint.",
+                "The length of a wrapped path changes at the rate −r dθ/dt.", values["wrapped_rate"], "m/s", over, 1e-8
+            ),
+            _zero(
+                "The length of a straight path changes at the rate D·dD/dt / |D|.",
+                values["straight_rate"],
+                "m/s",
+                over,
+                1e-8,
+            ),
+            _zero(
+                "All distances and angles in the drawing except β are independent of the joint angle.",
                 values["constant"],
                 "m or rad",
                 over,
@@ -109,31 +118,31 @@ class Wrapping(Experiment):
 def _zero(statement: str, errors: np.ndarray, unit: str, note: str, within: float = 1e-9) -> Claim:
     worst = float(np.max(errors))
     if within > 1e-9:
-        note = f"{note} Against finite differences, which are exact to about 1e-9."
+        note = f"{note} Compared with finite differences, which are exact to about 1e-9."
     expected = f"no difference: at most {within:g}"
     return Claim(statement, "appendix A.2", expected, exact(worst), worst <= within, unit, note)
 
 
 def ends(angle: float, shape: Shape) -> np.ndarray:
-    """A and B about the origin, `(2, 2)`: the angle θ between them lies below, the muscle passes above."""
+    """A and B about the origin, `(2, 2)`: the angle θ between them opens downwards, the muscle passes above."""
     left, right = -np.pi / 2 - angle / 2, -np.pi / 2 + angle / 2
     return np.array([shape[0] * turned(left), shape[1] * turned(right)])
 
 
 def turned(angle: float) -> np.ndarray:
-    """The unit vector at an angle from the right, anticlockwise."""
+    """The unit vector at an angle, anticlockwise from the right."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def path_at(angle: float, shape: Shape, arc: int = 2) -> np.ndarray:
-    """The muscle's path at θ: two points where it is straight, else `arc + 2`."""
+    """The muscle's path at θ: two points if it is straight, else `arc + 2`."""
     start, stop = ends(angle, shape)
     return flat_path(start, stop, shape[2], np.array([0.0, 1.5 * shape[2]]), arc)
 
 
 def measure(angle: float, shape: Shape) -> np.ndarray:
-    """What is seen of a wrapped path: lengths of its tangent at A, its arc and its tangent at B (m), and the angles at
-    the centre, α_A, β and α_B (rad)."""
+    """Measurements of a wrapped path: lengths of its tangent at A, its arc and its tangent at B (m), and the angles
+    α_A, β and α_B at the centre (rad)."""
     start, touches, leaves, stop = path_at(angle, shape)
     beta = _angle(touches, leaves)
     lengths = (np.linalg.norm(touches - start), shape[2] * beta, np.linalg.norm(stop - leaves))
@@ -141,12 +150,12 @@ def measure(angle: float, shape: Shape) -> np.ndarray:
 
 
 def _angle(first: np.ndarray, then: np.ndarray) -> float:
-    """From one direction clockwise to another, as the muscle turns from A to B."""
+    """Clockwise angle from one direction to another, the way the muscle turns from A to B."""
     return float((np.arctan2(first[1], first[0]) - np.arctan2(then[1], then[0])) % (2 * np.pi))
 
 
 def first_touch(shape: Shape) -> float:
-    """The θ below which the path touches the capsule, found by halving."""
+    """The θ below which the path touches the capsule, by bisection."""
     low, high = 0.5, 2 * np.pi - 1e-3
     while high - low > 1e-12:
         middle = (low + high) / 2
@@ -155,8 +164,8 @@ def first_touch(shape: Shape) -> float:
 
 
 def deviations(shape: Shape) -> dict[str, float]:
-    """How far the formulas are from the path itself, the greatest over angles: `onset` (rad), `parts` (m), `jump` (m),
-    `wrapped_rate` and `straight_rate` (m/rad), `constant` (m or rad)."""
+    """Deviations of the formulas from the path itself, the greatest over angles: `onset` (rad), `parts` (m), `jump`
+    (m), `wrapped_rate` and `straight_rate` (m/rad), `constant` (m or rad)."""
     critical = float(wrapping_angle(*shape))
     wrapping = np.linspace(0.2, critical - 0.01, 12)
     straight = np.linspace(critical + 0.01, 2 * np.pi - 0.05, 12)
@@ -177,7 +186,7 @@ def deviations(shape: Shape) -> dict[str, float]:
 
 
 def draw_geometry(axes: Axes, angle: float, shape: Shape) -> None:
-    """A muscle at θ, with the names of appendix A.2."""
+    """A muscle at θ, labelled as in appendix A.2."""
     radius, points = shape[2], ends(angle, shape)
     path = path_at(angle, shape, arc=80)
     wraps = len(path) > 2
@@ -207,7 +216,7 @@ def draw_geometry(axes: Axes, angle: float, shape: Shape) -> None:
 
 
 def _touching(axes: Axes, path: np.ndarray, left: float, right: float, radius: float) -> None:
-    """Where the path touches: radii, right angles, and the angles between them."""
+    """The points of contact: radii, right angles, and the angles between them."""
     touches, leaves = path[1], path[-2]
     first, last = (float(np.arctan2(*point[::-1])) for point in (touches, leaves))
     for point, end in ((touches, path[0]), (leaves, path[-1])):
@@ -228,7 +237,7 @@ def _touching(axes: Axes, path: np.ndarray, left: float, right: float, radius: f
 
 
 def _arc(axes: Axes, radius: float, start: float, stop: float, name: str, colour: str, inside: bool = True) -> None:
-    """An arc about the origin, anticlockwise, with its name at its middle."""
+    """An arc about the origin, anticlockwise, labelled at its middle."""
     turn = np.linspace(start, stop, 60)
     axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=colour, linewidth=1.2, zorder=5)
     place = radius * (1.6 if inside else 1.18) * turned((start + stop) / 2)
@@ -240,7 +249,7 @@ def _name(axes: Axes, place: np.ndarray, name: str, colour: str, size: float) ->
 
 
 def draw_length(panels: Any, values: dict[str, np.ndarray], shape: Shape) -> None:
-    """Length and rate against θ, the two regimes in their colours, θ_c marked."""
+    """Length and rate against θ, coloured by regime, with θ_c marked."""
     critical = float(wrapping_angle(*shape))
     degrees = np.degrees(values["angle"])
     wraps = values["angle"] < critical

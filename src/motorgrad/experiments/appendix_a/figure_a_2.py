@@ -1,4 +1,4 @@
-"""Figure A.2: the circular field of force."""
+"""Figure A.2: the circular force field."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -14,23 +14,23 @@ from motorgrad.sim import draw_paths, draw_regions
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
 
 FREE = Walls(left=-50.0, right=50.0, bottom=-50.0, top=50.0)
-PLACES = 400  # at random, where the force is checked
+PLACES = 400  # random places at which the force is checked
 STARTS = ((0.55, 0.5), (0.5, 0.98), (0.1, 0.2), (0.9, 0.9))
-CLOSE = 1e-3  # single precision, over thousands of steps
+CLOSE = 1e-3  # tolerance: single precision over thousands of steps
 
 
 @dataclasses.dataclass(frozen=True)
 class Circular(Experiment):
-    """A force that drives a particle clockwise round a centre and, like a spring, towards a radius r*; the paths that
-    it gives, and the orbit that they end on. With drag the orbit is wider than r*: k₂ r*/(k₂ − k₁²) for a mass and a
-    drag of 1, and there is none unless k₂ is above k₁².
+    """A force field that drives a particle clockwise round a centre and, like a spring, towards a radius r*; paths in
+    this field, and the orbit on which they end. With drag the orbit is wider than r*: its radius is k₂ r*/(k₂ − k₁²)
+    for a mass and a drag of 1, and it exists only if k₂ exceeds k₁².
 
     **Arguments:**
 
-    - `tangential` (1/s²): k₁, as drawn.
-    - `radial` (1/s²): k₂, as drawn.
-    - `radius`: r*, as drawn.
-    - `seconds` (simulated s): for which a particle moves before its orbit is measured.
+    - `tangential` (1/s²): k₁ in the drawing.
+    - `radial` (1/s²): k₂ in the drawing.
+    - `radius`: r* in the drawing.
+    - `seconds` (simulated s): duration of a motion before its orbit is measured.
     """
 
     name: ClassVar[str] = "fig-a.2"
@@ -57,7 +57,7 @@ class Circular(Experiment):
 
     def run(self, work: Workspace) -> Values:
         physics = self.physics(self.tangential, self.radial)
-        # tangential, radial, mass, drag: as drawn, less and more tangential, and other particles
+        # tangential, radial, mass, drag: several tangential parts, then other masses and drags
         share = np.array([0.0, 0.3, 0.6, 0.8, 0.9])
         cases = [(s * np.sqrt(self.radial), self.radial, 1.0, 1.0) for s in share]
         cases += [(self.tangential, self.radial, 0.5, 1.0), (self.tangential, self.radial, 1.0, 1.5)]
@@ -102,19 +102,20 @@ class Circular(Experiment):
                 "no difference: at most 1e-6",
                 exact(off),
                 off <= 1e-6,
-                note=f"The greatest at {len(away)} places. As printed, the first part turns anticlockwise.",
+                note=f"The greatest difference at {len(away)} places. As printed, the first part turns anticlockwise.",
             ),
             Claim(
-                "Without pushes the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
+                "Without actions the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
                 "appendix A.3, solved for a steady circle",
-                f"ratio of measured and expected: at most {CLOSE:g} from 1",
+                f"ratio of measured to expected radius: within {CLOSE:g} of 1",
                 exact(float(radius.max())),
                 radius.max() <= CLOSE,
-                note=f"The greatest of {len(radius)} fields and particles, masses {mass.min():g} and {mass.max():g}, "
+                note=f"The greatest deviation over {len(radius)} fields and particles, masses {mass.min():g} "
+                f"and {mass.max():g}, "
                 f"drags {drag.min():g} and {drag.max():g}.",
             ),
             Claim(
-                "It is gone round clockwise, k₁/k_d radians in a second.",
+                "The particle goes round the orbit clockwise at k₁/k_d rad/s.",
                 "appendix A.3, solved for a steady circle",
                 f"no difference: at most {CLOSE:g}",
                 exact(float(turning.max())),
@@ -124,14 +125,14 @@ class Circular(Experiment):
             Claim(
                 "Without the tangential part the particle comes to rest at r*.",
                 "appendix A.3",
-                f"radius / r*: at most {CLOSE:g} from 1",
+                f"radius / r*: within {CLOSE:g} of 1",
                 exact(float(values["measured"][0] / self.radius)),
                 abs(values["measured"][0] / self.radius - 1) <= CLOSE,
             ),
             Claim(
-                "There is no orbit unless k₂ is above k₁².",
+                "There is no orbit unless k₂ exceeds k₁².",
                 "appendix A.3, solved for a steady circle",
-                "a field with k₂ = k₁² is refused (1 where it is)",
+                "a field with k₂ = k₁² is refused (1 if it is)",
                 exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
                 refused(lambda: self.physics(np.sqrt(self.radial), self.radial)),
             ),
@@ -139,7 +140,7 @@ class Circular(Experiment):
 
 
 def refused(make: Any) -> bool:
-    """Whether something cannot be made."""
+    """Whether `make` raises `ValueError`."""
     try:
         make()
     except ValueError:
@@ -156,7 +157,7 @@ def force_at(field: CircularField, places: np.ndarray) -> np.ndarray:
 
 
 def path(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> np.ndarray:
-    """Positions at every time step of a particle that begins at rest, `(steps + 1, 2)`."""
+    """Positions at every time step of a particle that starts at rest, `(steps + 1, 2)`."""
     import jax
     import jax.numpy as jnp
 
@@ -172,7 +173,7 @@ def path(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -
 
 
 def orbit(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> tuple[float, float]:
-    """Radius and angular velocity (rad/s, anticlockwise) at the end of a path from rest: means over its last tenth."""
+    """Radius and angular velocity (rad/s, anticlockwise) of a path from rest: means over its last tenth."""
     away = path(physics, start, seconds) - 0.5
     last = away[-max(2, len(away) // 10) :]
     angle = np.unwrap(np.arctan2(last[:, 1], last[:, 0]))
@@ -201,16 +202,16 @@ def draw_field(
         x, y = (c + radius * f(turn) for c, f in zip(physics.field.centre, (np.cos, np.sin), strict=True))
         axes.plot(x, y, line, color="#CC3311", linewidth=1.6, label=label, zorder=3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=2, fontsize=8)
-    axes.set_title("the force" if force is not None else "paths from rest, no pushes", fontsize=10)
+    axes.set_title("the force" if force is not None else "paths from rest, no actions", fontsize=10)
 
 
 def draw_limits(axes: Axes, values: Values, radius: float) -> None:
-    """The orbit's radius against how strong the tangential part is: the formula and what was measured."""
+    """Radius of the orbit against the relative strength of the tangential part: formula and measurement."""
     part = np.linspace(0, 0.93, 200)
     axes.plot(part, 1 / (1 - part**2), color="0.3", label=r"$1/(1-k_1^2/k_2)$")
     count = len(values["share"])
     axes.plot(values["share"], values["measured"][:count] / radius, "o", color="#0061B0", label="measured")
-    axes.axvline(1, color="#CC3311", linestyle="--", linewidth=1, label="no orbit from here on")
+    axes.axvline(1, color="#CC3311", linestyle="--", linewidth=1, label="no orbit beyond")
     axes.set(xlabel=r"$k_1/\sqrt{k_2}$", ylabel="radius of the orbit / r*", xlim=(0, 1.05), ylim=(0, 8))
     axes.set_title("mass and drag 1", fontsize=10)
     axes.legend(loc="upper left", fontsize=8)

@@ -2,15 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
 
-Point = tuple[float, float]
 HIDDEN, SEEN, OURS = "#3b6fb6", "#c8452f", "#2e8b57"
 RADIUS = 0.33
-# name: (place, formula, colour)
+# name: (position, formula, colour)
 NODES: dict[str, tuple[Point, str, str]] = {
     "before": ((0.0, 2.0), r"$x_{t-1}$", HIDDEN),
     "state": ((2.6, 2.0), r"$x_t$", HIDDEN),
@@ -20,7 +19,7 @@ NODES: dict[str, tuple[Point, str, str]] = {
     "action": ((4.4, 0.5), r"$a_t$", SEEN),
     "parameters": ((4.4, -0.9), r"$\theta$", OURS),
 }
-# from, to: (distribution, its colour, where its formula stands relative to the arrow's middle)
+# from, to: (distribution, colour, offset of the formula from the middle of the arrow)
 ARROWS: dict[tuple[str, str], tuple[str, str, Point]] = {
     ("before", "state"): ("", HIDDEN, (0, 0)),
     ("state", "after"): (r"$p(x_{t+1} \mid x_t, a_t)$", HIDDEN, (0.0, 0.22)),
@@ -34,8 +33,8 @@ ARROWS: dict[tuple[str, str], tuple[str, str, Point]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Process(Experiment):
-    """What depends on what in a partially observable Markov decision process. The state evolves unseen; each state
-    gives an observation and a reward; the policy chooses the action on the observation alone."""
+    """Dependencies in a partially observable Markov decision process. The state evolves unseen; each state yields an
+    observation and a reward; the policy chooses the action from the observation alone."""
 
     name: ClassVar[str] = "fig-2.1"
     title: ClassVar[str] = "the decision process"
@@ -72,13 +71,10 @@ def _node(axes: Axes, place: Point, formula: str, colour: str) -> None:
 
 
 def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
     gap = (RADIUS + 0.06) / math.dist(start, end)
-    look: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 14, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-    axes.add_patch(FancyArrowPatch(_along(start, end, gap), _along(start, end, 1 - gap), color=colour, **look))
+    draw_arrow(axes, _along(start, end, gap), _along(start, end, 1 - gap), colour, size=14, width=1.4)
 
 
-def _along(start: Point, end: Point, part: float) -> Point:
-    """The point a `part` of the way."""
-    return start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])
+def _along(start: Point, end: Point, fraction: float) -> Point:
+    """The point at this fraction of the way."""
+    return start[0] + fraction * (end[0] - start[0]), start[1] + fraction * (end[1] - start[1])

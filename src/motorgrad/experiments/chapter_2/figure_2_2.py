@@ -17,11 +17,11 @@ from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, l
 
 SIDE = 4.0  # actions are rewarded between −SIDE and SIDE
 WIDE, NARROW = 3.0, 0.3  # initial standard deviations
-BIASED = 3.0  # an initial mean away from the middle
-NEAR = 0.01  # of the best: the optimum is reached
+BIASED = 3.0  # an initial mean off the centre
+NEAR = 0.01  # the optimum counts as reached within this distance of the best reward
 STEPS, RECORDS = 4000, 2000
 RATE = 0.005
-SHOWN = 4  # of the runs that learn from rewards alone, of each kind of start
+SHOWN = 4  # runs drawn for each kind of start, of those that learn from rewards alone
 DRAWN = Bumps(
     np.array([0.55, 0.6, 0.45, 1.0, 0.5]), np.array([-3.2, -1.6, 0.0, 1.4, 3.0]), np.array([0.4, 0.45, 0.4, 0.45, 0.45])
 )
@@ -29,7 +29,7 @@ SAMPLES = np.array(
     [(mean, 3.6) for mean in (-3.6, -1.2, 1.2, 3.6)]
     + [(mean, 0.6) for mean in (-3.7, -2.5, -0.75, -0.25, 0.6, 2.35, 3.7)]
 )
-"""Starts of the trajectories drawn, means and standard deviations."""
+"""Starts of the trajectories drawn: means and standard deviations."""
 
 COLOURS = "viridis"
 INK, NOISY = "#1a1a1a", "#ff7043"
@@ -37,18 +37,18 @@ INK, NOISY = "#1a1a1a", "#ff7043"
 
 @dataclasses.dataclass(frozen=True)
 class HillClimbing(Experiment):
-    """Policy search by hill climbing in one dimension: a policy that chooses x from a Gaussian, a reward r(x) with
-    several optima, and the objective as a surface over the Gaussian's mean and standard deviation, coloured by the
-    optimum to which climbing from there leads. Exact gradients, and learning from rewards alone. The reward drawn is
-    an example of ours; what is claimed of wide and narrow starts is counted over random rewards too.
+    """Policy search by hill climbing in one dimension: a policy that draws x from a Gaussian, a reward r(x) with
+    several optima, and the objective as a surface over the mean and standard deviation of the Gaussian. The colour of a
+    start is the optimum to which climbing leads from there, by exact gradients and from rewards alone. The reward drawn
+    is our own example; claims about wide and narrow starts are also checked over random rewards.
 
     **Arguments:**
 
-    - `columns`: starts in the grid of the surface along the Gaussian's mean.
-    - `rows`: starts in the grid of the surface along its standard deviation.
-    - `runs`: learners from rewards alone, of each kind of start.
+    - `columns`: of the grid of starts, along the Gaussian's mean.
+    - `rows`: of the grid of starts, along its standard deviation.
+    - `runs`: number of learners from rewards alone, for each kind of start.
     - `decisions`: for which each of these learners learns.
-    - `rewards`: random rewards over which wide and narrow starts are counted.
+    - `rewards`: number of random rewards over which wide and narrow starts are compared.
     - `seed`: of the learners and of the random rewards.
     """
 
@@ -75,7 +75,7 @@ class HillClimbing(Experiment):
     def run(self, work: Workspace) -> Values:
         means, deviations = np.linspace(-SIDE, SIDE, self.columns), np.linspace(0, SIDE, self.rows)
         grid = np.stack(np.meshgrid(means, deviations), axis=-1).reshape(-1, 2)
-        # a policy without noise stays so: the edge of the surface is coloured as what lies beside it
+        # a policy without noise cannot leave σ = 0: the edge of the surface takes the colour of what lies beside it
         starts = np.column_stack([grid[:, 0], np.maximum(grid[:, 1], 0.02)])
         found: Values = {
             "means": means,
@@ -91,8 +91,8 @@ class HillClimbing(Experiment):
         return found | work.part("random", self._random)
 
     def _learnt(self, kind: str) -> Values:
-        """Learning from rewards alone, from a wide start in the middle or from narrow ones everywhere: where each run
-        ends, `(runs, 2)`, and the whole of some, `(SHOWN, 1 + records, 2)`."""
+        """Learning from rewards alone, from a wide start in the middle or from narrow starts everywhere: the end of
+        each run, `(runs, 2)`, and the trajectories of some, `(SHOWN, 1 + records, 2)`."""
         wide = kind == "wide"
         means = np.zeros(self.runs) if wide else np.linspace(-SIDE, SIDE, self.runs)
         starts = np.column_stack([means, np.full(self.runs, WIDE if wide else NARROW)])
@@ -103,7 +103,7 @@ class HillClimbing(Experiment):
 
     def _random(self) -> Values:
         """Whether climbing reaches the best optimum of random rewards, `(rewards, starts)`: from a wide start in the
-        middle, from wide ones at either side, from narrow ones everywhere."""
+        middle, from wide starts at either side, and from narrow starts everywhere."""
         numbers = np.random.default_rng(self.seed)
         starts = {
             "middle": [(0.0, WIDE)],
@@ -149,23 +149,23 @@ def _wide_claims(values: Values) -> list[Claim]:
     learnt = {name: share_of(_values(DRAWN, values[f"learnt {name}"]) > best) for name in ("wide", "narrow")}
     return [
         Claim(
-            f"Hill climbing from wide starts (σ = {WIDE:g}) reaches the best optimum from more initial means than from "
-            f"narrow ones (σ = {NARROW:g}).",
+            f"Hill climbing reaches the best optimum from more initial means if starts are wide (σ = {WIDE:g}) than if "
+            f"they are narrow (σ = {NARROW:g}).",
             "figure 2.2",
-            f"above {narrow:.3g}, from narrow starts",
+            f"above {narrow:.3g}, the share for narrow starts",
             exact(wide),
             wide > narrow,
             "of initial means",
-            "On the reward drawn, by exact gradients.",
+            "For the reward drawn, by exact gradients.",
         ),
         above(
             learnt["narrow"].high,
-            "Learning from rewards alone, it reaches it more often from a wide, unbiased start than from narrow ones.",
+            "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
             "figure 2.2",
-            f"above {learnt['narrow'].high:.3g}, which the share from narrow starts may be",
+            f"above {learnt['narrow'].high:.3g}, the upper end of the interval for narrow starts",
             learnt["wide"],
             "of runs",
-            f"From narrow starts: {learnt['narrow']}. On the reward drawn.",
+            f"From narrow starts: {learnt['narrow']}. For the reward drawn.",
         ),
     ]
 
@@ -175,11 +175,11 @@ def _random_claims(values: Values) -> list[Claim]:
     made = []
     for statement, other, words in (
         (
-            "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow ones do",
+            "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow starts",
             narrow,
             "narrow",
         ),
-        ("A wide start is better unbiased, in the middle of where rewards can be, than at a side", sides, "biased"),
+        ("A wide start is better in the middle of the rewarded interval (unbiased) than at one side", sides, "biased"),
     ):
         more = mean_of(middle - other)
         made.append(
@@ -188,9 +188,9 @@ def _random_claims(values: Values) -> list[Claim]:
                 "figure 2.2",
                 "above 0",
                 more,
-                "more of starts",
-                f"{middle.mean():.3g} against {other.mean():.3g} from {words} ones; sums of five bumps of random "
-                "place, height and width, by exact gradients.",
+                "difference of the shares of starts",
+                f"{middle.mean():.3g} against {other.mean():.3g} from {words} starts; sums of five bumps of random "
+                "position, height and width, by exact gradients.",
             )
         )
     return made
@@ -206,8 +206,8 @@ def _noise_claims(values: Values) -> list[Claim]:
             "0, to 0.001",
             exact(left),
             left < 1e-3,
-            "is the greatest σ left",
-            "By exact gradients, on the reward drawn.",
+            "is the greatest remaining σ",
+            "By exact gradients, for the reward drawn.",
         ),
         below(
             0.05,
@@ -215,18 +215,18 @@ def _noise_claims(values: Values) -> list[Claim]:
             "figure 2.2",
             "below 0.05",
             learnt,
-            "is the σ left",
-            "It falls like one over the square root of time, as the step size is proportional to σ².",
+            "is the remaining σ",
+            "It falls like the inverse square root of time, because the step size is proportional to σ².",
         ),
     ]
 
 
 def draw_landscape(values: Values) -> Figure:
-    """The figure."""
+    """The objective as a surface, the same from above, and the reward beneath."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    figure = new_figure(13, 6.6, dpi=200)  # the surface is a picture, also within an SVG
+    figure = new_figure(13, 6.6, dpi=200)  # the surface is rasterised, also in an SVG
     grid = figure.add_gridspec(2, 2, width_ratios=[1.35, 1], height_ratios=[2.6, 1])
     reached = values["reached"]
     scale = Normalize(min(0.3, float(reached.min())), float(values["best"]))
@@ -251,7 +251,7 @@ def _surface(axes: Any, values: Values, colour: Any) -> None:
     look = {"rcount": 101, "ccount": 201, "shade": False, "linewidth": 0, "antialiased": False}
     drawn = axes.plot_surface(mean, deviation, values["objective"], facecolors=face, **look)
     drawn.set_rasterized(True)
-    # the reward itself is the front edge
+    # the front edge is the reward itself
     axes.plot(values["means"], 0 * values["means"], values["objective"][0], color=INK, linewidth=1.4)
     for path in values["paths"]:
         line = _thinned(path)
@@ -268,7 +268,7 @@ def _surface(axes: Any, values: Values, colour: Any) -> None:
 
 
 def _thinned(path: np.ndarray) -> np.ndarray:
-    """A trajectory without the points that lie within a hundredth of the one drawn before; its last is kept."""
+    """A trajectory without points closer than 0.01 to the last one kept; its end is kept."""
     kept = [0]
     for at in range(1, len(path)):
         if np.abs(path[at] - path[kept[-1]]).max() > 0.01:
@@ -277,7 +277,7 @@ def _thinned(path: np.ndarray) -> np.ndarray:
 
 
 def _height(values: Values, points: np.ndarray) -> np.ndarray:
-    """The surface at these points, as it is drawn."""
+    """The height of the drawn surface at these points."""
     from scipy.interpolate import RegularGridInterpolator
 
     deviation, mean = values["deviations"], values["means"]

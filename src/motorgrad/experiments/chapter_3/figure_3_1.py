@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import jax
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, joint_quantile, relative_error
 from motorgrad.learning import Constant, MeanReward, NoBaseline
 from motorgrad.policies import Softmax
@@ -21,17 +21,17 @@ from motorgrad.worlds import oracle
 SOURCE = "an independent computation on the MDP of Baxter & Bartlett 2001"
 ETA, GRADIENT = 0.29419747, (-0.03272585, -0.03524847, 0.03272585, 0.03524847)
 BIAS = {0.0: 0.0770765, 0.4: 0.0477171, 0.8: 0.0164283, 0.95: 0.0041583, 0.99: 0.00083444}  # by decay
-SHORT, LONG = 0.0, 0.95  # decays: the traces compared; the errors below are of the long one
+SHORT, LONG = 0.0, 0.95  # decays of the traces compared; the errors below belong to the long one
 ERROR_RUNS = 500
 ERRORS = {
     "none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084},
     "mean": {1_000: 0.217, 10_000: 0.066, 100_000: 0.021},
 }
-"""Mean relative errors of an independent simulation, over `ERROR_RUNS` runs, by baseline and decisions."""
+"""Mean relative errors of an independent simulation over `ERROR_RUNS` runs, by baseline and number of decisions."""
 
 GOOD = 0.799
 WORDS = {"none": "no baseline", "mean": "running-mean baseline"}
-# (indent, text, emphasis): figure 3.1, its two slips put right
+# (indent, text, emphasis): figure 3.1 with its two misprints corrected
 LISTING = (
     (0, r"given $\beta \in [0, 1)$, $\alpha$, $\theta_0$", "plain"),
     (0, r"$z_0 = 0$,  $b_0 = 0$", "plain"),
@@ -43,28 +43,28 @@ LISTING = (
     (1, "reinforce", "head"),
     (2, r"receive $r_{t+1}$", "plain"),
     (2, r"$\delta_{t+1} = r_{t+1} - b_t$", "plain"),
-    (2, r"$b_{t+1} = b_t + \delta_{t+1} / (t + 1)$", "mended"),
+    (2, r"$b_{t+1} = b_t + \delta_{t+1} / (t + 1)$", "corrected"),
     (1, "improve", "head"),
-    (2, r"$\theta_{t+1} = \theta_t + \alpha\, \delta_{t+1}\, z_{t+1}$", "mended"),
+    (2, r"$\theta_{t+1} = \theta_t + \alpha\, \delta_{t+1}\, z_{t+1}$", "corrected"),
 )
 LOOKS = {"none": ("--", "o", "none"), "mean": ("-", "o", None)}
 NAMES = {"none": "no baseline", "mean": "running mean"}
-HEAD, MENDED = "#3b6fb6", "#c8452f"
+HEAD, CORRECTED = "#3b6fb6", "#c8452f"
 
 
 @dataclasses.dataclass(frozen=True)
 class Learner(Experiment):
-    """The learner: act, reinforce, improve. How far its estimates at fixed parameters are from the exact gradient,
-    against the decay of the trace and the length of the run, with and without a baseline; and how it learns when it
-    moves at every decision (OLGARB).
+    """The learner: act, reinforce, improve. The error of its gradient estimates at fixed parameters against the decay
+    of the trace and the length of the run, with and without a baseline; and learning with an update at every decision
+    (OLGARB).
 
     **Arguments:**
 
     - `runs`: over which errors of estimates are averaged.
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `seeds`: learners that move at every decision.
+    - `seeds`: learners that update at every decision.
     - `steps` (decisions): for which each learner learns.
-    - `decays`: those of the traces, per decision, 0 and 0.95 among them.
+    - `decays`: of the traces, per decision, 0 and 0.95 among them.
     """
 
     name: ClassVar[str] = "fig-3.1"
@@ -91,7 +91,7 @@ class Learner(Experiment):
 
     @property
     def lengths(self) -> list[int]:
-        """Decisions after which estimates are looked at: two a decade, from 100 to the longest."""
+        """Decisions after which estimates are recorded: two per decade, from 100 to the longest."""
         steps = range(int(2 * np.log10(self.longest / 100) + 1e-9) + 1)
         return [round(100 * 10 ** (step / 2)) for step in steps]
 
@@ -122,8 +122,8 @@ class Learner(Experiment):
         return {"error": relative_error(estimates(decay, baseline, self.lengths, self.runs), truth)}
 
     def _bias(self, decay: float, eta: float, truth: np.ndarray, biased: np.ndarray) -> np.ndarray:
-        """Each run's distance from the exact gradient in the direction of the exact bias, which averages to the bias.
-        The baseline is constant, for a running mean has a bias of its own in runs of finite length."""
+        """Component of each run's error along the exact bias, which averages to the bias. The baseline is constant,
+        because a running mean adds a bias of its own in finite runs."""
         way = (biased - truth) / np.linalg.norm(biased - truth)
         last = estimates(decay, Constant(eta), self.lengths[-1:], self.runs)[0]
         return (last - truth) @ way / np.linalg.norm(truth)
@@ -142,8 +142,8 @@ class Learner(Experiment):
 
 
 def earned(run: Run) -> Values:
-    """What the policies of a run on the three-state MDP earn on average, exactly: `(seeds, records)`, at some
-    twenty-five of its records, denser at first; and the decisions made by then."""
+    """Exact average rewards of the policies of a run on the three-state MDP, `(seeds, records)`, at some twenty-five
+    records, denser at first; and the numbers of decisions made by then."""
     mdp, decision = ThreeState().dynamics, run.curve("reward")[0]
     picked = np.unique(np.round(np.geomspace(1, len(decision), 25)).astype(int)) - 1
     stored = np.stack(run.metrics["parameters"].to_pylist()).reshape(len(decision), len(run.seeds), 2, -1)[picked]
@@ -158,7 +158,7 @@ def _exact_claims(values: Values) -> list[Claim]:
     rounding = 5.01e-9  # the figures have eight digits
     return [
         Claim(
-            "At the point of comparison the three-state MDP pays 0.29419747 a decision.",
+            "At the point of comparison, the average reward of the three-state MDP is 0.29419747.",
             SOURCE,
             str(ETA),
             exact(eta),
@@ -170,7 +170,7 @@ def _exact_claims(values: Values) -> list[Claim]:
             "deviation 0",
             exact(off),
             off < rounding,
-            note="The largest deviation of a component from that figure; half of its last digit is allowed.",
+            note="The largest deviation of a component; half a unit of the last digit is allowed.",
         ),
     ]
 
@@ -184,20 +184,22 @@ def _bias_claims(values: Values) -> list[Claim]:
         holds = abs(measured.value - expected) <= joint_quantile(len(values["decay"])) * error
         made.append(
             Claim(
-                f"With a trace of decay {decay:g} the estimate's mean has a relative bias of {expected:g}.",
+                f"The mean estimate with a trace of decay {decay:g} has a relative bias of {expected:g}.",
                 SOURCE,
                 f"{expected:g}",
                 measured,
                 holds and bool(np.isclose(values["exact bias"][row], expected, rtol=1.5e-5)),
-                note=f"By linear algebra {values['exact bias'][row]:.6g}. It holds if this is the figure expected to "
-                "1.5e-5 of it, and the measured mean within an interval that covers all these decays jointly at 95 %.",
+                note=f"By linear algebra {values['exact bias'][row]:.6g}. The claim holds if this equals the "
+                "expected figure "
+                "to 1.5e-5, relative, and if the measured mean lies within intervals that cover all decays jointly at "
+                "95 %.",
             )
         )
     return made
 
 
 def _error_claims(values: Values) -> list[Claim]:
-    """Their mean is of 500 runs, and therefore itself uncertain, by the standard deviation that we measure."""
+    """The expected figures are means of 500 runs and therefore uncertain; we use our measured standard deviation."""
     made, row = [], list(values["decay"]).index(LONG)
     quantile = joint_quantile(sum(len(of) for of in ERRORS.values()))
     for name, figures in ERRORS.items():
@@ -209,14 +211,14 @@ def _error_claims(values: Values) -> list[Claim]:
             allowed = quantile * errors.std(ddof=1) * np.sqrt(1 / measured.count + 1 / ERROR_RUNS) + 0.0005
             made.append(
                 Claim(
-                    f"With {WORDS[name]} the mean relative error after {length:,} decisions is {expected:g} "
+                    f"With {WORDS[name]}, the mean relative error after {length:,} decisions is {expected:g} "
                     f"(β = {LONG:g}).",
                     SOURCE,
                     f"{expected:g}, mean of {ERROR_RUNS}",
                     measured,
                     abs(measured.value - expected) <= allowed,
-                    note=f"Two means, of {measured.count} and {ERROR_RUNS} runs of the same distribution, differ by at "
-                    f"most {allowed:.3g} with a confidence of 95 % for all six figures jointly.",
+                    note=f"Means of {measured.count} and {ERROR_RUNS} runs of the same distribution differ by at most "
+                    f"{allowed:.3g}, at a joint confidence of 95 % for all six figures.",
                 )
             )
     return made
@@ -227,8 +229,8 @@ def _trade_off(values: Values) -> list[Claim]:
     thousand = int(np.flatnonzero(values["length"] == 1_000)[0])
     made = []
     for name, at, statement, sign in (
-        ("none", thousand, "In a short run a trace that forgets at once errs less: variance outweighs bias", 1),
-        ("mean", last, "In a long run the longer trace errs less: bias outweighs variance", -1),
+        ("none", thousand, "In a short run, a trace without memory has the smaller error: variance outweighs bias", 1),
+        ("mean", last, "In a long run, the longer trace has the smaller error: bias outweighs variance", -1),
     ):
         errors = values[f"error {name}"][:, at]
         more = mean_of(errors[decays.index(LONG)] - errors[decays.index(SHORT)])
@@ -240,7 +242,7 @@ def _trade_off(values: Values) -> list[Claim]:
                 "above 0" if sign > 0 else "below 0",
                 more,
                 decided,
-                f"relative error at β = {LONG:g} less that at {SHORT:g}",
+                f"relative error at β = {LONG:g} minus that at {SHORT:g}",
             )
         )
     return made
@@ -249,7 +251,8 @@ def _trade_off(values: Values) -> list[Claim]:
 def _learnt(values: Values) -> Claim:
     share, settings = share_of(values["earned"][:, -1] >= GOOD), settings_for(ThreeState())
     return Claim(
-        f"From θ = 0, OLGARB (β = {settings.decay:g}, α = {settings.rate:g}) comes to earn {GOOD} of the possible 0.8.",
+        f"From θ = 0, OLGARB (β = {settings.decay:g}, α = {settings.rate:g}) reaches an average reward of "
+        f"{GOOD} of 0.8.",
         SOURCE,
         "every seed: 1",
         share,
@@ -259,7 +262,7 @@ def _learnt(values: Values) -> Claim:
 
 
 def draw_estimates(values: Values, independent: Mapping[str, Mapping[int, float]], good: float) -> Figure:
-    """The listing, and four panels: bias, error against the run's length and against the decay, learning."""
+    """The listing and four panels: bias, error against the length of the run and against the decay, learning."""
 
     figure = new_figure(12.5, 7)
     panels = figure.subplot_mosaic(
@@ -278,15 +281,15 @@ def _listing(axes: Axes) -> None:
     axes.set(xlim=(0, 1), ylim=(-15.2, 1))
     axes.set_title("the learner", loc="left")
     for line, (indent, text, kind) in enumerate(LISTING):
-        colour = {"head": HEAD, "mended": MENDED, "plain": "black"}[kind]
+        colour = {"head": HEAD, "corrected": CORRECTED, "plain": "black"}[kind]
         weight = "bold" if kind == "head" else "normal"
         axes.text(0.09 * indent, -line, text, color=colour, fontweight=weight, fontsize=11, va="center")
     words = (
-        "Red: where the printed algorithm slips. It divides by $t$,\n"
-        "which begins at 0, and its last step takes $\\delta$ and $z$ from\n"
-        "before the action. All three steps at every decision:\n"
-        "OLGARB; with $b = 0$ OLPOMDP; with $\\theta$ at rest and\n"
-        "$\\delta z$ averaged GPOMDP, which the panels are about."
+        "Red: corrections of the printed algorithm. It divides by\n"
+        "$t$, which begins at 0, and its last step uses $\\delta$ and $z$\n"
+        "from before the action. All three steps at every decision:\n"
+        "OLGARB; with $b = 0$: OLPOMDP; with $\\theta$ fixed and\n"
+        "$\\delta z$ averaged: GPOMDP, shown in the panels."
     )
     axes.text(0, -len(LISTING) + 0.2, words, fontsize=8.5, color="0.35", va="top", linespacing=1.5)
 
@@ -343,7 +346,7 @@ def _decay(axes: Axes, values: Values) -> None:
             errors = values[f"error {name}"][:, at]
             look = {"color": colour, "linestyle": line, "marker": marker, "markerfacecolor": face}
             _points(axes, _reach(values), errors, label=label, **look)
-    axes.plot(_reach(values), values["exact bias"], color="0.5", linewidth=1, label="bias alone")
+    axes.plot(_reach(values), values["exact bias"], color="0.5", linewidth=1, label="bias only")
     axes.set(
         xscale="log", yscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="mean relative error"
     )
@@ -357,14 +360,12 @@ def _learning(axes: Axes, values: Values, good: float) -> None:
     axes.plot(decision, np.median(short, axis=0), color="C0", linewidth=2, label=f"median of {len(short)} seeds")
     axes.axhline(0.8 - good, color="0.4", linewidth=1, linestyle=":")
     axes.annotate(rf"$\eta = {good}$", (decision[0], 0.8 - good), (0, 3), textcoords="offset points", color="0.4")
-    axes.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"short of the best, $0.8 - \eta$")
+    axes.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"distance from the best, $0.8 - \eta$")
     axes.set_title(r"OLGARB from $\theta = 0$", loc="left")
     axes.legend(loc="upper right")
 
 
-def _points(axes: Axes, where: np.ndarray, samples: np.ndarray, **look: object) -> None:
-    """Means with their intervals; `samples` are (places, runs)."""
-    found = [mean_of(each) for each in samples]
-    error = [[m.value - m.low for m in found], [m.high - m.value for m in found]]
+def _points(axes: Axes, where: np.ndarray, samples: np.ndarray, **look: Any) -> None:
+    """Means with their intervals of `samples`, (places, runs)."""
     style = {"markersize": 4, "linewidth": 1, "linestyle": "none", **look}
-    axes.errorbar(where, [m.value for m in found], error, **style)  # type: ignore[arg-type]
+    draw_intervals(axes, where, [mean_of(each) for each in samples], **style)

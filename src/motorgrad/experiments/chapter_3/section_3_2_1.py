@@ -1,15 +1,15 @@
-"""Section 3.2.1: what a baseline does, and how far a trace must reach."""
+"""Section 3.2.1: the effect of a baseline, and the reach that a trace needs."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, mean_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._baseline_claims import all_claims, shared_rewards, variances
 from motorgrad.experiments.chapter_3._estimates import (
     WORLDS,
@@ -25,7 +25,7 @@ from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, settings_for
 from motorgrad.worlds import oracle
 
-REACHES = 2.0 ** np.arange(-3, 7)  # of a trace, in mixing times
+REACHES = 2.0 ** np.arange(-3, 7)  # reaches of traces, in mixing times
 LIMIT = 1 - np.geomspace(1, 1e-3, 22)  # decays towards 1
 BIAS_DECAY = 0.95
 WITHOUT, WITH = "C1", "C0"
@@ -33,17 +33,16 @@ WITHOUT, WITH = "C1", "C0"
 
 @dataclasses.dataclass(frozen=True)
 class Baselines(Experiment):
-    """What comparing rewards with a baseline does: to the variance of a gradient estimate, to what it averages to, and
-    to learning. Which constant is the best baseline. And how bias and variance depend on the decay of the trace, the
-    former by the time in which the world mixes.
+    """The effect of a baseline on the variance of a gradient estimate, on its mean, and on learning; the best constant
+    baseline; and bias and variance against the decay of the trace, the bias relative to the mixing time of the world.
 
     **Arguments:**
 
-    - `runs`: those at fixed parameters, over which estimates are averaged.
+    - `runs`: at fixed parameters, over which estimates are averaged.
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `decays`: those of the traces at fixed parameters, per decision, 0.95 among them.
-    - `constants`: baselines that are swept, in units of reward.
-    - `swept`: decays of the traces, per decision, for which the constants are swept.
+    - `decays`: of the traces at fixed parameters, per decision, 0.95 among them.
+    - `constants`: constant baselines to compare, in units of reward.
+    - `swept`: decays of the traces, per decision, for which the constants are compared.
     - `seeds`: learners with each estimator.
     - `steps` (decisions): for which each learner learns.
     """
@@ -77,7 +76,7 @@ class Baselines(Experiment):
 
     @property
     def lengths(self) -> list[int]:
-        """Decisions after which the bias is looked at: two a decade, from 30 to the longest."""
+        """Decisions after which the bias is measured: two per decade, from 30 to the longest."""
         return [
             length for power in range(1, 9) for length in (3 * 10**power, 10 ** (power + 1)) if length <= self.longest
         ]
@@ -92,8 +91,9 @@ class Baselines(Experiment):
         return found | self._measured(work) | exact_variances(self.decays, self.swept) | traces() | self._learning(work)
 
     def _measured(self, work: Workspace) -> Values:
-        """Estimates after the longest run, `(decays, runs, parameters)`, without a baseline, with a running mean, and
-        for every constant; and at the decay of the bias how much of the gradient a baseline adds, `(lengths, runs)`."""
+        """Estimates at the end of the longest run, `(decays, runs, parameters)`, without a baseline, with a running
+        mean, and for every constant; and, at the decay of the bias, how much of the gradient a baseline adds,
+        `(lengths, runs)`."""
         mdp, point = ThreeState().dynamics, comparison_point()
         none = [self._estimates(work, "none", decay, NoBaseline()) for decay in self.decays]
         mean = [self._estimates(work, "mean", decay, MeanReward()) for decay in self.decays]
@@ -128,8 +128,8 @@ class Baselines(Experiment):
 
 
 def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
-    """The variance of long runs as a parabola in the constant baseline, at these decays and as they tend to 1; and what
-    the average reward costs as a baseline."""
+    """Variance of long runs as a parabola in the constant baseline, at these decays and as they tend to 1; and the
+    excess variance of the average reward as a baseline."""
     mdp, point = ThreeState().dynamics, comparison_point()
     eta = oracle.average_reward(mdp, point)
     limit = [variance(mdp, point, decay) for decay in LIMIT]
@@ -144,7 +144,7 @@ def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
 
 
 def traces() -> Values:
-    """Of every world: its mixing time, reaches of a trace in mixing times, and the bias at each."""
+    """For every world: its mixing time, reaches of a trace in mixing times, and the bias at each."""
     found: Values = {}
     for name, (make, policy_for) in WORLDS.items():
         world = make()
@@ -157,10 +157,10 @@ def traces() -> Values:
 
 
 def surprise(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    r"""The mean $|\delta|$ in every record of a run whose rewards are 0 or 1: decisions, and `(seeds, records)`.
+    r"""Mean $|\delta|$ in every record of a run whose rewards are 0 or 1: decisions, and `(seeds, records)`.
 
-    A share $\bar r$ of rewards is $1 - b$ above the baseline and the others $b$ below it. The baseline is taken as the
-    mean of what it was at both ends of the record.
+    A share $\bar r$ of the rewards is $1 - b$ above the baseline, the others are $b$ below it. The baseline of a record
+    is the mean of its values at both ends.
     """
     decision, reward = run.curve("reward")
     ends = run.curve("baseline")[1]
@@ -170,7 +170,7 @@ def surprise(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_baselines(values: Values) -> Figure:
-
+    """Six panels: the best constant, its limit, variance, bias, learning, mixing."""
     figure = new_figure(13, 7.4)
     panels = (_constants, _best, _variances, _bias, _learning, _mixing)
     for axes, draw in zip(figure.subplots(2, 3).flat, panels, strict=True):
@@ -200,7 +200,7 @@ def _constants(axes: Axes, values: Values) -> None:
         va="top",
         fontsize=8,
     )
-    axes.set(yscale="log", xlabel="constant baseline $b$", ylabel="variance, of the least")
+    axes.set(yscale="log", xlabel="constant baseline $b$", ylabel="variance / least variance")
     axes.set_title("the best constant (triangles)", loc="left")
     axes.legend(fontsize=8, title="lines: exact", title_fontsize=8)
 
@@ -210,9 +210,9 @@ def _best(axes: Axes, values: Values) -> None:
     axes.plot(reach, values["limit best"], color="C0", label="best constant")
     axes.axhline(float(values["average reward"]), color="0.4", linestyle=":", linewidth=1, label="average reward")
     axes.set(xscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="baseline", ylim=(0.2, None))
-    axes.set_title("… and where it goes", loc="left")
+    axes.set_title("… and its limit", loc="left")
     more = axes.twinx()
-    more.plot(reach, 100 * values["limit excess"], color="C3", linestyle="--", label="variance that the average costs")
+    more.plot(reach, 100 * values["limit excess"], color="C3", linestyle="--", label="excess variance of the average")
     more.spines["right"].set_visible(True)
     more.set(ylabel="% above the least")
     more.yaxis.label.set_color("C3")
@@ -252,7 +252,7 @@ def _bias(axes: Axes, values: Values) -> None:
         color="0.5",
         linestyle="--",
         linewidth=1,
-        label="running mean, to first order",
+        label="running mean, first order",
     )
     for name, colour, words in (("mean", WITH, "running mean"), ("constant", "C2", "constant, average reward")):
         _points(axes, length, [mean_of(100 * each) for each in values[f"added by {name}"]], color=colour, label=words)
@@ -267,9 +267,7 @@ def _learning(axes: Axes, values: Values) -> None:
         ("olpomdp", WITHOUT, "no baseline: the reward itself"),
         ("olgarb", WITH, "running mean"),
     ):
-        axes.plot(decision, np.median(values[f"surprise {name}"], axis=0), color=colour, label=words)
-        low, high = np.quantile(values[f"surprise {name}"], (0.25, 0.75), axis=0)
-        axes.fill_between(decision, low, high, color=colour, alpha=0.25, linewidth=0)
+        draw_band(axes, decision, values[f"surprise {name}"], colour, words, alpha=0.25)
     axes.set(xscale="log", xlabel="decisions", ylabel=r"mean $|\delta|$", ylim=(0, 1))
     axes.set_title(f"surprise while learning, median of {len(values['surprise olgarb'])} seeds", loc="left")
     axes.legend(fontsize=8)
@@ -288,7 +286,5 @@ def _mixing(axes: Axes, values: Values) -> None:
     axes.legend(fontsize=8, title="mixing time in brackets", title_fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
 
 
-def _points(axes: Axes, where: np.ndarray, found: list[Measured], **look: object) -> None:
-    error = [[m.value - m.low for m in found], [m.high - m.value for m in found]]
-    style = {"fmt": "o", "markersize": 4, "linewidth": 1, **look}
-    axes.errorbar(where, [m.value for m in found], error, **style)  # type: ignore[arg-type]
+def _points(axes: Axes, where: np.ndarray, found: list[Measured], **look: Any) -> None:
+    draw_intervals(axes, where, found, fmt="o", markersize=4, linewidth=1, **look)

@@ -1,4 +1,4 @@
-"""Beyond section 4.3.1: pools of many motoneurons, by the natural step of each."""
+"""Beyond section 4.3.1: large pools of motoneurons, by the natural step of each unit."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import settings_for
 
 PLAIN = {2: 3_000_000, 4: 8_000_000, 8: 40_000_000, 16: 20_000_000}
-"""For each pool, how long OLGARB may take: longer than the mean field does, but for the last."""
+"""Decisions that OLGARB may take for each pool: more than the mean field takes, except for the last."""
 
 SHOWN = 16
 MOST = 1_000_000
@@ -34,11 +34,11 @@ WITHOUT: dict[str, tuple[dict[str, Any], tuple[float, ...]]] = {
     "plain advantages": ({"advantages": "plain"}, (1e-4, 1.5e-4, 2e-4, 2.5e-4, 3e-4)),
     "no damping of the gain": ({"dampings": {"threshold": 0.05}}, (4e-4, 5e-4, 6e-4, 7e-4, 8e-4)),
 }
-"""The parts left out, one at a time, and step sizes of which each gets the best: with which most seeds get there, and
-of those the one with which they are soonest."""
+"""The learner with one part replaced at a time, and the step sizes from which each gets its best: the one with which
+most seeds get there, and among those the soonest."""
 
 NEEDED = ("mean baseline", "plain gradient")
-"""Those without which it is not learnt; without the others it takes longer."""
+"""Parts without which it is not learnt at all; without the others it takes longer."""
 
 OURS = "beyond section 4.3.1"
 LEARNERS = {
@@ -51,17 +51,17 @@ PARTS = ("#3b6fb6", "#e08e2b", "#7f8c8d", "#5b9c51", "#c8452f")
 
 @dataclasses.dataclass(frozen=True)
 class LargePools(Experiment):
-    """How long pools of motoneurons take to share a linear mapping equally, by the plain gradient and by the natural
-    gradient of each unit. What takes the plain one tens of millions of loads for eight units, and far more for sixteen,
-    is learnt by pools of 64 in a few hundred thousand.
+    """The time that pools of motoneurons take to share a linear mapping equally, by the plain gradient and by the
+    natural gradient of each unit. The plain gradient takes tens of millions of loads for eight units, and far more for
+    sixteen; the natural one takes a few hundred thousand for 64.
 
     **Arguments:**
 
     - `seeds`: for every learner and every pool.
-    - `pools` (units): of what sizes the pools are, rising, 16 among them.
-    - `dissected` (units): the pool for which parts of the learner are left out.
-    - `tries`: how many step sizes each learner without one of its parts may try, from 1 to 5.
-    - `share`: the part of the full number of decisions that is made.
+    - `pools` (units): sizes of the pools, rising, 16 among them.
+    - `dissected` (units): size of the pool for which parts of the learner are replaced.
+    - `tries`: number of step sizes, 1 to 5, that each learner with a replaced part may try.
+    - `share`: fraction of the full number of decisions.
     """
 
     name: ClassVar[str] = "beyond-4.3.1"
@@ -134,7 +134,7 @@ class LargePools(Experiment):
         late = share_of(np.isinf(values["plain_times"][place]))
         made.append(
             Claim(
-                f"OLGARB takes {SHOWN} units longer than {values['plain_budget'][place] / 1e6:g} million decisions.",
+                f"With OLGARB, {SHOWN} units take more than {values['plain_budget'][place] / 1e6:g} million decisions.",
                 "section 3 of the reading",
                 "in every seed",
                 late,
@@ -153,15 +153,18 @@ class LargePools(Experiment):
             times, rates = values[f"without_{place}_times"], WITHOUT[name][1][-self.tries :]
             rate = float(values[f"without_{place}_rate"])
             edge = rate in (rates[0], rates[-1])
-            note = f"The best of the step sizes from {rates[0]:g} to {rates[-1]:g} is {rate:g}" + ", the last." * edge
+            note = f"The best of the step sizes from {rates[0]:g} to {rates[-1]:g} is {rate:g}" + ", at an end." * edge
             if name in NEEDED:
                 share = share_of(np.isfinite(times))
-                said = f"With {name}, {self.dissected} units do not get there in {self._steps(TRIED):,} decisions."
+                said = (
+                    f"With {name}, {self.dissected} units do not become equally spaced in "
+                    f"{self._steps(TRIED):,} decisions."
+                )
                 made.append(below(0.5, said, OURS, "in most seeds", share, "", note))
                 continue
             late = median_of(np.where(np.isfinite(times), times, self._steps(TRIED)) / min(whole, self._steps(TRIED)))
-            said = f"With {name}, {self.dissected} units get there later."
-            expected = "longer than the median with all of it: a ratio above 1"
+            said = f"With {name}, {self.dissected} units become equally spaced later."
+            expected = "longer than the median of the whole learner: a ratio above 1"
             made.append(above(1, said, OURS, expected, late, "times as long", note))
         return made
 
@@ -171,9 +174,9 @@ class LargePools(Experiment):
         share = share_of(np.isfinite(times))
         middle = "" if np.isinf(np.median(times)) else f"Median {np.median(times):,.0f}, latest {times.max():,.0f}."
         return Claim(
-            f"By the natural step {units} units come to equal spacing within a million decisions, and stay there.",
+            f"With the natural step, {units} units become equally spaced within a million decisions, and stay so.",
             OURS,
-            "every seed, from some record to the end of the run every threshold within a quarter of a spacing",
+            "every seed: from some record to the end of the run, every threshold within a quarter of a spacing",
             share,
             share.value == 1 and values["normal_budget"][place] <= MOST,
             note=middle,
@@ -186,8 +189,8 @@ def _rule(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _growth_claim(values: Values, learner: str, power: float, most: int, least: int = 2) -> Claim:
-    """How the time grows with the pool, from `least` to `most` units: a line through all seeds' times on doubly
-    logarithmic axes. A pool that did not get there counts with the decisions it had, which is less than it takes."""
+    """The growth of time with size, from `least` to `most` units: slope of a line through all seeds' times on doubly
+    logarithmic axes. A pool that did not get there counts with its whole budget, a lower bound."""
     plain = learner == "plain"
     units, times, budget = (values[f"{learner}_{what}"] for what in ("units", "times", "budget"))
     kept = (units >= least) & (units <= most)
@@ -199,22 +202,22 @@ def _growth_claim(values: Values, learner: str, power: float, most: int, least: 
     missing = int(np.isinf(times[kept]).sum())
     return Claim(
         (
-            f"The time that OLGARB takes grows faster than the square of the pool, over {over} units."
+            f"The time of OLGARB grows faster than the square of the number of units, over {over} units."
             if plain
-            else f"The time that the natural step takes grows more slowly than the pool, over {over} units."
+            else f"The time of the natural step grows more slowly than the number of units, over {over} units."
         ),
         OURS,
         f"a power {'above' if plain else 'below'} {power:g} of the number of units",
         measured,
         measured.low > power if plain else measured.high < power and not missing,
         "power",
-        f"{missing} runs did not get there, and count with the decisions that they had." if missing else "",
+        f"{missing} runs did not get there, and count with their whole budget." if missing else "",
     )
 
 
 def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> Figure:
-    """Three panels; the last is for `dissected` units and learners by the names of `parts`; `equal` is the error that
-    counts as equally spaced."""
+    """Three panels: error over time, time against size, and learners of `dissected` units by the names of `parts`;
+    `equal` is the error that counts as equally spaced."""
 
     figure = new_figure(11, 4.4)
     over, against, without = figure.subplots(1, 3)
@@ -228,7 +231,7 @@ def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> 
         ylim=(None, 1e10),
         xlabel="units",
         ylabel="decisions until equally spaced for good",
-        title="time against size of the pool",
+        title="time against size",
     )
     for place, (part, colour) in enumerate(zip(parts, PARTS, strict=True)):
         label = f"{part}, α {float(values[f'without_{place}_rate']):g}"
@@ -239,21 +242,22 @@ def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> 
         axes.set(yscale="log", xlabel="decisions", ylim=(0.01, 1500))
     without.set(xlim=(0, None))
     without.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}k")
-    over.set_ylabel("greatest distance from its place (spacings)")
+    over.set_ylabel("greatest deviation of a threshold (spacings)")
     for axes in (over, against, without):
         axes.legend(fontsize=8, loc="upper right")
     return figure
 
 
 def _band(axes: Axes, decision: np.ndarray, errors: np.ndarray, colour: str, label: str) -> None:
-    """Median and quartiles over seeds; nothing is drawn where they are infinite."""
+    """Median and quartiles over seeds; infinite values are not drawn."""
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75), axis=0, method="inverted_cdf")
     axes.plot(decision, np.where(np.isfinite(middle), middle, np.nan), color=colour, label=label, linewidth=1.4)
     axes.fill_between(decision, low, np.where(np.isfinite(high), high, 1e9), color=colour, alpha=0.18, linewidth=0)
 
 
 def _against(axes: Axes, values: Values, name: str, label: str, colour: str, marker: str) -> None:
-    """Median times with all seeds' range; an arrow from the last decision where half the seeds did not get there."""
+    """Median times with the range of all seeds; an arrow from the last decision if half of the seeds
+    never got there."""
     units, times, budget = (values[f"{name}_{what}"] for what in ("units", "times", "budget"))
     middle = np.median(times, axis=1)
     there = np.isfinite(middle)

@@ -4,22 +4,21 @@ import dataclasses
 from typing import Any, ClassVar
 
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import FLEXOR, Axes, Figure, new_figure
+from motorgrad.experiments._figures import FLEXOR, Axes, Figure, Point, draw_arrow, new_figure
 
-Point = tuple[float, float]
 NEURON, MUSCLE, SEEN, OURS = FLEXOR, "#a33b2e", "0.25", "#2e8b57"
-POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # where the columns stand
+POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # positions of the columns
 MIDDLE, BELOW = 2.0, -0.55
 
 
 @dataclasses.dataclass(frozen=True)
 class RecruitmentTask(Experiment):
-    """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire make their motor
-    units pull; the units' forces add up. How good the force was comes back as one reward for all of them.
+    """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire activate their motor
+    units, whose forces add up. All of them receive the same reward, which depends on the force.
 
     **Arguments:**
 
-    - `units`: that are drawn.
+    - `units`: number of units drawn.
     """
 
     name: ClassVar[str] = "fig-4.2"
@@ -53,19 +52,19 @@ class RecruitmentTask(Experiment):
         for unit, height in enumerate(heights):
             _neuron(axes, (POOL, height), 0.34 * min(1, gap), unit, self.units)
             _fibre(axes, (UNITS, height), 0.5, 0.13 * min(1, gap))
-            _arrow(axes, (0.55, MIDDLE), (POOL - 0.4 * min(1, gap), height), SEEN)
-            _arrow(axes, (POOL + 0.4 * min(1, gap), height), (UNITS - 0.6, height), NEURON)
+            draw_arrow(axes, (0.55, MIDDLE), (POOL - 0.4 * min(1, gap), height), SEEN)
+            draw_arrow(axes, (POOL + 0.4 * min(1, gap), height), (UNITS - 0.6, height), NEURON)
             axes.text(middle, height + 0.1, rf"$a^{{({unit + 1})}}$", ha="center", fontsize=9, color=NEURON)
-            _arrow(axes, (UNITS + 0.6, height), (FORCE - 0.6, MIDDLE), MUSCLE)
+            draw_arrow(axes, (UNITS + 0.6, height), (FORCE - 0.6, MIDDLE), MUSCLE)
         for place, words, colour in (
             ((0.15, MIDDLE), "input\n$y$", SEEN), ((FORCE + 0.1, MIDDLE), "force\n$f(\\sum w^{(i)} a^{(i)})$", MUSCLE),
         ):  # fmt: skip
             axes.text(*place, words, ha="center", va="center", fontsize=11, color=colour)
         axes.text(middle, heights[-1] - 0.4, "0 or 1", ha="center", fontsize=8, color="0.45")
         _box(axes, (FORCE + 0.1, BELOW), "task: was that\nthe right force?", SEEN)
-        _arrow(axes, (FORCE + 0.1, MIDDLE - 0.42), (FORCE + 0.1, BELOW + 0.36), MUSCLE)
-        _arrow(axes, (FORCE - 0.8, BELOW), (POOL, BELOW), OURS, head=False)
-        _arrow(axes, (POOL, BELOW), (POOL, heights[-1] - gap / 2 - 0.17), OURS)
+        draw_arrow(axes, (FORCE + 0.1, MIDDLE - 0.42), (FORCE + 0.1, BELOW + 0.36), MUSCLE)
+        draw_arrow(axes, (FORCE - 0.8, BELOW), (POOL, BELOW), OURS, head=False)
+        draw_arrow(axes, (POOL, BELOW), (POOL, heights[-1] - gap / 2 - 0.17), OURS)
         axes.text((POOL + FORCE) / 2 - 0.3, BELOW + 0.12, "one reward $r$, the same for all", ha="center", color=OURS)
         axes.text(0.15, MIDDLE - 0.75, "the load\nto be lifted", ha="center", va="center", fontsize=9, color="0.45")
         axes.set(xlim=(-0.5, FORCE + 1.3), ylim=(BELOW - 0.5, heights[0] + gap / 2 + 0.65), aspect="equal")
@@ -74,7 +73,7 @@ class RecruitmentTask(Experiment):
 
 
 def _neuron(axes: Axes, place: Point, radius: float, unit: int, units: int) -> None:
-    """A circle with the unit's sigmoid in it, whose threshold lies the further to the right the later it is."""
+    """A circle with the unit's sigmoid in it; later units have their threshold further to the right."""
     import numpy as np
     from matplotlib.patches import Circle
 
@@ -99,10 +98,3 @@ def _fibre(axes: Axes, place: Point, half: float, thick: float) -> None:
 def _box(axes: Axes, place: Point, words: str, colour: str) -> None:
     look = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": colour, "linewidth": 1.3}
     axes.text(*place, words, ha="center", va="center", color=colour, bbox=look, zorder=3)
-
-
-def _arrow(axes: Axes, start: Point, end: Point, colour: str, head: bool = True) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
-    look: dict[str, Any] = {"mutation_scale": 11, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0, "zorder": 2}
-    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>" if head else "-", color=colour, **look))

@@ -1,4 +1,4 @@
-"""Figure 4.3: the policies that pools of several units learn for the linear mapping."""
+"""Figure 4.3: the policies that pools learn for the linear mapping."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,21 +26,19 @@ from motorgrad.tasks import LinearRecruitment
 from motorgrad.worlds import mean_field
 
 SOON = {2: 1_500_000, 4: 4_000_000}
-"""Decisions by which most pools should be equally spaced with the thesis's step size. A smaller one takes longer in
-proportion."""
+"""Decisions by which most pools should be equally spaced at the thesis's step size; inversely proportional to it."""
 
-STARTS, MOST = 24, 4  # for how many pools, of how many units at most, the mean field is computed
+STARTS, MOST = 24, 4  # the mean field is computed for this many pools of up to this many units
 SOFT, HARD = 2.0, 20.0
-"""Gains, times the spacing, between which they are called moderate. At the lower a unit is unsure over two spacings
-(between 10 % and 90 %), at the higher over a fifth of one."""
+"""Bounds of a moderate gain, times the spacing. At the lower bound, a unit is uncertain (10 to 90 %) over two spacings,
+at the upper over a fifth of one."""
 
 
 @dataclasses.dataclass(frozen=True)
 class LinearPolicies(LinearStudy):
-    """The policies that pools come to for the linear mapping. Colour: the exact probability of each number of active
-    units. Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above the pool in the middle of
-    all seeds, below the thresholds of every seed.
-    """
+    """Policies that pools learn for the linear mapping. Colour: the exact probability of each number of active units.
+    Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above, the median pool; below, the
+    thresholds of every seed."""
 
     name: ClassVar[str] = "fig-4.3"
     title: ClassVar[str] = "learnt linear policies"
@@ -53,7 +51,7 @@ class LinearPolicies(LinearStudy):
             run = self.trained(work, task)
             (threshold, gain), decision = parameter_history(run), run.curve()[0]
             off = spacing_deviation(threshold, gain, task)
-            # the last record by then; where all are later, the first
+            # the last record by then, or the first if all are later
             soon = SOON[units] * RATE / self.rate if units in SOON else self.steps
             at = max(0, int(np.searchsorted(decision, soon, "right")) - 1)
             found |= {
@@ -99,13 +97,13 @@ class LinearPolicies(LinearStudy):
             spaced, known = share_of(values[f"off {units}"] < SPACED), values.get(f"mean field {units}")
             made.append(
                 more_than_half(
-                    f"{units} units come to the optimal policy, of equally spaced thresholds.",
+                    f"{units} units learn the optimal policy: equally spaced thresholds.",
                     "section 4.3.1, figure 4.3",
                     "in most seeds",
                     spaced,
-                    note=f"After {self.steps:,} decisions every threshold is within {SPACED:g} spacings of its ideal "
+                    note=f"After {self.steps:,} decisions, every threshold is within {SPACED:g} spacings of its ideal "
                     "place, and every gain is positive."
-                    + ("" if known is None else f" In the mean field that takes {_millions(known)}."),
+                    + ("" if known is None else f" In the mean field, this takes {_millions(known)}."),
                 )
             )
         for units in (units for units in sizes if units in SOON):
@@ -130,9 +128,10 @@ class LinearPolicies(LinearStudy):
                     f"between {SOFT:g} and {HARD:g}",
                     gain,
                     gain.low > SOFT and gain.high < HARD,
-                    "by the spacing",
-                    f"The middle unit of each pool after {self.steps:,} decisions; {positive:.0%} of the pools "
-                    "have positive gains only. Gains still grow, ever more slowly.",
+                    "times the spacing",
+                    f"The median unit of each pool after {self.steps:,} decisions; {positive:.0%} of the "
+                    "pools have only "
+                    "positive gains. Gains keep growing, ever more slowly.",
                 )
             )
         return made
@@ -140,7 +139,7 @@ class LinearPolicies(LinearStudy):
 
 def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: float) -> np.ndarray:
     """Decisions until pools are equally spaced for good in the mean field, from gains of 0 and these thresholds,
-    `(pools, units)` to `(pools,)`; infinity where that takes more than ten million with the thesis's step size."""
+    `(pools, units)` to `(pools,)`; infinity if that takes more than ten million at the thesis's step size."""
     times = np.linspace(0, 1e7, 1001) * RATE / rate
     nodes, weights = np.polynomial.legendre.leggauss(64)
     loads = (task.low + (task.high - task.low) * (nodes + 1) / 2)[:, None]
@@ -154,5 +153,5 @@ def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: floa
 
 
 def _millions(times: np.ndarray) -> str:
-    """The mean of times, in words."""
-    return f"{times.mean() / 1e6:.3g} million decisions, the mean of {len(times)} starts"
+    """The mean time, in words."""
+    return f"{times.mean() / 1e6:.3g} million decisions (mean of {len(times)} starts)"

@@ -1,4 +1,4 @@
-"""Figure 4.4: how pools of several units get better at the linear mapping."""
+"""Figure 4.4: learning curves of pools for the linear mapping."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -29,14 +29,13 @@ from motorgrad.experiments.chapter_4._pools import (
 )
 from motorgrad.tasks import LinearRecruitment
 
-LAST = 0.1  # of learning: over which final errors are averaged
+LAST = 0.1  # share of learning, the last, over which final errors are averaged
 
 
 @dataclasses.dataclass(frozen=True)
 class LinearPerformance(LinearStudy):
-    """The error of the force over learning, for pools of several units, as a part of the pool's full force; and how
-    many of the pools are equally spaced by then. The smallest pool learns in the ratio form too, which is slower.
-    """
+    """The error of the force during learning, relative to the pool's full force, for pools of several sizes; and the
+    share of pools that are equally spaced. The smallest pool also learns with the force as a ratio, which is slower."""
 
     name: ClassVar[str] = "fig-4.4"
     title: ClassVar[str] = "learning the linear mapping"
@@ -70,7 +69,7 @@ class LinearPerformance(LinearStudy):
         for row, units in enumerate(numbers):
             least = least_error(self.task(units))
             error.axhline(least, color=f"C{row}", linestyle=":", linewidth=1)
-        error.set(ylabel="mean |error|, of the full force", ylim=(0, None), xlim=(0, decision[-1]))
+        error.set(ylabel="mean |error| / full force", ylim=(0, None), xlim=(0, decision[-1]))
         count = len(values[f"error {numbers[0]}"])
         error.set_title(
             f"mean of {count} seeds with its {LEVEL:.0%} interval; dotted: ideal thresholds, no noise",
@@ -88,23 +87,23 @@ class LinearPerformance(LinearStudy):
             better = share_of(last[units] < values[f"error {units}"][:, 0])
             made.append(
                 more_than_half(
-                    f"Pools of {units} units get better by learning.",
+                    f"Pools of {units} units improve by learning.",
                     "figure 4.4",
                     "in most seeds",
                     better,
-                    note="The last tenth of learning against the first record.",
+                    note="The last tenth of learning compared with the first record.",
                 )
             )
         for few, many in pairwise(numbers):
             gain = mean_of(last[many] - last[few])
             made.append(
                 negative(
-                    f"{many} units end nearer to the mapping than {few}.",
+                    f"{many} units approximate the mapping better than {few}.",
                     "figure 4.4, section 4.2",
                     "below 0",
                     gain,
-                    "of the full force, in mean |error|",
-                    f"Seed by seed, in the last tenth of {self.steps:,} decisions.",
+                    "of the full force: difference of mean |error|",
+                    f"Paired by seed, in the last tenth of {self.steps:,} decisions.",
                 )
             )
         for few, many in pairwise(numbers):
@@ -114,20 +113,20 @@ class LinearPerformance(LinearStudy):
             later = mean_of((times[many] - times[few]) / 1e6)
             made.append(
                 positive(
-                    f"{many} units take longer than {few} until they are equally spaced.",
+                    f"{many} units take longer than {few} to become equally spaced.",
                     "figure 4.4",
                     "above 0",
                     later,
                     "million decisions later",
-                    f"From when on every threshold is within {SPACED:g} spacings of its place at every record up to "
-                    f"the end. Of {later.count} pools each, {never[few]} and {never[many]} are not so; then all "
-                    f"{self.steps:,} decisions count.",
+                    f"The time after which every threshold stays within {SPACED:g} spacings of its ideal place. "
+                    f"{never[few]} and {never[many]} of {later.count} pools never get there, and count with all "
+                    f"{self.steps:,} decisions.",
                 )
             )
         return made
 
 
 def interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mean over the seeds, and half of its interval, at every record; of `(seeds, records)`."""
+    """Mean over the seeds, and half the width of its interval, at every record; of `(seeds, records)`."""
     measured = [mean_of(record) for record in values.T]
     return np.array([m.value for m in measured]), np.array([m.high - m.value for m in measured])

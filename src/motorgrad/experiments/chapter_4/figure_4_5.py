@@ -1,4 +1,4 @@
-"""Figure 4.5: the arm that lifts loads, and what its muscle can do at each angle."""
+"""Figure 4.5: the arm that lifts loads, and the capability of its muscle at each angle."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, new_figure
 from motorgrad.sim import draw
 
-NEAR = 5.0  # degrees: so near to 90° the greatest advantage should be
+NEAR = 5.0  # degrees: tolerance of the angle of greatest advantage
 
 
 @dataclasses.dataclass(frozen=True)
 class ArmBody(Experiment):
-    """The arm as it is simulated: hanging, half way, and at its stop. Below, how far muscle and load act from the elbow
-    at each angle, and which forces hold and throw the load.
+    """The simulated arm: hanging, half way, and at its stop. Below, moment arms of muscle and load about the elbow, and
+    the forces that hold and throw the load, at each angle.
 
     **Arguments:**
 
@@ -33,7 +33,7 @@ class ArmBody(Experiment):
     load: float = 8.0
 
     def __post_init__(self) -> None:
-        check(0 < self.load <= 20, "load", self.load, "above 0, up to 20 kg")
+        check(0 < self.load <= 20, "load", self.load, "above 0, at most 20 kg")
 
     @property
     def body(self) -> Arm:
@@ -41,7 +41,7 @@ class ArmBody(Experiment):
 
     def run(self, work: Workspace) -> Values:
         body, flexion = self.body, np.linspace(0.0, self.body.most_flexion, 281)
-        # from rest nothing is needed to hold the arm, nor to throw it no way at all
+        # at the hanging rest position no force is needed
         throw = np.concatenate([[0.0], np.asarray(body.throw(flexion[1:]))])
         return {
             "angle": 90 - np.rad2deg(flexion),
@@ -82,21 +82,21 @@ class ArmBody(Experiment):
             Claim(
                 "The muscle's torque is always greater than zero.",
                 "section 4.3.2",
-                "its moment arm above 0 at every angle",
+                "moment arm above 0 at every angle",
                 exact(100 * arm.min()),
                 arm.min() > 0,
                 "cm, the least",
             ),
             Claim(
-                "The muscle's mechanical advantage is greatest when the joint is at a right angle.",
+                "The muscle's mechanical advantage is greatest at a right angle of the joint.",
                 "section 4.3.2",
-                f"at 90°, to {NEAR:g}°",
+                f"at 90° ± {NEAR:g}°",
                 exact(most),
                 abs(most - 90) <= NEAR,
                 "degrees",
-                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle whose ends are equally far "
+                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle attached at equal distances "
                 "from the joint has its greatest moment arm at full flexion; here it grows by "
-                f"{arm.max() / arm.min() - 1:.0%} from hanging to the stop.",
+                f"{arm.max() / arm.min() - 1:.0%} from the hanging position to the stop.",
             ),
         ]
 
@@ -113,7 +113,7 @@ def _posture(axes: Axes, body: Arm, flexion: float) -> None:
 
 
 def _names(axes: Axes, body: Arm) -> None:
-    """The parts by their names and numbers, where they are when the arm hangs."""
+    """Labels of the parts, placed for the hanging arm."""
     length, top = body.bone_length, body.elbow_height
     for words, at, place, colour in (
         ("fixed in\na harness", (-length, top), (-1.38 * length, top - 0.4 * length), "0.2"),

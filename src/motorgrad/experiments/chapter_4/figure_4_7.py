@@ -12,19 +12,19 @@ from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
 
-CLOSE = 0.02  # of the full activation
+CLOSE = 0.02  # fraction of the full activation
 
 
 @dataclasses.dataclass(frozen=True)
 class RewardSurface(Experiment):
-    """The reward of every activation at every load, the height less four times the activation; and the activation that
-    is best at each load. The weakest one that takes the load to the top is best: below it the height falls steeply,
-    above it only the cost rises.
+    """The reward of every activation at every load (the height minus four times the activation), and the best
+    activation at each load. The weakest activation that lifts the load to the top is best: below it the height falls
+    steeply, above it only the cost rises.
 
     **Arguments:**
 
-    - `loads`: points of the grid over the loads.
-    - `activations`: points of the grid over the activations.
+    - `loads`: grid points over the loads.
+    - `activations`: grid points over the activations.
     """
 
     name: ClassVar[str] = "fig-4.7"
@@ -53,7 +53,7 @@ class RewardSurface(Experiment):
         axes.contour(load[some], active, values["reward"][:, some], range(0, 10, 2), colors="white", linewidths=0.5)
         axes.plot(load, values["best"], color="white", linewidth=3.5)
         axes.plot(load, values["best"], color="#c0392b", linewidth=1.8, label="best activation")
-        axes.set(xlabel="load (kg); below 0 there is none", ylabel="activation", ylim=(0, 1))
+        axes.set(xlabel="load (kg); none below 0", ylabel="activation", ylim=(0, 1))
         axes.legend(loc="lower right", labelcolor="white")
         figure.colorbar(mesh, ax=axes, label="reward", pad=0.01)
         return figure
@@ -63,26 +63,26 @@ class RewardSurface(Experiment):
         idle, full, falls = best[load <= 0].max(), best[-1], float(np.diff(best).min())
         return [
             Claim(
-                "With no load the best is to activate nothing.",
+                "Without a load, it is best to activate nothing.",
                 "section 4.3.2",
                 "0",
                 exact(idle),
                 idle == 0,
-                "the best activation, the greatest",
+                "is the greatest of the best activations",
             ),
             Claim(
                 "The best activation rises to 1 at the heaviest load.",
                 "figure 4.7",
-                f"1, to {CLOSE:g}",
+                f"1 ± {CLOSE:g}",
                 exact(full),
                 abs(full - 1) <= CLOSE,
                 f"at {load[-1]:g} kg",
-                "The muscle's strength is our choice, made so.",
+                "We chose the muscle's strength accordingly.",
             ),
             Claim(
-                "On the way it never falls.",
+                "The best activation never falls with the load.",
                 "figure 4.7",
-                "0 or more, from each load to the next",
+                "at least 0, from each load to the next",
                 exact(falls),
                 falls >= 0,
                 "the least rise",

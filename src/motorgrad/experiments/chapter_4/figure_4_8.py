@@ -1,4 +1,4 @@
-"""Figure 4.8: the policies that pools of several units learn on the arm."""
+"""Figure 4.8: the policies that pools learn on the arm."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -27,24 +27,24 @@ from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, settings_for
 
 GOOD = 0.9
-"""The part of the best possible reward that a pool should earn."""
+"""The fraction of the best possible reward that a pool should earn."""
 
 POINTS = 1601  # loads at which policies are judged
-SWEEPS = 6  # that are shown as samples
+SWEEPS = 6  # sweeps shown as samples
 
 
 @dataclasses.dataclass(frozen=True)
 class ArmPolicies(Experiment):
-    """The policies that pools learn on the arm, from sweeps over the loads with a step at the end of each. Colour: the
+    """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each. Colour: the
     exact probability of each number of active units. Black: the expected number. Red: the thresholds. Dotted: the best
-    number at each load. On the right samples of the reward under the largest pool's policy. The pool in the middle of
-    all seeds is shown above, the thresholds of every seed below.
+    number at each load. Right: samples of the reward under the largest pool's policy. Above, the median pool; below,
+    the thresholds of every seed.
 
     **Arguments:**
 
-    - `units`: of the pools, each number once.
-    - `steps` (decisions): for which every pool learns; about 80 make a sweep.
-    - `seeds`: pools of each number of units.
+    - `units`: sizes of the pools, each once.
+    - `steps` (decisions): for which every pool learns; a sweep takes about 80.
+    - `seeds`: pools of each size.
     """
 
     name: ClassVar[str] = "fig-4.8"
@@ -92,11 +92,11 @@ class ArmPolicies(Experiment):
                 Claim(
                     f"Pools of {units} units learn to lift the loads.",
                     "figure 4.8",
-                    f"{GOOD:g} or more",
+                    f"at least {GOOD:g}",
                     earned,
                     earned.low >= GOOD,
                     "of the best mean reward",
-                    f"The best number of units at each load would earn {best:.3f} on average, the pools "
+                    f"The best number of units at each load earns {best:.3f} on average, the pools earn "
                     f"{values[f'reward {units}'].mean():.3f}.",
                 )
             )
@@ -108,8 +108,9 @@ class ArmPolicies(Experiment):
                     "figure 4.8",
                     "in most seeds",
                     graded,
-                    note="The others have a unit of negative gain, most often with a threshold beyond the loads: it "
-                    "fires at every load (the pathology of section 4.4).",
+                    note="The others have a unit of negative gain, mostly with a threshold beyond the loads, "
+                    "which fires at "
+                    "every load (the pathology of section 4.4).",
                 )
             )
         for units in values["units"].tolist():
@@ -119,13 +120,13 @@ class ArmPolicies(Experiment):
             shift = mean_of(shifts)
             made.append(
                 Claim(
-                    f"The thresholds of {units} units do not sit exactly where the best number of units changes.",
+                    f"The thresholds of {units} units are not exactly where the best number of units changes.",
                     "section 4.3.2",
                     "not 0",
                     shift,
                     shift.low > 0 or shift.high < 0,
                     "kg above it",
-                    "Pools without a unit of negative gain, means over their units.",
+                    "Means over the units of pools without a unit of negative gain.",
                 )
             )
         return made
@@ -133,7 +134,8 @@ class ArmPolicies(Experiment):
 
 def pool_rewards(task: ArmRecruitment, run: Run) -> Values:
     """The pools of a run: thresholds, gains, and exact mean reward over loads spread evenly over the sweep, `reward`
-    (seeds,); beside it that of the best number of units at each load, `best`. `middle` is the seed in the middle."""
+    (seeds,); and `best`, the reward of the best number of units at each load. `middle` is the row of the median seed.
+    """
     loads, counts = np.linspace(task.low, task.high, POINTS), np.arange(task.units + 1)
     paid = rewards(task, loads, counts / task.units).T
     threshold, gain = thresholds_and_gains(run.policies)
@@ -150,7 +152,7 @@ def pool_rewards(task: ArmRecruitment, run: Run) -> Values:
 
 
 def sampled_sweeps(task: ArmRecruitment, policy: Any) -> Values:
-    """Loads of some sweeps, how many units the policy activates, and what that pays, `(decisions,)` each."""
+    """Loads of some sweeps, the number of units that the policy activates, and the reward, `(decisions,)` each."""
     assert isinstance(policy, Motoneurons)
     drawn, world = np.random.default_rng(0).random((SWEEPS * 80, 1 + task.units)).astype(np.float32), task.dynamics
 
@@ -166,16 +168,16 @@ def sampled_sweeps(task: ArmRecruitment, policy: Any) -> Values:
 
 
 def threshold_shifts(values: Values, units: int) -> np.ndarray:
-    """How far the thresholds are above the loads at which the best number of units changes, the mean of each pool that
-    has positive gains only, `(pools,)`, in kg."""
+    """Distance of the thresholds above the loads at which the best number of units changes, averaged over each pool
+    that has only positive gains: `(pools,)`, in kg."""
     load, best = values[f"load {units}"], values[f"best count {units}"]
-    ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # of many units several may be worth it at once
+    ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # with many units, several may be added at one load
     good = (values[f"gain {units}"] > 0).all(1)
     return (np.sort(values[f"threshold {units}"][good], axis=1) - ideal).mean(1)
 
 
 def draw_arm_policies(values: Values) -> Figure:
-    """Above the policies of the pools in the middle of all seeds, and samples; below what every seed came to."""
+    """Above, the policies of the median pools, and samples; below, the results of every seed."""
 
     counts = values["units"].tolist()
     figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
@@ -204,7 +206,7 @@ def draw_arm_policies(values: Values) -> Figure:
 
 def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:
     load, count, paid = (values[f"sample {what}"] for what in ("load", "count", "reward"))
-    # moved a little up and down, so that no sample hides another
+    # jitter, so that samples do not hide each other
     moved = count + np.random.default_rng(1).uniform(-0.22, 0.22, len(count))
     dots = axes.scatter(load, moved, c=paid, cmap="RdYlBu_r", s=9, edgecolors="0.4", linewidths=0.2)
     axes.set(title=f"samples, {units} units", ylim=(-0.5, units + 0.5), yticks=range(units + 1))
@@ -213,7 +215,7 @@ def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:
 
 
 def _earned(axes: Any, values: Values) -> None:
-    """What every seed's pool earns, of the best."""
+    """The reward of every seed's pool relative to the best."""
     counts = values["units"].tolist()
     for row, units in enumerate(counts):
         part = values[f"reward {units}"] / values[f"best {units}"]

@@ -1,4 +1,4 @@
-"""Section 4.4.1: learners that choose the loads that they see."""
+"""Section 4.4.1: learners that query the loads at which they learn."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, median_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     SPACED,
@@ -26,9 +26,9 @@ NO_WORSE = 1.05
 
 @dataclasses.dataclass(frozen=True)
 class ActiveLearning(Experiment):
-    """A pool asks for the loads at which it learns: the more often, the less it is sure there, by the entropy of its
-    action. Does it take fewer decisions to equal spacing than with loads that are all as frequent? And does it lift all
-    loads as well in the end?
+    """A pool queries the loads at which it learns, the more often the more uncertain it is there, by the entropy of its
+    action. Does it become equally spaced in fewer decisions than with uniform loads? And does it lift all loads equally
+    well in the end?
 
     **Arguments:**
 
@@ -36,13 +36,13 @@ class ActiveLearning(Experiment):
     - `plain_steps` (decisions): for which these learn.
     - `natural_units`: in the pools that learn by the natural gradient.
     - `natural_steps` (decisions): for which these learn.
-    - `explore`: the share of loads that are drawn uniformly all the same.
-    - `cells`: in which the entropy is looked at.
+    - `explore`: the share of loads that are drawn uniformly nevertheless.
+    - `cells`: in which the entropy is evaluated.
     - `seeds`: pools of each kind.
     """
 
     name: ClassVar[str] = "sec-4.4.1-active-learning"
-    title: ClassVar[str] = "loads that the learner asks for"
+    title: ClassVar[str] = "loads that the learner queries"
     source: ClassVar[str] = "section 4.4.1"
 
     plain_units: int = 4
@@ -94,25 +94,23 @@ class ActiveLearning(Experiment):
             never = [int(np.isinf(times).sum()) for times in found]
             times = [np.minimum(times, steps) for times in found]
             quicker = median_of(times[1] / times[0])
-            late = (
-                f"Not at {steps:,}, which then count: {never[0]} with uniform loads, {never[1]} with those asked for."
-            )
+            late = f"Never, and counted as {steps:,}: {never[0]} with uniform loads, {never[1]} with queried ones."
             final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
             made += [
                 below(
                     1,
-                    f"Loads in proportion to the policy's entropy shorten learning ({words}).",
+                    f"Querying loads in proportion to the policy's entropy shortens learning ({words}).",
                     "section 4.4.1",
-                    "decisions until equally spaced up to the end, by those with uniform loads from the same start: "
-                    "below 1, with its interval",
+                    "decisions until equally spaced for good, relative to uniform loads from the same start: "
+                    "the whole interval below 1",
                     quicker,
                     note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
                 ),
                 Claim(
-                    f"Over all loads alike the learnt force is no worse ({words}).",
+                    f"Over uniform loads, the learnt force is no worse ({words}).",
                     "our own expectation",
-                    f"root mean square error in the end, by that with uniform loads: at most {NO_WORSE}, with its "
-                    "interval",
+                    "root mean square error in the end, relative to uniform loads: the whole interval at "
+                    f"most {NO_WORSE}",
                     final,
                     final.high <= NO_WORSE,
                 ),
@@ -121,26 +119,24 @@ class ActiveLearning(Experiment):
 
 
 def draw_active(values: Values, words: Mapping[str, str]) -> Figure:
-    """For every learner: the spacing and the error over decisions, and from when on every pool is equally spaced."""
+    """For every learner: spacing and error over decisions, and the time at which each pool becomes equally spaced."""
 
     figure = new_figure(9, 6)
     axes = figure.subplots(len(words), 3, width_ratios=[1.3, 1.3, 1])
-    kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "loads asked for"))
+    kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "queried loads"))
     for row, (name, title) in zip(axes, words.items(), strict=True):
         decision = values[f"{name} decision"] / 1e6
         for loads, colour, label in kinds:
             for place, quantity in ((row[0], "spacing"), (row[1], "error")):
-                low, median, high = np.percentile(values[f"{name} {loads} {quantity}"], [25, 50, 75], axis=0)
-                place.fill_between(decision, low, high, color=colour, alpha=0.2, linewidth=0)
-                place.plot(decision, median, color=colour, label=label)
+                draw_band(place, decision, values[f"{name} {loads} {quantity}"], colour, label)
         uniform, queried = (np.minimum(values[f"{name} {k} from"] / 1e6, decision[-1]) for k, _, _ in kinds)
         most = 1.05 * max(uniform.max(), queried.max())
         row[2].plot([0, most], [0, most], color="0.6", linewidth=0.8, linestyle="--")
         row[2].plot(uniform, queried, "o", markersize=3.5, color="C0", alpha=0.7, clip_on=False)
         row[0].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
-        row[0].set(yscale="log", ylabel="threshold furthest off, in spacings", xlabel="million decisions", title=title)
-        row[1].set(ylabel="error of the force, all loads alike", xlabel="million decisions", ylim=(0, None))
-        row[2].set(xlabel="uniform loads", ylabel="loads asked for", xlim=(0, most), ylim=(0, most), aspect="equal")
+        row[0].set(yscale="log", ylabel="greatest deviation (spacings)", xlabel="million decisions", title=title)
+        row[1].set(ylabel="error of the force, uniform loads", xlabel="million decisions", ylim=(0, None))
+        row[2].set(xlabel="uniform loads", ylabel="queried loads", xlim=(0, most), ylim=(0, most), aspect="equal")
         row[2].set_title("million decisions until equally\nspaced for good, each pool", fontsize=9)
         row[0].title.set_fontsize(9)
     axes[0, 1].legend(fontsize=8)

@@ -1,4 +1,4 @@
-"""Figure 4.10: where a new unit changes what a learnt pool does."""
+"""Figure 4.10: the local effect of a new unit on a learnt pool."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, with_new_unit
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import settings_for
@@ -19,8 +19,8 @@ LOADS = np.linspace(0, 1, 401)
 
 @dataclasses.dataclass(frozen=True)
 class LocalEffect(Experiment):
-    """A pool that has learnt the linear mapping gets one more unit. By how much does that change the mean activation at
-    each load, before anything more is learnt? It depends on the gain of the new unit.
+    """A pool that has learnt the linear mapping receives one more unit: the change of the mean activation at each load,
+    before anything more is learnt, against the gain of the new unit.
 
     **Arguments:**
 
@@ -44,8 +44,7 @@ class LocalEffect(Experiment):
     def __post_init__(self) -> None:
         self.check_range(1, 100, "units")
         self.check_range(0, 1, "threshold")
-        rising = len(self.gains) > 1 and self.gains[0] == 0 and list(self.gains) == sorted(set(self.gains))
-        check(rising, "gains", self.gains, "at least two, rising from 0")
+        check(rising(self.gains, 2) and self.gains[0] == 0, "gains", self.gains, "at least two, rising from 0")
         self.check_range(2, 10_000, "seeds")
         self.check_range(200, 10**9, "steps")
 
@@ -80,10 +79,7 @@ class LocalEffect(Experiment):
         from matplotlib import colormaps
 
         for gain, effect, shade in zip(values["gain"], values["effect"], shades, strict=True):
-            low, median, high = np.percentile(effect, [25, 50, 75], axis=0)
-            colour = colormaps["viridis"](shade)
-            where.fill_between(load, low, high, color=colour, alpha=0.2, linewidth=0)
-            where.plot(load, median, color=colour, label=f"{gain:g}")
+            draw_band(where, load, effect, colormaps["viridis"](shade), f"{gain:g}")
         where.axvline(float(values["threshold"]), color="0.6", linewidth=0.8, linestyle=":")
         where.set(
             xlabel="load",
@@ -93,9 +89,8 @@ class LocalEffect(Experiment):
         )
         where.legend(title="its gain", fontsize=8, title_fontsize=8, loc="upper center", ncols=3)
         found = [median_of(row) for row in spread(values)]
-        error = [[m.value - m.low for m in found], [m.high - m.value for m in found]]
-        width.errorbar(values["gain"], [m.value for m in found], error, fmt="o-", markersize=4, color="C0")
-        width.set(xlabel="gain of the new unit", ylabel="spread about its threshold", ylim=(0, None))
+        draw_intervals(width, values["gain"], found, fmt="o-", markersize=4, color="C0")
+        width.set(xlabel="gain of the new unit", ylabel="spread around its threshold", ylim=(0, None))
         width.set(title=f"median of {values['before'].shape[0]}, 95 %")
         for axes in (without, where, width):
             axes.title.set_fontsize(10)
@@ -109,43 +104,44 @@ class LocalEffect(Experiment):
         narrower = median_of(width[-1] / width[0])
         ends = median_of(np.maximum(effect[-1, :, 0], effect[-1, :, -1]) / effect[-1].max(-1))
         away = median_of(np.abs(peak - values["threshold"]))
-        least = "share of pools at least 0.8, with its interval"
+        least = "share of pools at least 0.8, the whole interval"
         top = f"{values['gain'][-1]:g}"
         return [
             Claim(
-                "At zero gain the new unit has the most effect at the extremes of the input.",
+                "At zero gain, the new unit has the most effect at the extremes of the input.",
                 "figure 4.10",
-                "effect at either end at least 0.99 of the greatest, with its interval",
+                "effect at either end at least 0.99 of the greatest: the whole interval",
                 extreme,
                 extreme.low >= 0.99,
-                note="Beyond the outermost thresholds the pool's activation, and so the effect, is flat.",
+                note="Beyond the outermost thresholds, the pool's activation is flat, and so is the effect.",
             ),
             Claim(
                 "The effect becomes more local with every increase of the gain.",
                 "figure 4.10",
-                f"the spread about the threshold falls at every step: {least}",
+                f"the spread around the threshold falls at every step: {least}",
                 falls,
                 falls.low >= 0.8,
             ),
             Claim(
-                f"At a gain of {top} the effect is spread less than at zero gain.",
+                f"At a gain of {top}, the effect is less spread than at zero gain.",
                 "figure 4.10",
-                "at most 0.75 of that, with its interval",
+                "at most 0.75 times as much: the whole interval",
                 narrower,
                 narrower.high <= 0.75,
-                note="The change falls in steps from the threshold to both ends: it is one step beside a staircase.",
+                note="The change falls in steps from the threshold to both ends, because the learnt "
+                "activation is a staircase.",
             ),
             below(
                 0.1,
-                f"At a gain of {top} there is no effect at the extremes.",
+                f"At a gain of {top}, there is no effect at the extremes.",
                 "figure 4.10",
-                "below 0.1 of the greatest effect, with its interval",
+                "below 0.1 of the greatest effect: the whole interval",
                 ends,
             ),
             Claim(
-                f"At a gain of {top} the effect is greatest at the new unit's threshold.",
+                f"At a gain of {top}, the effect is greatest at the new unit's threshold.",
                 "figure 4.10",
-                "within 0.1 of it, with its interval",
+                "within 0.1 of it: the whole interval",
                 away,
                 away.high <= 0.1,
                 "load",
@@ -154,7 +150,7 @@ class LocalEffect(Experiment):
 
 
 def spread(values: Values) -> np.ndarray:
-    """The root mean square distance of a change from the new unit's threshold, each load as heavy as the change there:
-    `(gains, seeds)`."""
+    """Root mean square distance from the new unit's threshold, each load weighted by the change there: `(gains,
+    seeds)`."""
     square, effect = (values["load"] - values["threshold"]) ** 2, values["effect"]
     return np.sqrt((effect * square).sum(-1) / effect.sum(-1))

@@ -1,4 +1,4 @@
-"""Section 4.4.1: a baseline that forgets, where the muscle or the load changes."""
+"""Section 4.4.1: a baseline that forgets, for a muscle or a load that changes."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import settings_for
@@ -21,19 +21,19 @@ TITLES = {"strength": "the muscle changes", "load": "the load changes"}
 
 @dataclasses.dataclass(frozen=True)
 class ForgettingBaseline(Experiment):
-    """A muscle loses part of its strength and regains it, again and again, while its pool learns the linear mapping; or
-    a load is added to the one that is seen, and taken away. The baseline is the mean of all rewards, as in OLGARB, or
-    moves by a fixed step. How well does it follow the rewards, and how well does the pool follow the change? For
-    comparison also the natural gradient.
+    """While its pool learns the linear mapping, a muscle repeatedly loses part of its strength and regains it; or a
+    load is added to the observed one and removed again. The baseline is the mean of all rewards, as in OLGARB, or moves
+    by a fixed step. How well does it track the rewards, and how well does the pool track the change? The natural
+    gradient is added for comparison.
 
     **Arguments:**
 
     - `units`: in each pool.
     - `seeds`: pools of each kind.
     - `steps` (decisions): for which each pool learns.
-    - `period` (decisions): of the change: none in the first half, all in the second.
-    - `amount`: by how much the muscle's strength changes, as a part.
-    - `added`: the load that is added, where it is that which changes; loads that are seen are from 0 to 1.
+    - `period` (decisions): of the change, which is absent in the first half and present in the second.
+    - `amount`: relative change of the muscle's strength.
+    - `added`: load that is added, if the load changes; observed loads are from 0 to 1.
     - `rates` (per decision): the fixed steps γ.
     """
 
@@ -64,12 +64,12 @@ class ForgettingBaseline(Experiment):
         return cls(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
 
     def task(self, of: Literal["strength", "load"]) -> LinearRecruitment:
-        """The task in which this changes."""
+        """The task in which strength or load changes."""
         amount = self.amount if of == "strength" else self.added
         return LinearRecruitment(units=self.units, drift=Drift(amount, self.period, "steps", of))
 
     def learners(self) -> dict[str, dict[str, Any]]:
-        """Of every line, what is not as in the thesis's learner."""
+        """For every line: what differs from the thesis's learner."""
         fixed = {f"γ = {rate:g}": {"baseline": "fixed-step", "baseline_rate": rate} for rate in self.rates}
         return {"mean of all": {}, **fixed, "mean of all, natural gradient": NATURAL}
 
@@ -98,7 +98,7 @@ class ForgettingBaseline(Experiment):
         task = self.task(of)
         if of == "strength":
             return least_error(task, 1.0 + self.amount)
-        # a load that is added to all moves the wanted force by so much
+        # a load added to all inputs shifts the target
         moved = dataclasses.replace(task, intercept=task.target(self.added))
         return least_error(moved, 1.0)
 
@@ -109,7 +109,7 @@ class ForgettingBaseline(Experiment):
         return [claim for of in OF for claim in self._claims(values, of)]
 
     def _claims(self, values: Values, of: str) -> list[Claim]:
-        """The claims about pools where this changes: the same for both."""
+        """The claims about pools for one kind of change."""
         after = values["decision"] > values["changes"][0]
         behind, error = (values[f"{name} {of}"][:, :, after].mean(axis=2) for name in ("behind", "error"))
         lines, made = [str(line) for line in values["line"]], []
@@ -119,40 +119,41 @@ class ForgettingBaseline(Experiment):
             better = mean_of(error[0] - error[row])
             made += [
                 positive(
-                    f"Where {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster than the "
-                    "mean of all.",
+                    f"If {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster "
+                    "than the mean of "
+                    "all rewards.",
                     "section 4.4.1",
-                    "after the first change the baseline is nearer to the present rewards: difference above 0",
+                    "after the first change, the baseline is nearer to the current rewards: difference above 0",
                     nearer,
                     "reward",
-                    f"Mean distance {behind[row].mean():.4f}, with the mean of all {behind[0].mean():.4f}.",
+                    f"Mean distance {behind[row].mean():.4f}; with the mean of all, {behind[0].mean():.4f}.",
                 ),
                 positive(
-                    f"Pools that learn with it ({lines[row]}) follow {changes} better.",
+                    f"Pools that learn with it ({lines[row]}) track {changes} better.",
                     "section 4.4.1",
                     "less mean error after the first change: difference above 0",
                     better,
                     "of the pool's force",
-                    f"Mean error {error[row].mean():.4f}, with the mean of all {error[0].mean():.4f}.",
+                    f"Mean error {error[row].mean():.4f}; with the mean of all, {error[0].mean():.4f}.",
                 ),
             ]
         natural = mean_of(error[0] - error[-1])
         return [
             *made,
             positive(
-                f"With the natural gradient pools follow {changes} better than with the plain one.",
+                f"Pools track {changes} better with the natural gradient than with the plain one.",
                 OURS,
                 "less mean error after the first change: difference above 0",
                 natural,
                 "of the pool's force",
-                f"Mean error {error[-1].mean():.4f}, with the plain one {error[0].mean():.4f}.",
+                f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
             ),
         ]
 
 
 def draw_baselines(values: Values, of: Sequence[str]) -> Figure:
-    """A column for each thing that changes: how far the baselines are behind, the error of the force, and how the error
-    differs from that with the mean of all rewards."""
+    """One column per kind of change: the lag of the baselines, the error of the force, and the error minus that with
+    the mean of all rewards."""
 
     figure = new_figure(10, 7.6)
     axes = figure.subplots(3, len(of), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
@@ -161,10 +162,10 @@ def draw_baselines(values: Values, of: Sequence[str]) -> Figure:
         column[0].set_title(TITLES[each], fontsize=11)
     axes[0, 0].set(ylabel="|baseline − mean reward|", yscale="log", ylim=(1e-3, None))
     axes[1, 0].set(ylabel="mean error of the force", ylim=(0, None))
-    axes[2, 0].set(ylabel="error less that\nwith the mean of all")
+    axes[2, 0].set(ylabel="error minus that\nwith the mean of all")
     figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
     figure.supxlabel(
-        "shaded: the muscle is weak, or the load is added; dotted: the least possible error\n"
+        "shaded: weak muscle, or added load; dotted: the least possible error\n"
         "above: median and quartiles of the pools; below: mean with 95 % interval",
         fontsize=9,
         color="0.4",
@@ -194,13 +195,11 @@ def draw_quartiles(
 ) -> None:
     """Median and quartiles over seeds of `values` `(lines, seeds, records)`."""
     for row, label, each in zip(colours or range(len(labels)), labels, values, strict=True):
-        low, middle, high = np.quantile(each, [0.25, 0.5, 0.75], axis=0)
-        axes.plot(decision / 1e6, middle, color=f"C{row}", label=label, linewidth=1.3)
-        axes.fill_between(decision / 1e6, low, high, color=f"C{row}", alpha=0.18, linewidth=0)
+        draw_band(axes, decision / 1e6, each, f"C{row}", label, alpha=0.18, linewidth=1.3)
 
 
 def draw_least_error(axes: Axes, changes: Sequence[float] | np.ndarray, end: float, least: np.ndarray) -> None:
-    """The least possible error with a strong muscle and with a weak one, in turn."""
+    """The least possible error, in turn with a strong and a weak muscle."""
     edges = np.array([0.0, *changes, end]) / 1e6
     axes.stairs(np.resize(least, len(edges) - 1), edges, baseline=None, color="0.3", linewidth=1, linestyle=":")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
@@ -16,26 +16,26 @@ from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import settings_for
 
 LOADS = np.linspace(0.0, 1.0, 41)
-LAST = 0.25  # of a practice
+LAST = 0.25  # share of a practice, the last, that counts as its end
 
 
 @dataclasses.dataclass(frozen=True)
 class GainDecay(Experiment):
-    """Gains that lose a small part of themselves at every decision. Pools that have learnt the linear mapping learn on
-    with them: with a muscle that stays as it is, and with one that loses part of its strength and regains it. What is
-    measured: how stochastic the pools remain, how well they follow the muscle, and what that costs where nothing
-    changes. Beside it, pools whose gains decay from the start.
+    """Gains that decay by a small fraction at every decision. Pools that have learnt the linear mapping continue to
+    learn with decaying gains: with a constant muscle, and with one that loses part of its strength and regains it.
+    Measured: how stochastic the pools remain, how well they track the muscle, and what that costs if nothing changes.
+    In comparison, pools whose gains decay from the start.
 
     **Arguments:**
 
     - `units`: in each pool.
     - `seeds`: pools of each kind.
-    - `learnt` (decisions): for which each pool learns at first.
-    - `steps` (decisions): for which it learns on.
-    - `period` (decisions): of the muscle: strong in the first half, weak in the second.
-    - `amount`: by how much its strength changes, as a part.
+    - `learnt` (decisions): of each pool's first practice.
+    - `steps` (decisions): of the second.
+    - `period` (decisions): of the muscle, strong in the first half and weak in the second.
+    - `amount`: relative change of its strength.
     - `decays` (per decision): of the gains, λ, three, rising. By default a gain without gradient falls to 1/e in half a
-      period, and in ten times and a tenth of that. The one in the middle is also used from the start.
+      period, and in ten times and a tenth of that. The middle one is also used from the start.
     """
 
     name: ClassVar[str] = "sec-4.4.1-gain-decay"
@@ -54,8 +54,12 @@ class GainDecay(Experiment):
         self.check_range(2, 10_000, "seeds")
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         self.check_range(200, 10**9, "learnt")
-        rising = len(self.decays) == 3 and 0 < self.decays[0] < self.decays[1] < self.decays[2] <= 1
-        check(rising, "decays", self.decays, "three, rising, above 0 and at most 1")
+        check(
+            len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,
+            "decays",
+            self.decays,
+            "three, rising, above 0 and at most 1",
+        )
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
         Drift(self.amount, self.period)
 
@@ -95,8 +99,8 @@ class GainDecay(Experiment):
         labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]
         columns = {
             "first": "from the start",
-            "still": "learnt pools: nothing changes",
-            "drifting": "learnt pools: weak where shaded",
+            "still": "learnt pools: constant muscle",
+            "drifting": "learnt pools: weak muscle shaded",
         }
         for column, (name, title) in enumerate(columns.items()):
             decision = values["first decision" if name == "first" else "decision"]
@@ -113,7 +117,7 @@ class GainDecay(Experiment):
             axes[1, column].set_xlabel("decisions, million")
         axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))
         axes[1, 0].set(ylabel="entropy, bits per unit", ylim=(0, 1.03))
-        axes[1, 1].legend(title="decay of gains, per decision", fontsize=8)
+        axes[1, 1].legend(title="decay of the gains per decision", fontsize=8)
         return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -125,17 +129,17 @@ class GainDecay(Experiment):
         kept = mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain)
         made = [
             positive(
-                "As learning progresses the network loses the ability to explore.",
+                "As learning progresses, the network loses the ability to explore.",
                 "section 4.4.1",
-                "where nothing changes, less entropy at the end than in the second quarter: difference above 0",
+                "constant muscle: less entropy at the end than in the second quarter, difference above 0",
                 fading,
                 "bits per unit",
-                f"At the end {plain.mean():.3f} bits.",
+                f"{plain.mean():.3f} bits at the end.",
             ),
             positive(
-                f"Gains that decay ({values['decay'][1]:g} per decision) force it to explore.",
+                f"Decaying gains ({values['decay'][1]:g} per decision) force it to explore.",
                 "section 4.4.1",
-                "more entropy at the end than without, where nothing changes: difference above 0",
+                "constant muscle: more entropy at the end than without decay, difference above 0",
                 kept,
                 "bits per unit",
             ),
@@ -146,20 +150,20 @@ class GainDecay(Experiment):
             better, cost = mean_of(tracking[0] - tracking[row]), mean_of(still[row] - still[0])
             made += [
                 positive(
-                    f"With it ({decay:g}) a pool adapts better to a muscle that changes.",
+                    f"With decay ({decay:g}), a pool adapts better to a changing muscle.",
                     "section 4.4.1",
-                    "less mean error after the first change than without: difference above 0",
+                    "less mean error after the first change than without decay: difference above 0",
                     better,
                     "of the pool's force",
-                    f"Mean error {tracking[row].mean():.4f}, without {tracking[0].mean():.4f}.",
+                    f"Mean error {tracking[row].mean():.4f}; without decay, {tracking[0].mean():.4f}.",
                 ),
                 positive(
-                    f"It costs precision where nothing changes ({decay:g}).",
+                    f"Decay costs precision if nothing changes ({decay:g}).",
                     "our own expectation",
-                    "more mean error at the end than without: difference above 0",
+                    "more mean error at the end than without decay: difference above 0",
                     cost,
                     "of the pool's force",
-                    f"Mean error {still[row].mean():.4f}, without {still[0].mean():.4f}.",
+                    f"Mean error {still[row].mean():.4f}; without decay, {still[0].mean():.4f}.",
                 ),
             ]
         error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
@@ -168,16 +172,16 @@ class GainDecay(Experiment):
             positive(
                 f"Gains that decay from the start ({values['decay'][2]:g}) keep a pool from learning.",
                 "our own observation",
-                "more mean error at the end of the first practice than without: difference above 0",
+                "more mean error at the end of the first practice than without decay: difference above 0",
                 harm,
                 "of the pool's force",
-                f"Seen in the first results, then stated. Mean error {error[1].mean():.4f}, "
-                f"without {error[0].mean():.4f}.",
+                f"Stated after the first results. Mean error {error[1].mean():.4f}; "
+                f"without decay, {error[0].mean():.4f}.",
             )
         )
         return made
 
 
 def _last(decision: np.ndarray) -> np.ndarray:
-    """Which records are of the last part of a practice, over which its end is averaged."""
+    """Mask of the records at the end of a practice."""
     return np.arange(len(decision)) >= round((1 - LAST) * len(decision))

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, exact, median_of, more_than_half, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     NORMAL,
     SPACED,
@@ -21,11 +21,11 @@ from motorgrad.experiments.chapter_4._pools import (
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, settings_for
 
-POINTS = 25  # of a curve in each phase
+POINTS = 25  # points of a curve in each phase
 
 
 class Way(NamedTuple):
-    """A way to learn: what the force is, the learner's settings, how many units at the end, decisions with each."""
+    """A way to learn: output of the task, settings of the learner, final number of units, decisions per number."""
 
     words: str
     output: Any
@@ -36,10 +36,10 @@ class Way(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Growth(Experiment):
-    """A pool begins with one unit and gets another after a fixed number of decisions, with gain 0 and a threshold at
-    random, until it is complete. Beside it a pool that has all its units from the start, and as many decisions in all.
-    By the natural step a phase is more than twice as long as a complete pool takes to converge; by the plain gradient
-    it is shorter than that.
+    """A pool starts with one unit and receives another after a fixed number of decisions, with gain 0 and a random
+    threshold, until it is complete. It is compared with a pool that has all units from the start, for as many decisions
+    in all. With the natural step, a phase is more than twice as long as a complete pool takes to converge; with the
+    plain gradient it is shorter than that.
 
     **Arguments:**
 
@@ -71,7 +71,7 @@ class Growth(Experiment):
 
     @property
     def ways(self) -> dict[str, Way]:
-        """Every way to learn, by name."""
+        """All ways to learn, by name."""
         return {
             "ratio": Way("natural step, force as a ratio", "ratio", NORMAL, self.units, self.phase),
             "count": Way("natural step, force as a count", "count", NORMAL, self.units, self.phase),
@@ -129,18 +129,18 @@ class Growth(Experiment):
             made += [
                 below(
                     1,
-                    f"Growing is the better strategy: less error on the way ({way.words}).",
+                    f"Growing is the better strategy: less error during learning ({way.words}).",
                     "section 4.4",
-                    "mean error over all decisions, by that of a pool complete from the start: below 1, with its "
-                    "interval",
+                    "mean error over all decisions, relative to a pool complete from the start: the whole "
+                    "interval below 1",
                     better,
                     note=f"{way.units} units, {way.units * way.phase:,} decisions.",
                 ),
                 below(
                     1,
-                    f"Growing is the better strategy: nearer to equal spacing in the end ({way.words}).",
+                    f"Growing is the better strategy: closer to equal spacing in the end ({way.words}).",
                     "section 4.4",
-                    "spacing error, by that of a pool complete from the start: below 1, with its interval",
+                    "spacing error, relative to a pool complete from the start: the whole interval below 1",
                     spaced,
                 ),
                 _converged_claim(values, name, way),
@@ -157,19 +157,19 @@ class Growth(Experiment):
             *made,
             below(
                 1,
-                "Each additional unit forces the older thresholds to move less than the last (force as a ratio).",
+                "Each additional unit forces the older thresholds to move less than the one before (force as a ratio).",
                 "section 4.4",
-                "mean move with the last unit, by that with the second: below 1, with its interval",
+                "mean move with the last unit, relative to the second: the whole interval below 1",
                 least,
             ),
             Claim(
-                "To make room for another unit each of N thresholds moves by 1/(N(N + 1)) of the input.",
+                "To make room for another unit, each of N thresholds moves by 1/(N(N + 1)) of the input range.",
                 "section 4.4",
-                f"mean move of equally spaced thresholds for N = {counts[-1]}, in that unit: 1, to 25 %",
+                f"mean move of equally spaced thresholds for N = {counts[-1]}, in that unit: 1 ± 25 %",
                 exact(ideal[-1]),
                 abs(ideal[-1] - 1) <= 0.25,
                 "1/(N(N + 1))",
-                f"By so much the spacing changes; thresholds in the middle add up several such changes. {note}.",
+                f"That is the change of the spacing; thresholds in the middle accumulate several such changes. {note}.",
             ),
         ]
 
@@ -178,27 +178,27 @@ def _converged_claim(values: Values, name: str, way: Way) -> Claim:
     shares = [share_of(spaced) for spaced in values[f"{name} grown spaced"]]
     whole = values[f"{name} start from"]
     return Claim(
-        f"Pools have converged when the next unit comes ({way.words}).",
-        "section 4.4: the rule for adding one",
-        "share of grown pools that are equally spaced at the end of a phase, the least: in most seeds",
+        f"Pools have converged when the next unit is added ({way.words}).",
+        "section 4.4: the rule for adding a unit",
+        "share of grown pools that are equally spaced at the end of a phase, the least over phases: in most seeds",
         min(shares, key=lambda share: share.value),
         min(share.low for share in shares) > 0.5,
         note=f"From 1 unit to {len(shares)}: {', '.join(f'{share.value:.0%}' for share in shares)}. A phase has "
-        f"{way.phase:,} decisions; pools complete from the start take: {_middle(whole)}.",
+        f"{way.phase:,} decisions; complete pools take: {_middle(whole)}.",
     )
 
 
 def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
     grown, whole = values[f"{name} grown from"], values[f"{name} start from"]
-    total = grown.sum(0)  # infinite where any phase ended too early
+    total = grown.sum(0)  # infinite if any phase ended too early
     there = np.isfinite(total) & np.isfinite(whole)
     sooner = share_of(total < whole)
     ratio = f"{median_of(total[there] / whole[there])} of the decisions. " if there.any() else ""
     return more_than_half(
-        f"Growing is sooner, were each unit to come as soon as those there are equally spaced ({way.words}).",
+        f"Growing would be faster if each unit were added as soon as the others are equally spaced ({way.words}).",
         "section 4.4",
-        "fewer decisions until equally spaced for good, summed over the phases, than a pool complete from the start: "
-        "in most seeds; a pool that is not so at the end of every phase is not sooner",
+        "fewer decisions until equally spaced for good, summed over the phases, than a complete pool: in most seeds; "
+        "a pool that is not equally spaced at the end of every phase counts as slower",
         sooner,
         note=f"{ratio}Not equally spaced at the end: {int(np.isinf(grown).sum())} of {grown.size} phases, "
         f"{int(np.isinf(whole).sum())} of {whole.size} complete pools. The last phase alone: "
@@ -208,30 +208,30 @@ def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
 
 def _middle(times: np.ndarray) -> str:
     middle = np.median(times)
-    return f"{middle:,.0f} decisions, the median" if np.isfinite(middle) else "most are not there"
+    return f"{middle:,.0f} decisions, the median" if np.isfinite(middle) else "most never get there"
 
 
 def new_thresholds(salt: int, count: int) -> np.ndarray:
-    """The thresholds from U[0, 1] of the new units of all seeds, by the `salt`."""
+    """Thresholds from U[0, 1] for the new units of all seeds; `salt` selects the random numbers."""
     return np.random.default_rng([salt, count]).random(count)
 
 
 def _off(run: Run) -> np.ndarray:
-    """How far from equal spacing the pools of a run were at every record, `(seeds, records)`."""
+    """Deviation from equal spacing of the pools of a run at every record, `(seeds, records)`."""
     assert isinstance(run.task, LinearRecruitment)
     return spacing_deviation(*parameter_history(run), run.task)
 
 
 def ideal_move(count: int) -> float:
-    """The mean distance by which equally spaced thresholds must move to make room for one more at the best place, as a
-    part of the range: from (i − ½)/N to (i − ½)/(N + 1), or (i + ½)/(N + 1) above the new one."""
+    """Mean distance that equally spaced thresholds must move to make room for one more at the best place, as a fraction
+    of the range: from (i − ½)/N to (i − ½)/(N + 1), or to (i + ½)/(N + 1) above the new one."""
     place = np.arange(1, count + 1)
     before = (place - 0.5) / count
     return min(float(np.abs((place - 0.5 + (place > new)) / (count + 1) - before).mean()) for new in range(count + 1))
 
 
 def draw_growth(values: Values, words: Mapping[str, str]) -> Figure:
-    """For every way to learn: the error of the force over decisions, and how far from equal spacing pools ended."""
+    """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
 
     figure = new_figure(9, 6)
     axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
@@ -239,9 +239,7 @@ def draw_growth(values: Values, words: Mapping[str, str]) -> Figure:
         phases = len(values[f"{name} grown spacing"])
         for kind, colour, label in (("start", "C1", "complete from the start"), ("grown", "C0", "grown unit by unit")):
             decision, error = _thinned(values[f"{name} {kind} decision"], values[f"{name} {kind} error"], phases)
-            low, median, high = np.percentile(error, [25, 50, 75], axis=0)
-            axes[0, column].fill_between(decision / 1e6, low, high, color=colour, alpha=0.2, linewidth=0)
-            axes[0, column].plot(decision / 1e6, median, color=colour, label=label)
+            draw_band(axes[0, column], decision / 1e6, error, colour, label)
         phase = values[f"{name} grown decision"][-1] / phases / 1e6
         for count in range(1, phases):
             axes[0, column].axvline(count * phase, color="0.85", linewidth=0.7, zorder=0)
@@ -251,22 +249,19 @@ def draw_growth(values: Values, words: Mapping[str, str]) -> Figure:
             (values[f"{name} grown spacing"], 0, "C0"),
             (values[f"{name} start spacing"][None], phases - 1, "C1"),
         ):
-            measured = [median_of(row) for row in found]
-            error = [[m.value - m.low for m in measured], [m.high - m.value for m in measured]]
             place = np.arange(1, len(found) + 1) + shift + (0.2 if shift else 0)
-            axes[1, column].errorbar(
-                place, [m.value for m in measured], error, fmt="o-", markersize=4, color=colour, linewidth=0.8
-            )
+            look = {"fmt": "o-", "markersize": 4, "color": colour, "linewidth": 0.8}
+            draw_intervals(axes[1, column], place, [median_of(row) for row in found], **look)
         axes[1, column].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
         axes[1, column].set(xlabel="units", yscale="log")
     axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))
     axes[0, 0].legend(fontsize=8)
-    axes[1, 0].set_ylabel("threshold furthest off, in spacings")
+    axes[1, 0].set_ylabel("greatest deviation (spacings)")
     return figure
 
 
 def _thinned(decision: np.ndarray, values: np.ndarray, phases: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means over neighbouring records, so that a curve has `POINTS` in each phase; the decisions that they end with."""
+    """Means over neighbouring records, so that a curve has `POINTS` in each phase; and the decisions at their ends."""
     size = max(1, len(decision) // (phases * POINTS))
     kept = len(decision) // size * size
     return decision[size - 1 : kept : size], values[:, :kept].reshape(len(values), -1, size).mean(2)

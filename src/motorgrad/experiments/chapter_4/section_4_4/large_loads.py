@@ -1,4 +1,4 @@
-"""Section 4.4: what comes of large loads alone, and why the size of the pool should matter."""
+"""Section 4.4: learning from large loads only, and the effect of the size of the pool."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,32 +8,32 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import settings_for
 
-SILENT = 0.05  # of the pool: a pool that fires less than this at large loads has given up
+SILENT = 0.05  # a pool that fires less than this fraction at large loads counts as silent
 PAID = ("height", "complete")
 SEEN = ("large", "all")
 PROBABILITY = np.linspace(0.0, 1.0, 101)
 HALF = 50
-TITLES = {"height": "paid by height", "complete": "paid only where complete"}
+TITLES = {"height": "paid by height", "complete": "paid only if complete"}
 
 
 @dataclasses.dataclass(frozen=True)
 class LargeLoads(Experiment):
-    """Pools of several sizes learn to lift large loads only, for which more than 85 % of the pool must fire, or all
-    loads. The lift is paid by its height, or only where it is complete. Beside it, exactly: what a pool earns at large
-    loads whose units all fire with one probability.
+    """Pools of several sizes learn to lift only large loads, for which more than 85 % of the pool must fire, or all
+    loads. The reward is the height of the lift, or is paid only for a complete lift. In addition, computed exactly: the
+    reward at large loads of a pool whose units all fire with the same probability.
 
     **Arguments:**
 
     - `sizes` (units): of the pools.
     - `seeds`: pools of each size.
     - `steps` (decisions): for which each pool learns.
-    - `least` (kg): the least of the large loads; the greatest is 14.
+    - `least` (kg): the smallest of the large loads; the greatest is 14.
     """
 
     name: ClassVar[str] = "sec-4.4-large-loads"
@@ -46,8 +46,7 @@ class LargeLoads(Experiment):
     least: float = 12.0
 
     def __post_init__(self) -> None:
-        rising = list(self.sizes) == sorted(set(self.sizes)) and len(self.sizes) > 1 and self.sizes[0] > 0
-        check(rising, "sizes", self.sizes, "at least two, rising")
+        check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
         self.check_range(2, 10_000, "seeds")
         self.check_range(200, 10**9, "steps")
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
@@ -57,7 +56,7 @@ class LargeLoads(Experiment):
         return cls(sizes=(2, 4), seeds=3, steps=2_000)
 
     def task(self, paid: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
-        """The task of pools of this size that are paid so and see such loads."""
+        """The task of pools of this size, with this reward and these loads."""
         task = ArmRecruitment(units=units, paid=paid)
         return dataclasses.replace(task, low=self.least) if seen == "large" else task
 
@@ -74,7 +73,7 @@ class LargeLoads(Experiment):
     def _active(
         self, work: Workspace, paid: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
     ) -> np.ndarray:
-        """The part of each pool that fires at large loads after learning, `(seeds,)`."""
+        """The fraction of each pool that fires at large loads after learning, `(seeds,)`."""
         task = self.task(paid, seen, units)
         run = work.train(task, settings_for(task), self.steps, self.seeds)
         return firing_probability(run.policies, loads).mean(axis=(1, 2))
@@ -84,7 +83,7 @@ class LargeLoads(Experiment):
 
     def claims(self, values: Values) -> Sequence[Claim]:
         sizes, made = values["size"], []
-        for paid, words in (("height", "paid by its height"), ("complete", "paid only where it is complete")):
+        for paid, words in (("height", "paid by height"), ("complete", "paid only if complete")):
             silent = {seen: values[f"{paid} {seen}"] < SILENT for seen in SEEN}
             pay, shares = values[f"{paid} pay"][-1], share_of(silent["large"][-1])
             slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
@@ -92,28 +91,28 @@ class LargeLoads(Experiment):
                 Claim(
                     f"Silence is a local maximum at large loads (lifts {words}).",
                     "section 4.4",
-                    "from silence, firing with a small probability pays less: below 0",
+                    "firing with a small probability pays less than silence: below 0",
                     exact(pay[1] - pay[0]),
                     pay[1] < pay[0],
                     "reward",
-                    f"For {sizes[-1]} units whose probability is {PROBABILITY[1]:g}.",
+                    f"For {sizes[-1]} units with a probability of {PROBABILITY[1]:g}.",
                 ),
                 Claim(
-                    f"A large pool at half activation is led to fire less (lifts {words}).",
+                    f"At half activation, the gradient makes a large pool fire less (lifts {words}).",
                     "section 4.4",
-                    "the reward's slope in the common probability at one half: below 0",
+                    "slope of the reward in the common probability at one half: below 0",
                     slope,
                     slope.value < 0,
                     "reward per unit of probability",
                     f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, paid, 0):.2f}.",
                 ),
                 more_than_half(
-                    f"With only large loads a large pool falls silent (lifts {words}).",
+                    f"With only large loads, a large pool falls silent (lifts {words}).",
                     "section 4.4",
                     "in most pools",
                     shares,
-                    note=f"Of {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
-                    f"Of {sizes[0]} units: {share_of(silent['large'][0])}.",
+                    note=f"For {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
+                    f"For {sizes[0]} units: {share_of(silent['large'][0])}.",
                 ),
             ]
         silent = {seen: values[f"complete {seen}"] < SILENT for seen in SEEN}
@@ -123,15 +122,16 @@ class LargeLoads(Experiment):
         return [
             *made,
             positive(
-                "Large pools fall silent more often than small ones (lifts paid only where complete).",
+                "Large pools fall silent more often than small ones (lifts paid only if complete).",
                 "section 4.4",
                 f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
                 grown,
             ),
             Claim(
-                "Exposure to small loads prevents it (lifts paid only where complete).",
+                "Exposure to small loads prevents it (lifts paid only if complete).",
                 "section 4.4",
-                f"with all loads fewer pools of {sizes[-1]} fall silent: difference of shares above 0, less than half",
+                f"with all loads, fewer pools of {sizes[-1]} fall silent: difference of shares above 0, and "
+                "fewer than half",
                 spared,
                 spared.low > 0 and kept.high < 0.5,
                 note=f"With all loads: {kept}.",
@@ -144,7 +144,7 @@ def _slope(values: Values, paid: str, row: int) -> float:
 
 
 def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
-    """The mean reward at these loads where all units fire with one probability: `(101,)`, for those from 0 to 1."""
+    """Mean reward at these loads if all units fire with the same probability: `(101,)`, for 0 to 1."""
     from scipy import stats
 
     counts = np.arange(task.units + 1)
@@ -154,8 +154,8 @@ def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
 
 
 def draw_loads(values: Values, silent: float) -> Figure:
-    """Above: what a common probability earns. Below: the part of each pool that fires after learning, and how many are
-    silent."""
+    """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and the
+    number of silent pools."""
 
     figure = new_figure(8, 6.4)
     axes = figure.subplots(2, 2, sharex="row", sharey="row")
@@ -164,7 +164,7 @@ def draw_loads(values: Values, silent: float) -> Figure:
         axes[0, column].set_title(title, fontsize=11)
         _active(axes[1, column], values, paid, silent)
     axes[0, 0].set_ylabel("mean reward at large loads")
-    axes[1, 0].set_ylabel("part that fires at large loads\nafter learning")
+    axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
     axes[0, 0].legend(title="units")
     axes[1, 0].legend(title="learnt from")
     return figure

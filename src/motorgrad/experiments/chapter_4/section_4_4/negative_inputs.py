@@ -1,4 +1,4 @@
-"""Section 4.4: what comes of leaving out the loads at which no unit should fire."""
+"""Section 4.4: leaving out the loads at which no unit should fire."""
 
 import dataclasses
 import math
@@ -10,15 +10,17 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, final, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, settings_for
 
-ON = 0.9  # fires with more than this probability at every load of 0 and below
-LOWS = {"never": 0.1, "once": 0.0, "thesis": -2.0, "often": -6.0}  # kg, where a sweep begins
+ON = 0.9  # a unit is always active if its firing probability exceeds this at every load of 0 and below
+LOWS = {"never": 0.1, "once": 0.0, "thesis": -2.0, "often": -6.0}  # start of a sweep, kg
 LOADS = np.linspace(-2.0, 14.0, 65)
-ENLARGED = "In a first run, of 40 pools, the interval of this difference included 0; more pools were taken then."
+ENLARGED = (
+    "In a first run with 40 pools, the interval of this difference included 0; the number of pools was then raised."
+)
 WORDS = {
     "never": "never:\nfrom 0.1 kg",
     "once": "once:\nfrom 0 kg",
@@ -31,16 +33,16 @@ COLOURS = ("C3", "C1", "C0", "C9", "C4", "C2", "C8", "C5")
 
 @dataclasses.dataclass(frozen=True)
 class NegativeInputs(Experiment):
-    """Pools learn to lift with sweeps that begin above 0 kg, at 0, at −2 (the thesis) and at −6. Where loads of 0 and
-    below are missing, a unit becomes one that always fires. Then those loads come back, and learning goes on from
-    there, without and with a decay of the gains.
+    """Pools learn to lift with sweeps that begin above 0 kg, at 0, at −2 (the thesis) and at −6. Without loads of 0 and
+    below, a unit comes to fire always. Then those loads are restored, and learning continues from there, with and
+    without decay of the gains.
 
     **Arguments:**
 
     - `units`: in each pool.
     - `seeds`: pools that learn with each kind of sweep.
-    - `steps` (decisions): for which each pool learns, and then learns on.
-    - `decays` (per sweep): of the gains, in further ways of learning on.
+    - `steps` (decisions): of each of the two practices.
+    - `decays` (per sweep): of the gains, in further versions of the second practice.
     """
 
     name: ClassVar[str] = "sec-4.4-negative-inputs"
@@ -97,17 +99,17 @@ class NegativeInputs(Experiment):
             oftener = mean_of(caught[name] * 1.0 - caught["thesis"])
             made += [
                 positive(
-                    f"Where loads of 0 and below are {words}, some force is always put out.",
+                    f"If loads of 0 and below are {words}, some force is always produced.",
                     "section 4.4",
-                    "at −2 to 0 kg more of the pool fires than where sweeps begin at −2 kg: difference above 0",
+                    "at −2 to 0 kg, more of the pool fires than if sweeps begin at −2 kg: difference above 0",
                     more,
                     "of the pool",
-                    f"Mean: {firing[name].mean():.3f}, from −2 kg {firing['thesis'].mean():.3f}.",
+                    f"Mean: {firing[name].mean():.3f}, for sweeps from −2 kg {firing['thesis'].mean():.3f}.",
                 ),
                 positive(
-                    f"Where loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
+                    f"If loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
                     "section 4.4",
-                    "a greater share than where sweeps begin at −2 kg: difference above 0",
+                    "a greater share than if sweeps begin at −2 kg: difference above 0",
                     oftener,
                     note=f"Shares: {share_of(caught[name])}; from −2 kg {share_of(caught['thesis'])}; "
                     f"from −6 kg {share_of(caught['often'])}. {ENLARGED}",
@@ -117,7 +119,7 @@ class NegativeInputs(Experiment):
 
 
 def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
-    """Of the unit of each pool that is most sure to fire at 0 kg and below: how it came to be so."""
+    """How the unit of each pool that is most certain to fire at 0 kg and below became so."""
     unit = values["firing"][0][:, LOADS <= 0].min(axis=1).argmax(axis=1)[:, None]
     gain, threshold, start = (
         np.take_along_axis(each, unit, axis=1)[:, 0]
@@ -126,13 +128,13 @@ def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
     switched, raised = share_among(gain < 0, pools), share_among(threshold > start, pools & (gain < 0))
     return [
         more_than_half(
-            "That unit has switched to a negative gain.",
+            "This unit has switched to a negative gain.",
             "section 4.4",
-            "in most pools that have one, of those that never saw a load of 0",
+            "in most pools with such a unit, of those that never saw a load of 0",
             switched,
         ),
         more_than_half(
-            "It has raised its threshold then.",
+            "It has then raised its threshold.",
             "section 4.4",
             "in most of those pools",
             raised,
@@ -141,12 +143,12 @@ def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
 
 
 def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> list[Claim]:
-    """What becomes of the pools that are caught once loads of 0 and below come back."""
+    """What becomes of the affected pools once loads of 0 and below are restored."""
     stay = share_among(caught[_again(0.0)], caught["never"])
     reward = dict(zip(map(str, values["state"]), np.median(values["reward"], axis=1), strict=True))
     made = [
         more_than_half(
-            "Loads of 0 and below do not correct it when they come back.",
+            "Restoring loads of 0 and below does not correct it.",
             "section 4.4",
             "most pools that had such a unit still have one",
             stay,
@@ -156,11 +158,12 @@ def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> list[Claim]:
         free = share_among(~caught[_again(decay)], caught["never"] & caught[_again(0.0)])
         made.append(
             more_than_half(
-                f"A decay of the gains ({decay:g} per sweep) frees those that stay caught without it.",
+                f"Decay of the gains ({decay:g} per sweep) frees those that remain affected without it.",
                 "our own question, after section 4.4.1",
                 "most of them",
                 free,
-                note=f"Median reward of all pools: {reward[_again(decay)]:.2f}, without {reward[_again(0.0)]:.2f}.",
+                note=f"Median reward of all pools: {reward[_again(decay)]:.2f}; without decay, "
+                f"{reward[_again(0.0)]:.2f}.",
             )
         )
     return made
@@ -177,24 +180,24 @@ def _found(run: Run) -> Values:
 
 
 def always_firing(values: Values) -> np.ndarray:
-    """Which units always fire where none should, `(states, seeds, units)`."""
+    """Which units fire at all loads at which none should, `(states, seeds, units)`."""
     return np.asarray(values["firing"][:, :, values["load"] <= 0].min(axis=2) > ON)
 
 
 def share_among(happened: np.ndarray, which: np.ndarray) -> Measured:
-    """The share of those pools in which something happened; unknown where there are none."""
+    """The share of these pools in which something happened; unknown if there are none."""
     return share_of(happened[which]) if which.any() else Measured(math.nan, 0.0, 1.0, 0, "share")
 
 
 def best_activation(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
-    """The part of the pool that pays best at each load."""
+    """The fraction of the pool with the highest reward at each load."""
     parts = np.arange(task.units + 1) / task.units
     pay = np.array([np.asarray(task.pay(load, parts, task.effect(load, parts))) for load in loads])  # type: ignore
     return parts[pay.argmax(axis=1)]
 
 
 def draw_inputs(values: Values, caught: np.ndarray) -> Figure:
-    """Shares of pools that are caught; where their units are; and what the pools do over the loads."""
+    """Shares of affected pools; parameters of their units; and activation of the pools over the loads."""
 
     figure = new_figure(8.6, 6.6)
     top, bottom = figure.add_gridspec(2, 1)
@@ -209,12 +212,13 @@ def draw_inputs(values: Values, caught: np.ndarray) -> Figure:
 def _shares(axes: Axes, words: list[str], pools: np.ndarray) -> None:
     for place, each in enumerate(pools):
         share = share_of(each)
-        error = [[share.value - share.low], [share.high - share.value]]
         axes.bar(place, share.value, 0.7, color=COLOURS[place % len(COLOURS)], alpha=0.7)
-        axes.errorbar(place, share.value, error, color="0.2", capsize=4)
+        draw_intervals(axes, [place], [share], color="0.2", capsize=4)
     axes.set_xticks(range(len(words)), words, fontsize=9)
     axes.set(ylim=(0, 1.02), ylabel="share of pools")
-    axes.set_title(f"a unit fires at every load of 0 and below ({pools.shape[1]} pools, 95 % interval)", fontsize=10)
+    axes.set_title(
+        f"share with a unit that fires at all loads ≤ 0 ({pools.shape[1]} pools, 95 % interval)", fontsize=10
+    )
 
 
 def _units(axes: Axes, values: Values, caught: np.ndarray) -> None:
@@ -223,7 +227,7 @@ def _units(axes: Axes, values: Values, caught: np.ndarray) -> None:
         axes.scatter(threshold[which], gain[which], 12, color=colour, label=words)
     axes.axhline(0, color="0.7", linewidth=0.8, zorder=0)
     axes.set(xlabel="threshold, kg", ylabel="gain, per kg")
-    axes.set_title("units that never saw a load of 0 or below", fontsize=10)
+    axes.set_title("units that never saw a load ≤ 0", fontsize=10)
     axes.legend(fontsize=8, loc="lower left", handletextpad=0.2)
 
 
@@ -234,6 +238,6 @@ def _activation(axes: Axes, values: Values, words: list[str]) -> None:
             colour = COLOURS[row % len(COLOURS)]
             axes.plot(load, firing.mean(axis=(0, 2)), color=colour, label=name.replace("\n", " "))
     axes.plot(load, values["best"], color="0.4", linewidth=1, linestyle=":", label="best", drawstyle="steps-mid")
-    axes.set(xlabel="load, kg", ylabel="part of the pool that fires", ylim=(-0.03, 1.03))
+    axes.set(xlabel="load, kg", ylabel="fraction of the pool that fires", ylim=(-0.03, 1.03))
     axes.set_title("mean over all pools", fontsize=10)
     axes.legend(fontsize=8)

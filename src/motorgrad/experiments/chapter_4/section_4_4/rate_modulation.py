@@ -1,4 +1,4 @@
-"""Section 4.4.1: units whose firing rate is modulated."""
+"""Section 4.4.1: units with graded activation (rate modulation)."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,33 +9,33 @@ from scipy.special import expit
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, final, first_time, median_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import evaluate, settings_for
 
 KINDS = {"binary": "motoneurons", "graded": "graded-motoneurons"}
 DAMPINGS = NATURAL["dampings"] | {"log_deviation": 0.01}
-"""Without one of its own the logarithm of the deviation would run away: see the page about graded units."""
+"""Without damping of its own, the logarithm of the deviation would diverge: see the page about graded units."""
 
-REACHED = 1.25  # times the least error of units that fire or not: a pool has learnt
-LAST = 0.1  # of the records: what is called the end
+REACHED = 1.25  # a pool has learnt at this multiple of the least error of binary units
+LAST = 0.1  # share of the records, the last, that counts as the end
 INPUTS = np.linspace(0, 1, 201)
-CURVES = (("binary", "C1", "fire or not"), ("graded", "C0", "graded"))
+CURVES = (("binary", "C1", "binary"), ("graded", "C0", "graded"))
 
 
 @dataclasses.dataclass(frozen=True)
 class RateModulation(Experiment):
-    """Motoneurons whose activation is graded, a sigmoid of the load with noise, beside those that fire or do not. Both
-    learn the linear mapping by the natural gradient. How well do so many units grade the force, and how soon?
+    """Motoneurons with graded activation, a sigmoid of the load plus noise, compared with binary ones. Both learn the
+    linear mapping by the natural gradient. How accurately do equally many units grade the force, and how soon?
 
     **Arguments:**
 
-    - `units`: in the pools, rising.
+    - `units`: sizes of the pools, rising.
     - `steps` (decisions): for which each pool learns.
     - `deviation`: of the graded units' noise before learning.
-    - `floor`: below which that cannot fall.
+    - `floor`: lower bound of that deviation.
     - `seeds`: pools of each kind.
     """
 
@@ -50,8 +50,7 @@ class RateModulation(Experiment):
     seeds: int = 24
 
     def __post_init__(self) -> None:
-        rising = len(self.units) > 0 and list(self.units) == sorted(set(self.units))
-        check(rising and min(self.units) >= 1 and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
+        check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
         self.check_range(200, 10**9, "steps")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
@@ -100,42 +99,41 @@ class RateModulation(Experiment):
             made += [
                 below(
                     1,
-                    f"Graded units err less than as many units that fire or not could at best ({said}).",
+                    f"Graded units have a smaller error than as many binary units could have at best ({said}).",
                     "our own expectation",
-                    "mean error in the last tenth, by the least that is possible for the others: below 1, with its "
-                    "interval",
+                    "mean error in the last tenth, relative to the least possible for binary units: the whole interval "
+                    "below 1",
                     lower,
                     note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
-                    f"others {quiet[0]:.4f}; least for these {least:.4f}.",
+                    f"binary {quiet[0]:.4f}; least possible for binary units {least:.4f}.",
                 ),
                 below(
                     1,
                     f"They learn sooner ({said}).",
                     "our own expectation",
-                    f"decisions to {REACHED} times that least error, by those of the others: below 1, with its "
-                    "interval",
+                    f"decisions to {REACHED} times that least error, relative to binary units: the whole "
+                    "interval below 1",
                     sooner,
-                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; not within "
+                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; never within "
                     f"{steps:,} decisions: {never[1]} and {never[0]}.",
                 ),
                 below(
                     0.1,
-                    f"As learning goes on, graded units converge to a deterministic output ({said}).",
+                    f"During learning, graded units converge to a deterministic output ({said}).",
                     "section 6.2.3",
-                    "deviation of the noise in the end below 0.1, with its interval",
+                    "deviation of the noise at the end: the whole interval below 0.1",
                     narrow,
-                    note=f"It begins at {self.deviation:g}; the floor is {self.floor:g}. In the second "
-                    f"half it went down to {np.median(falls):.2f} of what it was.",
+                    note=f"Initially {self.deviation:g}; the floor is {self.floor:g}. In the second half of "
+                    "learning it fell "
+                    f"to {np.median(falls):.2f} of its value.",
                 ),
             ]
         return made
 
 
 def draw_rate(values: Values) -> Figure:
-    """For every number of units the error over decisions, the noise of graded units, and the mean force of each pool.
-
-    Bars at the right: the error without noise, by the mean or the most probable action.
-    """
+    """For every number of units: the error over decisions, the noise of graded units, and the mean force of each pool.
+    Bars at the right: the error without noise, by the mean or the most probable action."""
 
     units = [int(count) for count in values["units"]]
     figure = new_figure(3 * len(units) + 0.6, 7.6)
@@ -144,9 +142,7 @@ def draw_rate(values: Values) -> Figure:
     for column, count in enumerate(units):
         above, noise, below = axes[:, column]
         for kind, colour, label in CURVES:
-            low, median, high = np.percentile(values[f"{count} {kind} error"], [25, 50, 75], axis=0)
-            above.fill_between(decision, low, high, color=colour, alpha=0.2, linewidth=0)
-            above.plot(decision, median, color=colour, label=label)
+            draw_band(above, decision, values[f"{count} {kind} error"], colour, label)
             above.plot(
                 decision[-1] * 1.06,
                 np.median(values[f"{count} {kind} without noise"]),
@@ -161,9 +157,7 @@ def draw_rate(values: Values) -> Figure:
                 below.plot(INPUTS, force, color=colour, linewidth=0.6, alpha=0.5)
         above.axhline(values["least"][column], color="0.4", linewidth=0.9, linestyle="--")
         above.set(title=f"{count} unit{'s' * (count > 1)}", xlabel="thousand decisions", ylim=(0, None))
-        low, median, high = np.percentile(np.median(values[f"{count} deviation"], axis=2), [25, 50, 75], axis=0)
-        noise.fill_between(decision, low, high, color="C0", alpha=0.2, linewidth=0)
-        noise.plot(decision, median, color="C0")
+        draw_band(noise, decision, np.median(values[f"{count} deviation"], axis=2), "C0")
         noise.set(xlabel="thousand decisions", ylim=(0, None))
         below.plot(INPUTS, LinearRecruitment(units=count).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
         below.set(xlabel="load", ylim=(-0.12, 1.12))

@@ -8,14 +8,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, negative, share_of
+from motorgrad.experiments._claims import Claim, exact, mean_of, negative, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import settings_for
 
-GRID = 201  # loads, of the whole range, over which a unit's firing is averaged
+GRID = 201  # loads over which the firing of a unit is averaged
 WORDS = {
     "linear plain": "linear mapping, plain gradient",
     "linear natural": "linear mapping, natural gradient",
@@ -26,14 +26,15 @@ WORDS = {
 
 @dataclasses.dataclass(frozen=True)
 class SizePrinciple(Experiment):
-    """Units whose force grows exponentially from one to the next learn to share a load, from thresholds at random. Are
-    they recruited in the order of their sizes? In the linear mapping every order pays the same, so that an order there
-    is the doing of learning alone; in the arm it need not be.
+    """Units whose force grows exponentially from one to the next learn to share a load, from random thresholds. Are
+    they recruited in the order of their sizes? In the linear mapping every order has the same reward, so that an order
+    can only result from learning; on the arm, orders differ in reward.
 
     **Arguments:**
 
     - `units`: in each pool.
-    - `size_ratio`: the largest unit's force by the smallest's. By default each unit has twice the force of the last.
+    - `size_ratio`: the largest unit's force relative to the smallest's. By default each unit has twice the force of the
+      one before.
     - `seeds`: pools of each kind.
     - `linear` (decisions): for which pools learn the linear mapping by the plain gradient.
     - `linear_natural` (decisions): the same by the natural gradient.
@@ -62,10 +63,10 @@ class SizePrinciple(Experiment):
         return cls(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
 
     def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
-        """Of every line: the task, what is not as in its own learner, and the decisions."""
+        """For every line: the task, what differs from its own learner, and the decisions."""
         linear = LinearRecruitment(units=self.units, size_ratio=self.size_ratio)
         arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
-        # a threshold in kg is some 14 times one from 0 to 1, and its Fisher information so many times squared less
+        # a threshold in kg is some 14 times one in 0 … 1, and its Fisher information smaller by the square of that
         scaled = NATURAL | {"dampings": {"threshold": NATURAL["dampings"]["threshold"] / arm.high**2}}
         return {
             "linear plain": (linear, {}, self.linear),
@@ -96,46 +97,47 @@ class SizePrinciple(Experiment):
             graded = share_of((values[f"{name} gain"] > 0).all(axis=1))
             made.append(
                 positive(
-                    f"Units organise themselves by the size principle, small ones first ({words}).",
+                    f"Units organise by the size principle: small ones are recruited first ({words}).",
                     "section 4.4.1",
                     "rank correlation of size and recruitment: mean above 0",
                     each,
-                    note=f"In exactly this order: {whole}; chance {chance:.3f}. All gains positive: {graded}.",
+                    note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
                 )
             )
         best = values["orders"][pay.argmax()] + 1
         made.append(
             Claim(
-                "In the arm the order of the size principle pays best.",
+                "On the arm, the order of the size principle has the highest reward.",
                 "section 4.4.1",
-                "what it pays less than the best order of units without noise: 0",
+                "deficit to the best order of noiseless units: 0",
                 exact(pay.max() - pay[0]),
                 pay[0] == pay.max(),
                 "reward",
-                f"The best order, from the smallest 1 to the largest {len(best)}: {', '.join(map(str, best))}.",
+                f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
+                f"{', '.join(map(str, best))}.",
             )
         )
         for name in ("linear plain", "linear natural"):
             inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
             made.append(
                 negative(
-                    f"The larger a unit, the nearer to the middle of the range it is recruited ({WORDS[name]}).",
+                    f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
                     "our own observation",
                     "rank correlation of size and distance from the middle: mean below 0",
                     inward,
-                    note="Seen in the first results, then stated.",
+                    note="Stated after the first results.",
                 )
             )
         return made
 
 
 def orders_of(units: int) -> list[tuple[int, ...]]:
-    """Every order of recruitment; the first is that of size."""
+    """All orders of recruitment; the first is that of size."""
     return list(itertools.permutations(range(units)))
 
 
 def order_pay(task: ArmRecruitment) -> np.ndarray:
-    """What units without noise earn on average over a sweep in each order of `orders_of`, each from its best load."""
+    """Average reward over a sweep of noiseless units in each order of `orders_of`, each recruited at its best load."""
     loads, found = np.linspace(task.low, task.high, GRID), []
     for order in orders_of(task.units):
         parts = np.concatenate([[0.0], np.cumsum(task.sizes[list(order)])])
@@ -145,9 +147,10 @@ def order_pay(task: ArmRecruitment) -> np.ndarray:
 
 
 def recruitment_loads(probability: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """From which load on a unit fires, `(seeds, units)`: for a unit with a sharp threshold that is its threshold.
+    """The load from which a unit fires, `(seeds, units)`: for a unit with a sharp threshold, its threshold.
 
-    It is the part of the range in which it is silent, on average, so that units that always or never fire have one too.
+    It is the mean fraction of the range in which the unit is silent, so that it is also defined for units that always
+    or never fire.
 
     **Arguments:** `probability` (seeds, loads, units); the loads, equally spaced.
     """
@@ -155,22 +158,20 @@ def recruitment_loads(probability: np.ndarray, loads: np.ndarray) -> np.ndarray:
 
 
 def correlations(values: Values, places: np.ndarray) -> np.ndarray:
-    """Spearman's rank correlation of the units' sizes and their places, of each seed."""
+    """Spearman's rank correlation of the units' sizes and these places, for each seed."""
     from scipy import stats
 
     return np.array([stats.spearmanr(values["size"], row)[0] for row in places])
 
 
 def order(values: Values, name: str) -> np.ndarray:
-    """The rank correlation of size and recruitment, of each seed: 1 where small units come first."""
+    """Rank correlation of size and recruitment load for each seed: 1 if small units come first."""
     return correlations(values, values[f"{name} load"])
 
 
 def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np.ndarray]) -> Figure:
-    """For every line the load from which each unit fires, over its size, and the rank correlations of all pools.
-
-    A grey line joins the units of a pool; units of negative gain are hollow.
-    """
+    """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
+    grey line joins the units of a pool; units of negative gain are hollow."""
 
     figure = new_figure(8, 6.8)
     axes = figure.subplots(2, 2, sharex=True)
@@ -180,10 +181,10 @@ def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np
         shift = np.geomspace(0.88, 1 / 0.88, len(loads))
         for seed, row in enumerate(loads):
             place.plot(size * shift[seed], row, color="0.85", linewidth=0.5, zorder=1)
-        for unit, positive in itertools.product(range(len(size)), (True, False)):
-            which = (values[f"{name} gain"][:, unit] > 0) == positive
+        for unit, graded in itertools.product(range(len(size)), (True, False)):
+            which = (values[f"{name} gain"][:, unit] > 0) == graded
             colour = f"C{unit}"
-            face = colour if positive else "white"
+            face = colour if graded else "white"
             place.scatter(size[unit] * shift[which], loads[which, unit], 12, face, edgecolor=colour, zorder=2)
         mean = mean_of(orders[name])
         place.set_title(f"{title}\nrank correlation {mean.value:+.2f} [{mean.low:+.2f} … {mean.high:+.2f}]", fontsize=9)
@@ -192,7 +193,7 @@ def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np
         place.minorticks_off()
         place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
     for row, unit in zip(axes, ("", ", kg"), strict=True):
-        row[0].set_ylabel(f"fires from this load on{unit}")
+        row[0].set_ylabel(f"fires above this load{unit}")
     for place in axes[1]:
-        place.set_xlabel("size, part of the whole force (hollow: gain below 0)")
+        place.set_xlabel("size / total force (hollow: negative gain)")
     return figure
