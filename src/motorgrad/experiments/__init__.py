@@ -6,7 +6,7 @@ page.
 """
 
 from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._films import animate, course_of, motion_of, recorded_policies
 from motorgrad.experiments._registry import EXPERIMENTS
 from motorgrad.experiments._report import write_report
@@ -23,6 +23,7 @@ __all__ = [
     "animate",
     "course_of",
     "exact",
+    "experiment",
     "mean_of",
     "median_of",
     "motion_of",

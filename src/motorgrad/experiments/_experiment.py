@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training import AgentSettings, Run, fingerprint, train
 
+T = TypeVar("T", bound="Experiment")
 Values = dict[str, np.ndarray]
 """Results of a run by name: everything that the figure and the claims need, as arrays that can be stored."""
 
@@ -75,7 +76,7 @@ class Workspace:
 
 @dataclasses.dataclass(frozen=True)
 class Experiment(abc.ABC):
-    """Base class of experiments. Subclasses are frozen dataclasses whose fields are the settings; the docstring says
+    """Base class of experiments; `experiment` completes a subclass. Its fields are the settings, and its docstring says
     what is done and what the figure shows."""
 
     name: ClassVar[str]
@@ -137,6 +138,26 @@ class Experiment(abc.ABC):
         for name in names:
             value = getattr(self, name)
             check(low <= value <= high, name, value, f"in {low:,} … {high:,}{unit}")
+
+
+@dataclass_transform(frozen_default=True)
+def experiment(
+    name: str, title: str, source: str, needs: tuple[str, str] | None = None
+) -> Callable[[type[T]], type[T]]:
+    """Decorator that makes a subclass of `Experiment` a frozen dataclass with this name, title and source.
+
+    ```python
+    @experiment("fig-9.9", "a coin and its faces", "figure 9.9")
+    class Coin(Experiment):
+        throws: int = 400
+    ```
+    """
+
+    def complete(cls: type[T]) -> type[T]:
+        cls.name, cls.title, cls.source, cls.needs = name, title, source, needs
+        return dataclasses.dataclass(frozen=True)(cls)
+
+    return complete
 
 
 def rising(values: Sequence[float], least: int = 1, above: float = -np.inf) -> bool:

@@ -1,15 +1,14 @@
 """Figure A.1: the geometry of a muscle that wraps around a joint's capsule."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_bones, draw_path, flat_path, new_figure
 
 Shape = tuple[float, float, float]
@@ -20,7 +19,7 @@ ALPHA, BETA, THETA = "#2e8b57", EXTENSOR, "0.25"
 WRAPPED, STRAIGHT = EXTENSOR, FLEXOR
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-a.1", "a muscle wraps around a joint", "figure A.1")
 class Wrapping(Experiment):
     """The path of a muscle from A to B past a joint's capsule with centre C. It wraps around the capsule if the angle θ
     is less than θ_c, leaving it along tangents, and is straight otherwise. Only the angle β of the wrapped part depends
@@ -34,10 +33,6 @@ class Wrapping(Experiment):
     - `geometries`: number of further, random geometries for which the claims are checked.
     - `seed`: of the random geometries.
     """
-
-    name: ClassVar[str] = "fig-a.1"
-    title: ClassVar[str] = "a muscle wraps around a joint"
-    source: ClassVar[str] = "figure A.1"
 
     origin_distance: float = 0.13
     insertion_distance: float = 0.1
@@ -88,12 +83,7 @@ class Wrapping(Experiment):
         count = len(values["jump"])
         over = f"The greatest deviation over {count:,} geometries: the one drawn and random ones."
         return (
-            _zero(
-                "A path touches its capsule if θ is less than θ_c = 2π − α_A − α_B.",
-                values["onset"],
-                "rad",
-                over,
-            ),
+            _zero("A path touches its capsule if θ is less than θ_c = 2π − α_A − α_B.", values["onset"], "rad", over),
             _zero("The length of a path is that of two tangents and an arc.", values["parts"], "m", over),
             _zero("The length is continuous where wrapping begins.", values["jump"], "m", over),
             _zero(

@@ -1,14 +1,13 @@
 """Figure A.2: the circular force field."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.sim import draw_paths, draw_regions
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
@@ -19,7 +18,7 @@ STARTS = ((0.55, 0.5), (0.5, 0.98), (0.1, 0.2), (0.9, 0.9))
 CLOSE = 1e-3  # tolerance: single precision over thousands of steps
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-a.2", "the circular field of force", "figure A.2")
 class Circular(Experiment):
     """A force field that drives a particle clockwise round a centre and, like a spring, towards a radius r*; paths in
     this field, and the orbit on which they end. With drag the orbit is wider than r*: its radius is k₂ r*/(k₂ − k₁²)
@@ -32,10 +31,6 @@ class Circular(Experiment):
     - `radius`: r* in the drawing.
     - `seconds` (simulated s): duration of a motion before its orbit is measured.
     """
-
-    name: ClassVar[str] = "fig-a.2"
-    title: ClassVar[str] = "the circular field of force"
-    source: ClassVar[str] = "figure A.2"
 
     tangential: float = 0.5
     radial: float = 1.0

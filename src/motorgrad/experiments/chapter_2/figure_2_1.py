@@ -1,10 +1,8 @@
 """Figure 2.1: the partially observable Markov decision process as a diagram."""
 
-import dataclasses
 import math
-from typing import ClassVar
 
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
 
 HIDDEN, SEEN, OURS = "#3b6fb6", "#c8452f", "#2e8b57"
@@ -31,14 +29,10 @@ ARROWS: dict[tuple[str, str], tuple[str, str, Point]] = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-2.1", "the decision process", "figure 2.1")
 class Process(Experiment):
     """Dependencies in a partially observable Markov decision process. The state evolves unseen; each state yields an
     observation and a reward; the policy chooses the action from the observation alone."""
-
-    name: ClassVar[str] = "fig-2.1"
-    title: ClassVar[str] = "the decision process"
-    source: ClassVar[str] = "figure 2.1"
 
     def run(self, work: Workspace) -> Values:
         return {}

@@ -1,9 +1,8 @@
 """Figure 2.2: hill climbing on the objective of a Gaussian policy."""
 
-import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, below, exact, mean_of, median_of, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
 
@@ -35,7 +34,7 @@ COLOURS = "viridis"
 INK, NOISY = "#1a1a1a", "#ff7043"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-2.2", "hill climbing", "figure 2.2")
 class HillClimbing(Experiment):
     """Policy search by hill climbing in one dimension: a policy that draws x from a Gaussian, a reward r(x) with
     several optima, and the objective as a surface over the mean and standard deviation of the Gaussian. The colour of a
@@ -51,10 +50,6 @@ class HillClimbing(Experiment):
     - `rewards`: number of random rewards over which wide and narrow starts are compared.
     - `seed`: of the learners and of the random rewards.
     """
-
-    name: ClassVar[str] = "fig-2.2"
-    title: ClassVar[str] = "hill climbing"
-    source: ClassVar[str] = "figure 2.2"
 
     columns: int = 201
     rows: int = 101

@@ -1,15 +1,14 @@
 """Figure 3.1: the learner, and how good its gradient estimates are on the three-state MDP."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, joint_quantile, relative_error
 from motorgrad.learning import Constant, MeanReward, NoBaseline
@@ -23,10 +22,7 @@ ETA, GRADIENT = 0.29419747, (-0.03272585, -0.03524847, 0.03272585, 0.03524847)
 BIAS = {0.0: 0.0770765, 0.4: 0.0477171, 0.8: 0.0164283, 0.95: 0.0041583, 0.99: 0.00083444}  # by decay
 SHORT, LONG = 0.0, 0.95  # decays of the traces compared; the errors below belong to the long one
 ERROR_RUNS = 500
-ERRORS = {
-    "none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084},
-    "mean": {1_000: 0.217, 10_000: 0.066, 100_000: 0.021},
-}
+ERRORS = {"none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084}, "mean": {1_000: 0.217, 10_000: 0.066, 100_000: 0.021}}
 """Mean relative errors of an independent simulation over `ERROR_RUNS` runs, by baseline and number of decisions."""
 
 GOOD = 0.799
@@ -52,7 +48,7 @@ NAMES = {"none": "no baseline", "mean": "running mean"}
 HEAD, CORRECTED = "#3b6fb6", "#c8452f"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-3.1", "the learner and its estimates", "figure 3.1")
 class Learner(Experiment):
     """The learner: act, reinforce, improve. The error of its gradient estimates at fixed parameters against the decay
     of the trace and the length of the run, with and without a baseline; and learning with an update at every decision
@@ -66,10 +62,6 @@ class Learner(Experiment):
     - `steps` (decisions): for which each learner learns.
     - `decays`: of the traces, per decision, 0 and 0.95 among them.
     """
-
-    name: ClassVar[str] = "fig-3.1"
-    title: ClassVar[str] = "the learner and its estimates"
-    source: ClassVar[str] = "figure 3.1"
 
     runs: int = 1000
     longest: int = 100_000

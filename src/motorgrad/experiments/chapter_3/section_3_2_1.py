@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._baseline_claims import all_claims, shared_rewards, variances
 from motorgrad.experiments.chapter_3._estimates import (
@@ -31,7 +31,7 @@ BIAS_DECAY = 0.95
 WITHOUT, WITH = "C1", "C0"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-3.2.1", "what a baseline does", "section 3.2.1")
 class Baselines(Experiment):
     """The effect of a baseline on the variance of a gradient estimate, on its mean, and on learning; the best constant
     baseline; and bias and variance against the decay of the trace, the bias relative to the mixing time of the world.
@@ -46,10 +46,6 @@ class Baselines(Experiment):
     - `seeds`: learners with each estimator.
     - `steps` (decisions): for which each learner learns.
     """
-
-    name: ClassVar[str] = "sec-3.2.1"
-    title: ClassVar[str] = "what a baseline does"
-    source: ClassVar[str] = "section 3.2.1"
 
     runs: int = 2000
     longest: int = 10_000

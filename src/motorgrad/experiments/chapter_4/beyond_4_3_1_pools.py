@@ -1,14 +1,13 @@
 """Beyond section 4.3.1: large pools of motoneurons, by the natural step of each unit."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, above, below, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
@@ -49,7 +48,7 @@ LEARNERS = {
 PARTS = ("#3b6fb6", "#e08e2b", "#7f8c8d", "#5b9c51", "#c8452f")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("beyond-4.3.1", "large pools by the natural step", "beyond section 4.3.1")
 class LargePools(Experiment):
     """The time that pools of motoneurons take to share a linear mapping equally, by the plain gradient and by the
     natural gradient of each unit. The plain gradient takes tens of millions of loads for eight units, and far more for
@@ -63,10 +62,6 @@ class LargePools(Experiment):
     - `tries`: number of step sizes, 1 to 5, that each learner with a replaced part may try.
     - `share`: fraction of the full number of decisions.
     """
-
-    name: ClassVar[str] = "beyond-4.3.1"
-    title: ClassVar[str] = "large pools by the natural step"
-    source: ClassVar[str] = "beyond section 4.3.1"
 
     seeds: int = 20
     pools: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128)
@@ -228,10 +223,7 @@ def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> 
         _against(against, values, name, label, colour, marker)
     _doublings(against, values["normal_units"])
     against.set(
-        ylim=(None, 1e10),
-        xlabel="units",
-        ylabel="decisions until equally spaced for good",
-        title="time against size",
+        ylim=(None, 1e10), xlabel="units", ylabel="decisions until equally spaced for good", title="time against size"
     )
     for place, (part, colour) in enumerate(zip(parts, PARTS, strict=True)):
         label = f"{part}, α {float(values[f'without_{place}_rate']):g}"

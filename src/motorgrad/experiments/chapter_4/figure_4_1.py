@@ -1,13 +1,11 @@
 """Figure 4.1: a smoothly graded force from a few sigmoid units."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from typing import ClassVar
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import fires_at
 
@@ -22,7 +20,7 @@ AMPLIFIERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.1", "a graded force from a few units", "figure 4.1")
 class ForceGrading(Experiment):
     """Sigmoid units with staggered thresholds, whose sum is a graded force: its deviation from a straight line, the
     effect of the gains on it, and other amplifiers made of the same units.
@@ -32,10 +30,6 @@ class ForceGrading(Experiment):
     - `units`: of equal force, with thresholds spaced evenly over inputs from 0 to 1.
     - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
-
-    name: ClassVar[str] = "fig-4.1"
-    title: ClassVar[str] = "a graded force from a few units"
-    source: ClassVar[str] = "figure 4.1"
 
     units: int = 5
     steepness: float = 4.0

@@ -1,9 +1,8 @@
 """Figure 4.2: the recruitment task as a diagram."""
 
-import dataclasses
-from typing import Any, ClassVar
+from typing import Any
 
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import FLEXOR, Axes, Figure, Point, draw_arrow, new_figure
 
 NEURON, MUSCLE, SEEN, OURS = FLEXOR, "#a33b2e", "0.25", "#2e8b57"
@@ -11,7 +10,7 @@ POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # positions of the columns
 MIDDLE, BELOW = 2.0, -0.55
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.2", "the recruitment task", "figure 4.2")
 class RecruitmentTask(Experiment):
     """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire activate their motor
     units, whose forces add up. All of them receive the same reward, which depends on the force.
@@ -20,10 +19,6 @@ class RecruitmentTask(Experiment):
 
     - `units`: number of units drawn.
     """
-
-    name: ClassVar[str] = "fig-4.2"
-    title: ClassVar[str] = "the recruitment task"
-    source: ClassVar[str] = "figure 4.2"
 
     units: int = 4
 

@@ -1,13 +1,12 @@
 """Figure 4.3: the policies that pools learn for the linear mapping."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, median_of, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
@@ -34,15 +33,11 @@ SOFT, HARD = 2.0, 20.0
 at the upper over a fifth of one."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.3", "learnt linear policies", "figure 4.3")
 class LinearPolicies(LinearStudy):
     """Policies that pools learn for the linear mapping. Colour: the exact probability of each number of active units.
     Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above, the median pool; below, the
     thresholds of every seed."""
-
-    name: ClassVar[str] = "fig-4.3"
-    title: ClassVar[str] = "learnt linear policies"
-    source: ClassVar[str] = "figure 4.3"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}

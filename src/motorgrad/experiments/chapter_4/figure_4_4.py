@@ -1,23 +1,12 @@
 """Figure 4.4: learning curves of pools for the linear mapping."""
 
-import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import (
-    LEVEL,
-    Claim,
-    final,
-    mean_of,
-    more_than_half,
-    negative,
-    positive,
-    share_of,
-)
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._claims import LEVEL, Claim, final, mean_of, more_than_half, negative, positive, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     SPACED,
@@ -32,14 +21,10 @@ from motorgrad.tasks import LinearRecruitment
 LAST = 0.1  # share of learning, the last, over which final errors are averaged
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.4", "learning the linear mapping", "figure 4.4")
 class LinearPerformance(LinearStudy):
     """The error of the force during learning, relative to the pool's full force, for pools of several sizes; and the
     share of pools that are equally spaced. The smallest pool also learns with the force as a ratio, which is slower."""
-
-    name: ClassVar[str] = "fig-4.4"
-    title: ClassVar[str] = "learning the linear mapping"
-    source: ClassVar[str] = "figure 4.4"
 
     def run(self, work: Workspace) -> Values:
         few = self.units[0]

@@ -1,22 +1,21 @@
 """Figure 4.5: the arm that lifts loads, and the capability of its muscle at each angle."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, compile_model
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, new_figure
 from motorgrad.sim import draw
 
 NEAR = 5.0  # degrees: tolerance of the angle of greatest advantage
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.5", "the arm", "figure 4.5")
 class ArmBody(Experiment):
     """The simulated arm: hanging, half way, and at its stop. Below, moment arms of muscle and load about the elbow, and
     the forces that hold and throw the load, at each angle.
@@ -25,10 +24,6 @@ class ArmBody(Experiment):
 
     - `load` (kg): in the hand.
     """
-
-    name: ClassVar[str] = "fig-4.5"
-    title: ClassVar[str] = "the arm"
-    source: ClassVar[str] = "figure 4.5"
 
     load: float = 8.0
 

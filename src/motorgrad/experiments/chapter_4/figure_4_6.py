@@ -1,15 +1,14 @@
 """Figure 4.6: the height to which the arm lifts loads, by simulation and from the table."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import lift, lift_table
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
 
@@ -24,7 +23,7 @@ SHOWN = tuple(0.1 * np.arange(1, 11))  # activations
 SAMPLED = tuple(np.arange(0.5, 14.1, 1.5))  # kg
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.6", "the height function", "figure 4.6")
 class HeightFunction(Experiment):
     """The greatest height to which the arm lifts a load within 2 s from rest, over load and constant activation. Lines:
     the table used in learning. Points: independent simulations.
@@ -35,10 +34,6 @@ class HeightFunction(Experiment):
       the load; half of them near the border at which the load just reaches the top.
     - `seed`: of the random points.
     """
-
-    name: ClassVar[str] = "fig-4.6"
-    title: ClassVar[str] = "the height function"
-    source: ClassVar[str] = "figure 4.6"
 
     points: int = 200
     seed: int = 0

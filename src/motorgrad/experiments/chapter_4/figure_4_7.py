@@ -1,21 +1,19 @@
 """Figure 4.7: the reward of the arm, and the best activation."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
 
 CLOSE = 0.02  # fraction of the full activation
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.7", "the reward surface", "figure 4.7")
 class RewardSurface(Experiment):
     """The reward of every activation at every load (the height minus four times the activation), and the best
     activation at each load. The weakest activation that lifts the load to the top is best: below it the height falls
@@ -26,10 +24,6 @@ class RewardSurface(Experiment):
     - `loads`: grid points over the loads.
     - `activations`: grid points over the activations.
     """
-
-    name: ClassVar[str] = "fig-4.7"
-    title: ClassVar[str] = "the reward surface"
-    source: ClassVar[str] = "figure 4.7"
 
     loads: int = 321
     activations: int = 1001

@@ -1,15 +1,14 @@
 """Figure 4.8: the policies that pools learn on the arm."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
@@ -33,7 +32,7 @@ POINTS = 1601  # loads at which policies are judged
 SWEEPS = 6  # sweeps shown as samples
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.8", "learnt realistic policies", "figure 4.8")
 class ArmPolicies(Experiment):
     """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each. Colour: the
     exact probability of each number of active units. Black: the expected number. Red: the thresholds. Dotted: the best
@@ -46,10 +45,6 @@ class ArmPolicies(Experiment):
     - `steps` (decisions): for which every pool learns; a sweep takes about 80.
     - `seeds`: pools of each size.
     """
-
-    name: ClassVar[str] = "fig-4.8"
-    title: ClassVar[str] = "learnt realistic policies"
-    source: ClassVar[str] = "figure 4.8"
 
     units: tuple[int, ...] = (2, 3, 4)
     steps: int = 400_000

@@ -1,8 +1,7 @@
 """Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.worlds import FiniteMDP, chain
 
@@ -29,7 +28,7 @@ WORDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.9", "waiting for a first reward", "figure 4.9")
 class ChainExploration(Experiment):
     """The number of steps that random actions take to the reward at the end of a chain of states. If a wrong move leads
     one state back, it grows quadratically; it grows exponentially if a wrong move leads back to the start, or if
@@ -41,10 +40,6 @@ class ChainExploration(Experiment):
     - `runs`: walks over which each wait is averaged.
     - `seed`: of the walks.
     """
-
-    name: ClassVar[str] = "fig-4.9"
-    title: ClassVar[str] = "waiting for a first reward"
-    source: ClassVar[str] = "figure 4.9"
 
     longest: int = 12
     runs: int = 4000

@@ -3,16 +3,15 @@
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import (
     EXTENSOR,
     FLEXOR,
@@ -30,7 +29,7 @@ from motorgrad.experiments.chapter_5._hopper_study import posture
 MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.1", "flexor and extensor", "figure 5.1")
 class MusclePair(Experiment):
     """A flexor and an extensor of the hopper's knee, drawn at several angles: straight, or wrapped around the joint's
     capsule. Below, their lengths and moment arms over the knee's range, by the closed formula and as MuJoCo has them.
@@ -40,10 +39,6 @@ class MusclePair(Experiment):
     - `angles` (degrees): of the knee, at which the muscles are drawn.
     - `points`: angles at which MuJoCo is asked.
     """
-
-    name: ClassVar[str] = "fig-5.1"
-    title: ClassVar[str] = "flexor and extensor"
-    source: ClassVar[str] = "figure 5.1"
 
     angles: tuple[float, ...] = (50.0, 90.0, 148.0)
     points: int = 221

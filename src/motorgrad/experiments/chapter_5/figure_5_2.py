@@ -1,13 +1,10 @@
 """Figure 5.2: the hopper, drawn from its model and labelled."""
 
-import dataclasses
-from typing import ClassVar
-
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import posture
 from motorgrad.sim import draw
@@ -17,7 +14,7 @@ SENSOR, SIZE = "#2e8b57", "0.35"
 REACH = 1.7  # link lengths from the middle of a panel to its sides
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.2", "the hopper", "figure 5.2")
 class HopperBody(Experiment):
     """The hopper: four links in a closed loop under a load that slides on an upright harness, with a foot, and at each
     knee a flexor in front and an extensor behind. What is observed is written in green.
@@ -27,10 +24,6 @@ class HopperBody(Experiment):
     - `angle` (degrees): of the knees, as drawn large.
     - `others` (degrees): angles of the knees, as drawn beside it.
     """
-
-    name: ClassVar[str] = "fig-5.2"
-    title: ClassVar[str] = "the hopper"
-    source: ClassVar[str] = "figure 5.2"
 
     angle: float = 100.0
     others: tuple[float, float] = (50.0, 145.0)

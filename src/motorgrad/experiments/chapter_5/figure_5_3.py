@@ -1,14 +1,12 @@
 """Figure 5.3: what the hopper does before and after learning."""
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
@@ -25,16 +23,12 @@ COLOURS = {"flexor": FLEXOR, "extensor": EXTENSOR}
 TITLES = ("before learning", "after learning")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.3", "the hopper's behaviour before and after learning", "figure 5.3")
 class HopperBehaviour(HopperStudy):
     """What a hopper does before and after learning. From top to bottom: the angle of its knees, the height of its foot,
     and when its muscles fire. At first they fire at random; later the extensors push while the foot is on the ground,
     and it flies. The seed in the middle is shown.
     """
-
-    name: ClassVar[str] = "fig-5.3"
-    title: ClassVar[str] = "the hopper's behaviour before and after learning"
-    source: ClassVar[str] = "figure 5.3"
 
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)

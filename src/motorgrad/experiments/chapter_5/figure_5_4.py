@@ -1,16 +1,15 @@
 """Figure 5.4: the hopper's dynamics after learning, as a phase portrait of the knee with the flexor's firing."""
 
-import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
 import numpy as np
 
 from motorgrad.bodies import compile_model
 from motorgrad.experiments._claims import Claim, below, mean_of, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy, median_seed
 from motorgrad.sim import draw
@@ -25,16 +24,12 @@ PAGE = (480.0, 300.0)  # points: about the size of the portrait
 NEAR, SHIFT = 14.0, (-7.0, -20.0)  # points on the page: closer numbers overlap, and are set apart by so much
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.4", "the hopper's dynamics", "figure 5.4")
 class HopperDynamics(HopperStudy):
     """The knee's angle and its rate while a hopper hops that has learnt to, red where its foot is on the ground. The
     background is the probability that the flexor fires in the air. Below, the hopper at the numbered points of one hop,
     its muscles red where they fire and blue where they are silent.
     """
-
-    name: ClassVar[str] = "fig-5.4"
-    title: ClassVar[str] = "the hopper's dynamics"
-    source: ClassVar[str] = "figure 5.4"
 
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)

@@ -1,13 +1,12 @@
 """Figure 5.5: the signs of the learnt weights, over many seeds, as arrows from the sensors to the muscles."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, Measured, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
 
@@ -22,16 +21,12 @@ SENSOR, MUSCLE = (1.5, 0.56), (1.25, 0.7)
 ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.5", "the policy that hoppers learn", "figure 5.5")
 class HopperWeights(HopperStudy):
     """The signs of the weights that hoppers have learnt, from each sensor to the probability of each muscle's firing.
     An arrow's colour is the sign that most seeds have, its width the median size of the weight, and its label says in
     how many seeds it has this sign; the sign of a hollow arrow could be chance.
     """
-
-    name: ClassVar[str] = "fig-5.5"
-    title: ClassVar[str] = "the policy that hoppers learn"
-    source: ClassVar[str] = "figure 5.5"
 
     def run(self, work: Workspace) -> Values:
         policies: Any = self.trained(work).policies

@@ -1,14 +1,13 @@
 """Section 5.2.2: the trade-off in the choice of the action period."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check, choice
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
@@ -26,7 +25,7 @@ PARTS = (0.1, 0.25, 0.5, 1.0)
 """Of the practice, after which heights are looked at."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.2.2", "the action period", "section 5.2.2")
 class ActionPeriod(Experiment):
     """Hoppers that decide at different periods practise for the same simulated time: how high they hop, and how soon.
     A short period makes learning slow, because many decisions in a row must agree on a jump; with a long one the
@@ -44,10 +43,6 @@ class ActionPeriod(Experiment):
       trace and the penalty of a muscle per decision; with `"second"` their effect per second does, and 10 ms has the
       numbers given.
     """
-
-    name: ClassVar[str] = "sec-5.2.2"
-    title: ClassVar[str] = "the action period"
-    source: ClassVar[str] = "section 5.2.2"
 
     periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
     seconds: float = 1500.0

@@ -1,13 +1,12 @@
 """Section 6.2: the natural step of each local unit, beside the plain gradient."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, below, mean_of, median_of, moving_mean
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late_reward
 from motorgrad.experiments.chapter_6.section_6_3_noise import SMOOTH, decisions_to
@@ -19,7 +18,7 @@ KINDS = {"plain": "plain gradient", "natural": "natural step of each unit"}
 SHARE = 0.95  # of the plain learner's final reward, until which decisions are counted
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("beyond-6.2-natural", "local units by the natural step", "beyond section 6.2")
 class NaturalStep(LayoutStudy):
     """Local units learn R1 and R2 by the natural gradient, which divides the step of each unit by its Fisher matrix,
     and by the plain one. Rate and damping were chosen in another layout, R3, where the plain gradient does best at the
@@ -31,10 +30,6 @@ class NaturalStep(LayoutStudy):
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
     """
-
-    name: ClassVar[str] = "beyond-6.2-natural"
-    title: ClassVar[str] = "local units by the natural step"
-    source: ClassVar[str] = "beyond section 6.2"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}

@@ -1,15 +1,14 @@
 """Figure 6.1: a global and a local unit."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.policies import Hyperplanes, LocalGaussians, Policy
 
@@ -19,14 +18,10 @@ FAR = 1_000.0  # from the origin, in units of the inputs
 LEVEL = 0.01
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.1", "global and local approximators", "figure 6.1")
 class Approximators(Experiment):
     """The probability with which a hyperplane unit and a Gaussian unit fire, over two inputs: the one divides all of
     the plane in two, the other acts in one place."""
-
-    name: ClassVar[str] = "fig-6.1"
-    title: ClassVar[str] = "global and local approximators"
-    source: ClassVar[str] = "figure 6.1"
 
     def run(self, work: Workspace) -> Values:
         del work

@@ -1,14 +1,13 @@
 """Figure 6.2: how predictors of the dynamics divide the space of inputs, and with it a simple decision."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 
 SPEED = 1.0  # towards where it looks, in units of distance a second
@@ -17,7 +16,7 @@ ROUNDS = 60  # of fitting
 FITTED = 40  # places along each side by which predictors are fitted, or a few more
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.2", "input space partitioning", "figure 6.2")
 class Partition(Experiment):
     """A target is seen at a distance and a bearing by something that moves straight ahead. Where each of some
     predictors of what will be seen next is the best one is its region. The decision to brake at a certain distance, a
@@ -31,10 +30,6 @@ class Partition(Experiment):
     - `cells`: along each side of the picture.
     - `fits`: of linear predictors, each from another random start.
     """
-
-    name: ClassVar[str] = "fig-6.2"
-    title: ClassVar[str] = "input space partitioning"
-    source: ClassVar[str] = "figure 6.2"
 
     predictors: int = 8
     brake: float = 0.6

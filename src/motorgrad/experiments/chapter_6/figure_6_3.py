@@ -1,15 +1,14 @@
 """Figure 6.3: the policy of the particle as a diagram, and how few distinct forces its units make up."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleState
@@ -22,7 +21,7 @@ MIDDLE, BELOW = 1.75, -1.1
 PLASTIC, FIXED, SEEN, PAID = "#0061B0", "#A0307A", "0.25", "#2e8b57"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.3", "the particle's policy", "figure 6.3")
 class ParticlePolicy(Experiment):
     """The particle and its policy as a loop. The place of the particle reaches all units of a plastic, stochastic
     layer; those that fire switch on a fixed force each, which add up. The reward is a function of the place. Of all
@@ -32,10 +31,6 @@ class ParticlePolicy(Experiment):
 
     - `most`: forces to each side, up to which firing patterns are counted.
     """
-
-    name: ClassVar[str] = "fig-6.3"
-    title: ClassVar[str] = "the particle's policy"
-    source: ClassVar[str] = "figure 6.3"
 
     most: int = 6
 

@@ -2,12 +2,12 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import gaussians
 from motorgrad.policies import LocalGaussians, tiles
@@ -22,7 +22,7 @@ SHOVES = {"none": (0.0, 0.0), "left": (-0.4, 0.0)}
 """What all units do, where it is compared with the policy."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.4", "the initial tiled policy", "figure 6.4")
 class InitialPolicy(Experiment):
     """Eight local units in four places, of which one pushes to the left and one to the right, before they have learnt:
     paths of the falling particle, and how often it is where.
@@ -33,10 +33,6 @@ class InitialPolicy(Experiment):
     - `drawn` (episodes): paths in the picture.
     - `seed`: of the episodes.
     """
-
-    name: ClassVar[str] = "fig-6.4"
-    title: ClassVar[str] = "the initial tiled policy"
-    source: ClassVar[str] = "figure 6.4"
 
     episodes: int = 15_000
     drawn: int = 12

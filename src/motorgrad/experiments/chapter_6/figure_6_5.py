@@ -1,13 +1,12 @@
 """Figure 6.5: local policies learnt in two layouts of rewards, and where they take the particle."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, Measured, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     FORGETTING,
@@ -33,7 +32,7 @@ INDEPENDENT = {"R1": (-0.001, 0.283, 0.024), "R2": (0.123, 0.329, 0.008)}
 SAMPLE = 20
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.5", "local policy learning", "figure 6.5")
 class LocalPolicies(LocalStudy):
     """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of a typical seed, some
     of its paths, and its stationary distribution.
@@ -46,10 +45,6 @@ class LocalPolicies(LocalStudy):
     - `looks` (episodes): of every seed, over which the activity of its units is averaged.
     - `drawn` (episodes): paths in each picture.
     """
-
-    name: ClassVar[str] = "fig-6.5"
-    title: ClassVar[str] = "local policy learning"
-    source: ClassVar[str] = "figure 6.5"
 
     episodes: int = 15_000
     looks: int = 200

@@ -1,15 +1,14 @@
 """Figure 6.6: where a learnt policy acts at all."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad.policies import Policy
@@ -20,7 +19,7 @@ SILENT, SURE = 0.05, 0.9
 QUIET_SHARE = 0.1  # of the box
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.6", "where a learnt policy acts", "figure 6.6")
 class AnyUnitFires(LocalStudy):
     """The probability that at least one unit fires, over the box, by the policy that a typical seed has learnt in R2: a
     landscape of the places where it acts.
@@ -32,10 +31,6 @@ class AnyUnitFires(LocalStudy):
     - `looks` (episodes): of every seed, for the places where its particle is.
     - `cells`: along each side of the box.
     """
-
-    name: ClassVar[str] = "fig-6.6"
-    title: ClassVar[str] = "where a learnt policy acts"
-    source: ClassVar[str] = "figure 6.6"
 
     looks: int = 200
     cells: int = 60
@@ -108,10 +103,7 @@ class AnyUnitFires(LocalStudy):
                 f"{(values['any before learning'] < SILENT).mean():.0%}.",
             ),
             more_than_half(
-                "Somewhere the policy is sure to act.",
-                "figure 6.6",
-                f"above {SURE:g} somewhere: {most}",
-                sure,
+                "Somewhere the policy is sure to act.", "figure 6.6", f"above {SURE:g} somewhere: {most}", sure
             ),
             more_than_half(
                 "It acts where the particle comes by.",

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments._films import recorded_policies
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
@@ -79,7 +79,7 @@ KINDS = {
 LOCAL, FAR = ("local", "narrow"), ("linear", "quadratic")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.1.1-forgetting", "catastrophic forgetting", "section 6.1.1")
 class Forgetting(LocalStudy):
     """A particle that starts on the left (A) learns to fall through a goal there; then it starts on the right (B),
     where there is another. What of the first is left is judged with the learner switched off. Beside local units of two
@@ -92,10 +92,6 @@ class Forgetting(LocalStudy):
     - `kinds`: of policies: `local`, `narrow`, `linear`, `quadratic`.
     - `gaps`: between where particles start on the left and where on the right, as parts of the box; the closest first.
     """
-
-    name: ClassVar[str] = "sec-6.1.1-forgetting"
-    title: ClassVar[str] = "catastrophic forgetting"
-    source: ClassVar[str] = "section 6.1.1"
 
     kinds: tuple[str, ...] = tuple(KINDS)
     gaps: tuple[float, ...] = (0.2, 0.4)
@@ -172,7 +168,7 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
             worst,
             "per decision",
             "Gain on A: " + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items()) + ".",
-        ),
+        )
     ]
     if "quadratic" in kinds:
         made.append(_as_well(values, gap, apart))

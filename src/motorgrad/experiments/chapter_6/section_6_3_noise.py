@@ -1,14 +1,13 @@
 """Section 6.3: what noise on the observations and on the dynamics does to learning."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, first_time, mean_of, median_of, moving_mean, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
 from motorgrad.tasks import FallingParticle
@@ -20,7 +19,7 @@ SMOOTH = 10  # records over which the reward is averaged to see when it is reach
 KINDS = {"observation": "noise on the position seen", "dynamics": "random force"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.3-noise", "learning in noise", "section 6.3")
 class Noise(LayoutStudy):
     """Local units learn R1 and R2 while the position that they see, or the force on the particle, is noisy; three times
     as long as in the thesis, so that slow learning and worse results can be told apart.
@@ -33,10 +32,6 @@ class Noise(LayoutStudy):
     - `observation` (parts of the box): deviations of the noise on each coordinate that is seen, rising.
     - `dynamics` (forces): deviations of the random force in each time step, beside pushes of 0.4, rising.
     """
-
-    name: ClassVar[str] = "sec-6.3-noise"
-    title: ClassVar[str] = "learning in noise"
-    source: ClassVar[str] = "section 6.3"
 
     decisions: int = 150_000
     seeds: int = 24

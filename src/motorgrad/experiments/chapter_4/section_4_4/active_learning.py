@@ -1,13 +1,12 @@
 """Section 4.4.1: learners that query the loads at which they learn."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, median_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
@@ -24,7 +23,7 @@ WORDS = {"plain": "plain gradient", "natural": "natural gradient"}
 NO_WORSE = 1.05
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4.1-active-learning", "loads that the learner queries", "section 4.4.1")
 class ActiveLearning(Experiment):
     """A pool queries the loads at which it learns, the more often the more uncertain it is there, by the entropy of its
     action. Does it become equally spaced in fewer decisions than with uniform loads? And does it lift all loads equally
@@ -40,10 +39,6 @@ class ActiveLearning(Experiment):
     - `cells`: in which the entropy is evaluated.
     - `seeds`: pools of each kind.
     """
-
-    name: ClassVar[str] = "sec-4.4.1-active-learning"
-    title: ClassVar[str] = "loads that the learner queries"
-    source: ClassVar[str] = "section 4.4.1"
 
     plain_units: int = 4
     plain_steps: int = 5_000_000

@@ -1,14 +1,13 @@
 """Figure 4.10: the local effect of a new unit on a learnt pool."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, with_new_unit
 from motorgrad.tasks import LinearRecruitment
@@ -17,7 +16,7 @@ from motorgrad.training import settings_for
 LOADS = np.linspace(0, 1, 401)
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.10", "the local effect of a new unit", "figure 4.10")
 class LocalEffect(Experiment):
     """A pool that has learnt the linear mapping receives one more unit: the change of the mean activation at each load,
     before anything more is learnt, against the gain of the new unit.
@@ -30,10 +29,6 @@ class LocalEffect(Experiment):
     - `seeds`: pools that learn.
     - `steps` (decisions): for which each pool learns, by the natural gradient.
     """
-
-    name: ClassVar[str] = "fig-4.10"
-    title: ClassVar[str] = "the local effect of a new unit"
-    source: ClassVar[str] = "figure 4.10"
 
     units: int = 6
     threshold: float = 0.5

@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
 from motorgrad.tasks import Drift, LinearRecruitment
@@ -19,7 +19,7 @@ OF: tuple[Literal["strength", "load"], ...] = ("strength", "load")
 TITLES = {"strength": "the muscle changes", "load": "the load changes"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4.1-baseline", "a baseline that forgets", "section 4.4.1")
 class ForgettingBaseline(Experiment):
     """While its pool learns the linear mapping, a muscle repeatedly loses part of its strength and regains it; or a
     load is added to the observed one and removed again. The baseline is the mean of all rewards, as in OLGARB, or moves
@@ -36,10 +36,6 @@ class ForgettingBaseline(Experiment):
     - `added`: load that is added, if the load changes; observed loads are from 0 to 1.
     - `rates` (per decision): the fixed steps γ.
     """
-
-    name: ClassVar[str] = "sec-4.4.1-baseline"
-    title: ClassVar[str] = "a baseline that forgets"
-    source: ClassVar[str] = "section 4.4.1"
 
     units: int = 2
     seeds: int = 20

@@ -1,14 +1,13 @@
 """Section 4.4.1: gains that decay, so that units keep exploring."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
@@ -19,7 +18,7 @@ LOADS = np.linspace(0.0, 1.0, 41)
 LAST = 0.25  # share of a practice, the last, that counts as its end
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4.1-gain-decay", "gains that decay", "section 4.4.1")
 class GainDecay(Experiment):
     """Gains that decay by a small fraction at every decision. Pools that have learnt the linear mapping continue to
     learn with decaying gains: with a constant muscle, and with one that loses part of its strength and regains it.
@@ -37,10 +36,6 @@ class GainDecay(Experiment):
     - `decays` (per decision): of the gains, λ, three, rising. By default a gain without gradient falls to 1/e in half a
       period, and in ten times and a tenth of that. The middle one is also used from the start.
     """
-
-    name: ClassVar[str] = "sec-4.4.1-gain-decay"
-    title: ClassVar[str] = "gains that decay"
-    source: ClassVar[str] = "section 4.4.1"
 
     units: int = 2
     seeds: int = 20

@@ -1,13 +1,12 @@
 """Section 4.4: pools that grow one unit at a time."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, exact, median_of, more_than_half, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import (
     NORMAL,
@@ -34,7 +33,7 @@ class Way(NamedTuple):
     phase: int
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4-growth", "a pool that grows", "section 4.4")
 class Growth(Experiment):
     """A pool starts with one unit and receives another after a fixed number of decisions, with gain 0 and a random
     threshold, until it is complete. It is compared with a pool that has all units from the start, for as many decisions
@@ -49,10 +48,6 @@ class Growth(Experiment):
     - `plain_phase` (decisions): with each number of units, by the plain gradient.
     - `seeds`: pools of each kind.
     """
-
-    name: ClassVar[str] = "sec-4.4-growth"
-    title: ClassVar[str] = "a pool that grows"
-    source: ClassVar[str] = "section 4.4"
 
     units: int = 8
     phase: int = 100_000

@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability
 from motorgrad.tasks import ArmRecruitment
@@ -22,7 +22,7 @@ HALF = 50
 TITLES = {"height": "paid by height", "complete": "paid only if complete"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4-large-loads", "only large loads", "section 4.4")
 class LargeLoads(Experiment):
     """Pools of several sizes learn to lift only large loads, for which more than 85 % of the pool must fire, or all
     loads. The reward is the height of the lift, or is paid only for a complete lift. In addition, computed exactly: the
@@ -35,10 +35,6 @@ class LargeLoads(Experiment):
     - `steps` (decisions): for which each pool learns.
     - `least` (kg): the smallest of the large loads; the greatest is 14.
     """
-
-    name: ClassVar[str] = "sec-4.4-large-loads"
-    title: ClassVar[str] = "only large loads"
-    source: ClassVar[str] = "section 4.4"
 
     sizes: tuple[int, ...] = (4, 16, 32)
     seeds: int = 40

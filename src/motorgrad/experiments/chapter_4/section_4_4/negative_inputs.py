@@ -1,15 +1,14 @@
 """Section 4.4: leaving out the loads at which no unit should fire."""
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, final, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
 from motorgrad.tasks import ArmRecruitment
@@ -31,7 +30,7 @@ WORDS = {
 COLOURS = ("C3", "C1", "C0", "C9", "C4", "C2", "C8", "C5")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4-negative-inputs", "too few negative inputs", "section 4.4")
 class NegativeInputs(Experiment):
     """Pools learn to lift with sweeps that begin above 0 kg, at 0, at −2 (the thesis) and at −6. Without loads of 0 and
     below, a unit comes to fire always. Then those loads are restored, and learning continues from there, with and
@@ -44,10 +43,6 @@ class NegativeInputs(Experiment):
     - `steps` (decisions): of each of the two practices.
     - `decays` (per sweep): of the gains, in further versions of the second practice.
     """
-
-    name: ClassVar[str] = "sec-4.4-negative-inputs"
-    title: ClassVar[str] = "too few negative inputs"
-    source: ClassVar[str] = "section 4.4"
 
     units: int = 4
     seeds: int = 100
@@ -133,12 +128,7 @@ def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
             "in most pools with such a unit, of those that never saw a load of 0",
             switched,
         ),
-        more_than_half(
-            "It has then raised its threshold.",
-            "section 4.4",
-            "in most of those pools",
-            raised,
-        ),
+        more_than_half("It has then raised its threshold.", "section 4.4", "in most of those pools", raised),
     ]
 
 

@@ -1,15 +1,14 @@
 """Section 4.4.1: units with graded activation (rate modulation)."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, final, first_time, median_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
 from motorgrad.tasks import LinearRecruitment
@@ -25,7 +24,7 @@ INPUTS = np.linspace(0, 1, 201)
 CURVES = (("binary", "C1", "binary"), ("graded", "C0", "graded"))
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4.1-rate-modulation", "units of graded activation", "section 4.4.1")
 class RateModulation(Experiment):
     """Motoneurons with graded activation, a sigmoid of the load plus noise, compared with binary ones. Both learn the
     linear mapping by the natural gradient. How accurately do equally many units grade the force, and how soon?
@@ -38,10 +37,6 @@ class RateModulation(Experiment):
     - `floor`: lower bound of that deviation.
     - `seeds`: pools of each kind.
     """
-
-    name: ClassVar[str] = "sec-4.4.1-rate-modulation"
-    title: ClassVar[str] = "units of graded activation"
-    source: ClassVar[str] = "section 4.4.1"
 
     units: tuple[int, ...] = (1, 2, 4)
     steps: int = 300_000

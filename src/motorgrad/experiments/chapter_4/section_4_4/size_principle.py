@@ -1,15 +1,14 @@
 """Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
 
-import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, exact, mean_of, negative, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
@@ -24,7 +23,7 @@ WORDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-4.4.1-size-principle", "units of different sizes", "section 4.4.1")
 class SizePrinciple(Experiment):
     """Units whose force grows exponentially from one to the next learn to share a load, from random thresholds. Are
     they recruited in the order of their sizes? In the linear mapping every order has the same reward, so that an order
@@ -40,10 +39,6 @@ class SizePrinciple(Experiment):
     - `linear_natural` (decisions): the same by the natural gradient.
     - `arm` (decisions): for which pools learn to lift, by either gradient.
     """
-
-    name: ClassVar[str] = "sec-4.4.1-size-principle"
-    title: ClassVar[str] = "units of different sizes"
-    source: ClassVar[str] = "section 4.4.1"
 
     units: int = 4
     size_ratio: float = 8.0

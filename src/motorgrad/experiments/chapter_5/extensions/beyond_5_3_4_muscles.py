@@ -1,14 +1,13 @@
 """Beyond section 5.3.4: the hexapod learns to walk on 24 muscles that fire independently."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, median_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
@@ -34,7 +33,7 @@ HELPS = ("mirror tie",)
 """Of these changes, those that should help; the others take something away."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("beyond-5.3.4-muscles", "twenty-four independent muscles", "beyond section 5.3.4")
 class Muscles(MuscleStudy):
     """Hexapods learn to walk on 24 muscles, each of which fires by itself, from policies that know nothing: their speed
     while they learn, and how they walk frozen and from a fresh start. Beside them learners that have one thing changed.
@@ -47,10 +46,6 @@ class Muscles(MuscleStudy):
     - `compared`: seeds of each changed learner; as many of the unchanged one are beside them.
     - `variants`: the changed learners, by name.
     """
-
-    name: ClassVar[str] = "beyond-5.3.4-muscles"
-    title: ClassVar[str] = "twenty-four independent muscles"
-    source: ClassVar[str] = "beyond section 5.3.4"
 
     compared: int = 5
     variants: tuple[str, ...] = tuple(VARIANTS)[1:]

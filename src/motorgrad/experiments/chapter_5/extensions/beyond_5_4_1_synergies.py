@@ -1,15 +1,14 @@
 """Beyond section 5.4.1: synergies that are found in learnt gaits, and what four units learn on them."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad.experiments.chapter_5.hexapod._gait_study import controller_speeds
@@ -26,7 +25,7 @@ COLOURS = {"found": "#0072B2", "by lot": "#D55E00", "by hand": "#4d4d4d"}
 MUSCLES = ("protractor", "levator", "retractor", "depressor")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("beyond-5.4.1-synergies", "synergies found in learnt gaits", "beyond section 5.4.1")
 class FoundSynergies(MuscleStudy):
     """The activations of hexapods that learnt to walk on 24 muscles are factorised into four synergies each. Others
     then learn to walk on those four, by OLGARB, from weights of 0; beside them some on synergies of the same sizes
@@ -42,10 +41,6 @@ class FoundSynergies(MuscleStudy):
     - `seconds` (simulated s): length of their practice.
     - `lag` (decisions): by which what they observe is late.
     """
-
-    name: ClassVar[str] = "beyond-5.4.1-synergies"
-    title: ClassVar[str] = "synergies found in learnt gaits"
-    source: ClassVar[str] = "beyond section 5.4.1"
 
     gaits: int = 5
     learners: int = 4
@@ -158,9 +153,7 @@ def draw_synergies(values: Values) -> Figure:
 
     figure = new_figure(9.8, 7.6)
     panels: Any = figure.subplot_mosaic(
-        [["found", "found"], ["hand", "hand"], ["practice", "frozen"]],
-        height_ratios=[1, 1, 2.2],
-        width_ratios=[1.7, 1],
+        [["found", "found"], ["hand", "hand"], ["practice", "frozen"]], height_ratios=[1, 1, 2.2], width_ratios=[1.7, 1]
     )
     part = f"{100 * float(values['explained'][0]):.0f} %"
     _matrix(panels["found"], values, values["weights"][0], f"found in the gait that leads furthest, {part} explained")

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from motorgrad._errors import check
 from motorgrad.bodies import BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.section_5_2_2 import behind_best
 from motorgrad.tasks import HexapodSynergy
@@ -30,7 +30,7 @@ ROWS = (
 TITLES = {"all": "all muscles", "lateral": "the lateral muscles alone"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.3.3-forces", "how strong the muscles are", "section 5.3.3")
 class Forces(Experiment):
     """Hexapods learn to walk on four synergies with muscles of several strengths: all stronger or weaker, or the
     lateral ones alone, which changes the ratio of lateral to vertical force. How fast the frozen policies walk, and for
@@ -43,10 +43,6 @@ class Forces(Experiment):
     - `seeds`: hexapods that practise at each level, at least 2.
     - `watched` (simulated s): for which the frozen policies walk, with sampled actions.
     """
-
-    name: ClassVar[str] = "sec-5.3.3-forces"
-    title: ClassVar[str] = "how strong the muscles are"
-    source: ClassVar[str] = "section 5.3.3"
 
     levels: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
     seconds: float = 200.0

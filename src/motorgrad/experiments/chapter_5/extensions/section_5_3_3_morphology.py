@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
 from motorgrad.experiments._claims import Claim, mean_of, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._body_space import (
     HEAVIER,
@@ -48,7 +48,7 @@ SOURCE = "section 5.3.3"
 BODY_WORDS = {"usual": "of the usual body", "chance": "of bodies at random places"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.3.3-morphology", "a search for the hexapod's body", "section 5.3.3", needs=("evosax", "search"))
 class Morphology(Experiment):
     """A search for the hexapod's body: 15 of its numbers, so that it is fast under the fixed controller. CMA-ES, the
     thesis's random search with Boltzmann selection and random sampling, with as many evaluations each; the body that
@@ -67,11 +67,6 @@ class Morphology(Experiment):
     - `changed`: numbers that Boltzmann selection moves at a time.
     - `width`: standard deviation of its noise, in parts of a number's range.
     """
-
-    name: ClassVar[str] = "sec-5.3.3-morphology"
-    title: ClassVar[str] = "a search for the hexapod's body"
-    source: ClassVar[str] = "section 5.3.3"
-    needs: ClassVar[tuple[str, str] | None] = ("evosax", "search")
 
     evaluations: int = 240
     searches: int = 5

@@ -1,8 +1,7 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -12,7 +11,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
@@ -39,7 +38,7 @@ COLOURS = {"both": "C0", "precondition": "C2", "movement": "C1"}
 TRIPOD = ("first", "second")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.4.1-primitive", "motor primitives: when they begin and how they move", "section 5.4.1")
 class LearntPrimitives(Experiment):
     """A hexapod walks by steps of its two tripods, motor primitives of a swing and a stance. When a step begins, its
     precondition, and how long its parts last, its movement parameters, are learnt together from zero weights; or one of
@@ -51,10 +50,6 @@ class LearntPrimitives(Experiment):
     - `seeds`: hexapods of each kind.
     - `watched` (simulated s): for which the learnt policies are watched, without learning.
     """
-
-    name: ClassVar[str] = "sec-5.4.1-primitive"
-    title: ClassVar[str] = "motor primitives: when they begin and how they move"
-    source: ClassVar[str] = "section 5.4.1"
 
     seconds: float = 400.0
     seeds: int = 20

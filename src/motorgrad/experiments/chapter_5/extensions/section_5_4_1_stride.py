@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -11,7 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
@@ -27,7 +27,7 @@ RECORDS = 60
 LOOKS = {"slope": ("C0", "learnt, follows the pitch"), "constant": ("C1", "learnt, one number")}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.4.1-stride", "a stride period that adapts to slopes", "section 5.4.1")
 class StridePeriod(Experiment):
     """A hexapod whose tripods take turns by an open-loop clock learns the clock's period by policy gradient while the
     ground rises and sinks: as a linear function of the pitch that it feels, and as one number. Beside them, clocks of
@@ -41,10 +41,6 @@ class StridePeriod(Experiment):
     - `starts`: phases, at random, from which each fixed clock begins on each slope.
     - `watched` (simulated s): for which each is watched on each slope, without learning.
     """
-
-    name: ClassVar[str] = "sec-5.4.1-stride"
-    title: ClassVar[str] = "a stride period that adapts to slopes"
-    source: ClassVar[str] = "section 5.4.1"
 
     seconds: float = 300.0
     seeds: int = 20

@@ -22,12 +22,7 @@ ORDER = [leg for tripod in TRIPODS for leg in tripod]
 """Legs as they are drawn, the first tripod above."""
 
 TRIPOD_COLOURS = ("#0072B2", "#D55E00")
-STATE_COLOURS = {
-    LegState.STANCE: "0.25",
-    LegState.WAIT: "#E69F00",
-    LegState.SWING: "#56B4E9",
-    LegState.DROP: "#009E73",
-}
+STATE_COLOURS = {LegState.STANCE: "0.25", LegState.WAIT: "#E69F00", LegState.SWING: "#56B4E9", LegState.DROP: "#009E73"}
 TOUCH = TripodController().contact  # N
 
 

@@ -1,27 +1,22 @@
 """Figure 5.6: the hexapod, drawn from its model and labelled."""
 
-import dataclasses
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.bodies import Hexapod
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import FREEDOM, Places, dimension, draw_view, freedom, name_part
 
 LEG = "left_middle"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.6", "the hexapod", "figure 5.6")
 class HexapodBody(Experiment):
     """The hexapod: three sections behind one another, joined by two joints of a few degrees, and on each two legs of
     three segments with four muscles each. From the side, from the front and from above, with its numbers.
     """
-
-    name: ClassVar[str] = "fig-5.6"
-    title: ClassVar[str] = "the hexapod"
-    source: ClassVar[str] = "figure 5.6"
 
     def run(self, work: Workspace) -> Values:
         return {}

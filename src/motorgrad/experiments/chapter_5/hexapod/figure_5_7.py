@@ -1,15 +1,14 @@
 """Figure 5.7: the fixed controller of a leg as a state machine, and a walk under it."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, LegState, TripodController, walk
 from motorgrad.experiments._claims import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import STATE_COLOURS, draw_angles, draw_contacts, draw_states
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, JITTER, jittered_hexapods
@@ -30,7 +29,7 @@ PLACES: dict[LegState, Point] = {
 MENDED = "#A0307A"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.7", "the fixed controller", "figure 5.7")
 class StateMachine(Experiment):
     """The fixed controller: a state machine for each leg, drawn from its own numbers, with what ends its two deadlocks
     in another colour; and two seconds of a walk under it on level ground.
@@ -40,10 +39,6 @@ class StateMachine(Experiment):
     - `seconds` (simulated s): length of each walk, from two seconds after its start on.
     - `seeds`: walks, of bodies that differ by next to nothing.
     """
-
-    name: ClassVar[str] = "fig-5.7"
-    title: ClassVar[str] = "the fixed controller"
-    source: ClassVar[str] = "figure 5.7"
 
     seconds: float = 20.0
     seeds: int = 20

@@ -1,14 +1,13 @@
 """Figure 5.8: the two gaits that hexapods learn, pronking and tripod."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.bodies import LEGS, TRIPODS, debounced
 from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
 from motorgrad.experiments.chapter_5.hexapod._gait_study import START, SynergyStudy
@@ -23,7 +22,7 @@ MEMBERS = [np.array([LEGS.index(leg) for leg in tripod]) for tripod in TRIPODS]
 NAMES = {"pronk": "pronking", "tripod": "tripod"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.8", "two learnt gaits", "figure 5.8")
 class TwoGaits(SynergyStudy):
     """The lateral angles and the feet on the ground of two hexapods that have learnt to walk on four synergies: of the
     seed that pronks most clearly, and of the one with the clearest tripod gait, by the correlation between the two
@@ -33,10 +32,6 @@ class TwoGaits(SynergyStudy):
 
     - `shown` (simulated s): length of the record, from the middle of the walk on.
     """
-
-    name: ClassVar[str] = "fig-5.8"
-    title: ClassVar[str] = "two learnt gaits"
-    source: ClassVar[str] = "figure 5.8"
 
     shown: float = 2.0
 

@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
 
@@ -26,7 +26,7 @@ COLOURS = {"front": "#0072B2", "behind": "#D55E00"}
 WORDS = {"front": "front feet", "behind": "middle and rear feet"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.9", "the biomimetic hexapod", "figure 5.9")
 class BiomimeticHexapod(Experiment):
     """The hexapod whose legs have different functions, drawn from its model. Under the fixed controller, over bumps:
     how fast it walks with more and with less friction of its front feet, and of the others; how much these slip; and
@@ -40,10 +40,6 @@ class BiomimeticHexapod(Experiment):
     - `seconds` (simulated s): length of each walk, from two seconds after its start on.
     - `seeds`: walks of each body.
     """
-
-    name: ClassVar[str] = "fig-5.9"
-    title: ClassVar[str] = "the biomimetic hexapod"
-    source: ClassVar[str] = "figure 5.9"
 
     frictions: tuple[float, ...] = (0.2, 0.4, 0.8, 1.6)
     highest: float = 0.0

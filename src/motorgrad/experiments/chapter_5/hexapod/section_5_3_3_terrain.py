@@ -1,15 +1,14 @@
 """Section 5.3.3: the fixed controller over varying terrain."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
 from motorgrad.experiments._claims import Claim, above, mean_of, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
 
@@ -28,7 +27,7 @@ CONSISTENT, ROBUST = 0.75, 0.9
 be otherwise. And the least part of the speed on level ground that counts as robust."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.3.3-terrain", "the fixed controller on uneven ground", "section 5.3.3")
 class RoughGround(Experiment):
     """The fixed controller on bumps, slopes, steps and waves of rising difficulty, each seed on ground of its own:
     speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks mended, and as
@@ -42,10 +41,6 @@ class RoughGround(Experiment):
     - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the
       clearance under the belly.
     """
-
-    name: ClassVar[str] = "sec-5.3.3-terrain"
-    title: ClassVar[str] = "the fixed controller on uneven ground"
-    source: ClassVar[str] = "section 5.3.3"
 
     heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
     seconds: float = 20.0

@@ -1,8 +1,7 @@
 """Section 5.3.4: the gaits that are learnt on four synergies, over many seeds."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from motorgrad.experiments._claims import (
     positive,
     share_of,
 )
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import (
     GAITS,
@@ -43,17 +42,13 @@ past the fixed controller. And the share of seeds below which something counts a
 ACTIONS = {"sample": "actions that are drawn", "mode": "the most probable actions"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.3.4-gaits", "the gaits that hexapods learn", "section 5.3.4")
 class LearntGaits(SynergyStudy):
     """Hexapods learn to walk on four synergies, swing and stance of each tripod, with observations that are late by 0,
     1 and 2 decisions: their speed during practice beside that of the fixed controller, and what gait they came to, how
     fast they walk and how far they get when they start afresh with frozen policies, with actions that are drawn and
     with the most probable ones.
     """
-
-    name: ClassVar[str] = "sec-5.3.4-gaits"
-    title: ClassVar[str] = "the gaits that hexapods learn"
-    source: ClassVar[str] = "section 5.3.4"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {f"controller {name}": value for name, value in controller_speeds(work, self.watched).items()}

@@ -1,13 +1,11 @@
 """Figure 6.7: how a policy changes as units are added one by one."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     draw_tile,
@@ -27,7 +25,7 @@ LOCAL = 0.25
 """A width up to which a unit counts as local: half of the box is four of them."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.7", "a policy that grows", "figure 6.7")
 class GrowingPolicy(GrowingStudy):
     """A policy grows in the layout R3: one local unit after another is added, wide at first, and finds its place. The
     units of the seed in the middle, with paths of its particle, at the end of the learning that follows the addition.
@@ -38,10 +36,6 @@ class GrowingPolicy(GrowingStudy):
     - `seeds`: learners, each by itself.
     - `drawn` (episodes): paths in each tile.
     """
-
-    name: ClassVar[str] = "fig-6.7"
-    title: ClassVar[str] = "a policy that grows"
-    source: ClassVar[str] = "figure 6.7"
 
     drawn: int = 10
 

@@ -1,13 +1,12 @@
 """Figure 6.8: the reward of a policy that grows."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, more_than_half, moving_mean, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
@@ -32,7 +31,7 @@ STATIC = {"static": {}, "static like grown": {"policy_settings": {"copies": 2, "
 AVERAGES = (50, 500)  # episodes
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.8", "the reward of a policy that grows", "figure 6.8")
 class GrowingReward(GrowingStudy):
     """The reward in R3 of a policy that grows, against episodes, with the additions; that of a typical seed and of all.
     Beside it eight units that are there from the start, and what growth is worth if the first unit pushes to the right.
@@ -42,10 +41,6 @@ class GrowingReward(GrowingStudy):
     - `units`: of the pool, which is full in the end; 20 take 8,000 episodes.
     - `seeds`: learners of each kind.
     """
-
-    name: ClassVar[str] = "fig-6.8"
-    title: ClassVar[str] = "the reward of a policy that grows"
-    source: ClassVar[str] = "figure 6.8"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}

@@ -1,13 +1,12 @@
 """Figure 6.9: growing policies widen or narrow an orbit, without episodes."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, Measured, mean_of, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
@@ -28,7 +27,7 @@ SHOWN = (1, 2, 4, 8, 16)
 ONCE_ROUND, SETTLING = 63, 100  # decisions: the first is 2π/(k₁ · period)
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.9", "orbits that widen and narrow", "figure 6.9")
 class Orbits(GrowingStudy):
     """A particle goes round in a circular field, without episodes, and units that push in eight directions are added
     one by one. Where the distance from the centre is rewarded the orbit widens, where it is penalised it narrows.
@@ -39,10 +38,6 @@ class Orbits(GrowingStudy):
     - `units`: of the pool, which is full in the end.
     - `seeds`: learners for each reward.
     """
-
-    name: ClassVar[str] = "fig-6.9"
-    title: ClassVar[str] = "orbits that widen and narrow"
-    source: ClassVar[str] = "figure 6.9"
 
     units: int = 16
 

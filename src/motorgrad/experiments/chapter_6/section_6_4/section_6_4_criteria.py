@@ -1,22 +1,12 @@
 """Section 6.4.3: when to add a unit, and when to stop."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
-from motorgrad.experiments._claims import (
-    Claim,
-    above,
-    mean_of,
-    median_of,
-    more_than_half,
-    negative,
-    positive,
-    share_of,
-)
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, negative, positive, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowingStudy, learning_phase
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
@@ -39,7 +29,7 @@ WORDS = {
 LEAST = 5  # seeds, for a mean over those that had so many units
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.4-criteria", "when to add a unit, and when to stop", "section 6.4")
 class Criteria(GrowingStudy):
     """When the next unit is added, and when none is added any more: by the clock, or once the reward no longer rises by
     more than its interval. Every learner has the same number of decisions, in the layouts R3 and R1: its reward over
@@ -51,10 +41,6 @@ class Criteria(GrowingStudy):
     - `seeds`: learners by each criterion.
     - `layouts`: of rewards, by name.
     """
-
-    name: ClassVar[str] = "sec-6.4-criteria"
-    title: ClassVar[str] = "when to add a unit, and when to stop"
-    source: ClassVar[str] = "section 6.4"
 
     layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
 

@@ -1,13 +1,12 @@
 """Section 6.4.3 and 6.5.4: where a new unit begins."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, negative, positive
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
@@ -23,7 +22,7 @@ from motorgrad.tasks import FallingParticle
 PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "where the particle has been")}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.4-placement", "where a new unit begins", "section 6.4")
 class Placement(GrowingStudy):
     """Where a new unit begins: at the centre of the box, or at a place drawn from those that the particle has visited
     of late. Units are added by the clock, in the layouts R3 and R1: the reward, and where units began and ended.
@@ -34,10 +33,6 @@ class Placement(GrowingStudy):
     - `seeds`: learners of each kind.
     - `layouts`: of rewards, by name.
     """
-
-    name: ClassVar[str] = "sec-6.4-placement"
-    title: ClassVar[str] = "where a new unit begins"
-    source: ClassVar[str] = "section 6.4"
 
     layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
 

@@ -1,15 +1,14 @@
 """Section 6.5.4: sub-policies that act only while the unit above them fires."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
@@ -51,7 +50,7 @@ CURVES = {
 LEVELS = ("#222222", "#B07500")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5.4-hierarchy", "sub-policies behind gates", "section 6.5.4")
 class Hierarchy(Experiment):
     """A hierarchy: gates, local units in the plane of the falling particle, and behind each of them two hyperplane
     units that push to the left and to the right only while the gate fires; and one with gates behind gates. All are
@@ -64,10 +63,6 @@ class Hierarchy(Experiment):
     - `seeds`: learners of each kind.
     - `drawn` (episodes): paths in each picture.
     """
-
-    name: ClassVar[str] = "sec-6.5.4-hierarchy"
-    title: ClassVar[str] = "sub-policies behind gates"
-    source: ClassVar[str] = "section 6.5.4"
 
     decisions: int = 200_000
     seeds: int = 24

@@ -1,15 +1,14 @@
 """Section 6.5.4: local policies on a body: the hopper."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice_heights
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at
@@ -51,7 +50,7 @@ STYLES = (("0.35", "-"), ("C0", "-"), ("C2", "-"), ("0.35", "--"), ("C0", "--"),
 SHOWN = 400  # states
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5.4-hopper", "local units for the hopper", "section 6.5.4")
 class LocalHopper(Experiment):
     """Hoppers with local units over the knee's angle and velocity in place of hyperplanes, and with contact beside
     these: 16 that are there from the start, in pairs, or 8 that are added one by one. Units drive flexors and extensors
@@ -65,10 +64,6 @@ class LocalHopper(Experiment):
     - `static`: local units that are there from the start.
     - `grown`: local units that are added, at even intervals.
     """
-
-    name: ClassVar[str] = "sec-6.5.4-hopper"
-    title: ClassVar[str] = "local units for the hopper"
-    source: ClassVar[str] = "section 6.5.4"
 
     seconds: float = 500.0
     seeds: int = 20
@@ -96,11 +91,7 @@ class LocalHopper(Experiment):
         task = Hopper(paid="apex", action_period=PERIOD, units=units, observe_contact=kind == name)
         changes: dict[str, Any] = {
             "planes": {"rate": 5e-4},
-            "static": {
-                "policy": "tiles",
-                "policy_settings": {"copies": 2, "width": 0.25},
-                "rates": STATIC_RATES,
-            },
+            "static": {"policy": "tiles", "policy_settings": {"copies": 2, "width": 0.25}, "rates": STATIC_RATES},
             "grown": {
                 "policy": "growing",
                 "growth": "clock",

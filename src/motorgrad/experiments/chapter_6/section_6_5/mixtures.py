@@ -1,13 +1,12 @@
 """Sections 6.5.2 and 6.5.4: local units beside global ones, and local units that learn how to push."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, moving_mean, positive, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     LayoutStudy,
@@ -43,20 +42,12 @@ KINDS = {
     "mixture": Kind(
         "8 local units and 2 hyperplanes",
         {"units": 10},
-        {
-            "policy": "mixture",
-            "policy_settings": {"copies": 2},
-            "rates": {**LOCAL, "weights": 0.03, "bias": 0.03},
-        },
+        {"policy": "mixture", "policy_settings": {"copies": 2}, "rates": {**LOCAL, "weights": 0.03, "bias": 0.03}},
     ),
     "graded": Kind(
         "8 local units of learnt strength",
         {"forces": (RIGHT,)},
-        {
-            "policy": "graded-tiles",
-            "policy_settings": {"copies": 2},
-            "rates": STRENGTH,
-        },
+        {"policy": "graded-tiles", "policy_settings": {"copies": 2}, "rates": STRENGTH},
     ),
     "plane": Kind(
         "8 and 8 local units of learnt strength across and up",
@@ -74,7 +65,7 @@ AXES = (("graded", 0), ("plane", 0), ("plane", 1))
 GRADED = [name for name, kind in KINDS.items() if "strength" in kind.changes.get("rates", {})]
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5-mixtures", "mixtures, and learnt forces", "section 6.5")
 class Mixtures(LayoutStudy):
     """Kinds of policies learn R1 and R2: local units that push to fixed sides; the same with two hyperplanes beside
     them, which push wherever the particle is; local units that learn to which side they push and how hard; and two of
@@ -86,10 +77,6 @@ class Mixtures(LayoutStudy):
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
     """
-
-    name: ClassVar[str] = "sec-6.5-mixtures"
-    title: ClassVar[str] = "mixtures, and learnt forces"
-    source: ClassVar[str] = "section 6.5"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}

@@ -1,15 +1,14 @@
 """Section 6.5.4: a flow field that is learnt leads round an obstacle to a goal."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, moving_mean, negative, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.policies import Policy
@@ -24,7 +23,7 @@ SMOOTH = 5  # records
 NOTHING = 1e-6  # a force below this is rounding
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5.4-navigation", "a flow field for navigation", "section 6.5.4")
 class Navigation(Experiment):
     """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, come
     to a field of forces that leads it there. How many episodes end at the goal, how soon, and what the obstacle
@@ -37,10 +36,6 @@ class Navigation(Experiment):
     - `watched` (decisions): for which the frozen policies are watched.
     - `drawn` (episodes): paths in each picture.
     """
-
-    name: ClassVar[str] = "sec-6.5.4-navigation"
-    title: ClassVar[str] = "a flow field for navigation"
-    source: ClassVar[str] = "section 6.5.4"
 
     decisions: int = 200_000
     seeds: int = 24

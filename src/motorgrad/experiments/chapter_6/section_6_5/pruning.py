@@ -1,9 +1,8 @@
 """Section 6.5.4: units that take no part, and what becomes of the policy without them."""
 
-import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, mean_of, share_of
-from motorgrad.experiments._experiment import Values, Workspace
+from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
 from motorgrad.experiments.chapter_6.figure_6_5 import JUNK
@@ -24,7 +23,7 @@ KEPT = 0.005  # reward per decision that may be lost or won
 SIDES = ((0.0, 1.0), (0.0, 1.0))  # of the box
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5.4-pruning", "pruning of junk units", "section 6.5.4")
 class Pruning(LayoutStudy):
     """Of the policies that were learnt in R1 and R2, units that hardly ever fire on the learner's own paths are taken
     away, and what is left acts from the same starts with the same random numbers. The bound is the expected number of
@@ -38,10 +37,6 @@ class Pruning(LayoutStudy):
     - `looks` (episodes): over which activity is averaged; other ones, as many, judge.
     - `bounds`: expected firings in an episode below which units are taken away; the first is that of junk.
     """
-
-    name: ClassVar[str] = "sec-6.5.4-pruning"
-    title: ClassVar[str] = "pruning of junk units"
-    source: ClassVar[str] = "section 6.5.4"
 
     looks: int = 400
     bounds: tuple[float, ...] = (JUNK, 0.5, 2.0)

@@ -1,9 +1,8 @@
 """Section 6.5.4: local units in a spatial index, of which a decision touches few."""
 
-import dataclasses
 import time
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -12,7 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import STYLE, Figure, new_figure
 from motorgrad.learning import SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
@@ -25,7 +24,7 @@ TIMES = 8.0
 SOURCE = "section 6.5.4"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.5.4-index", "a spatial index for local units", SOURCE)
 class Index(Experiment):
     """What a decision costs with up to thousands of local units, where all of them are asked and where only those are
     touched that can fire at the observation, and what both learn.
@@ -44,10 +43,6 @@ class Index(Experiment):
     - `seeds`: of either learner.
     - `steps`: decisions of each of these.
     """
-
-    name: ClassVar[str] = "sec-6.5.4-index"
-    title: ClassVar[str] = "a spatial index for local units"
-    source: ClassVar[str] = SOURCE
 
     sizes: tuple[int, ...] = (16, 64, 256, 1024, 4096)
     pairs: int = 7
