@@ -66,6 +66,8 @@ def draw_intervals(axes: Axes, x: Any, measured: Sequence[Measured], across: boo
     """Measured numbers at `x` with their intervals as error bars; `across` puts the numbers on the horizontal axis."""
     values = [each.value for each in measured]
     errors = np.reshape([[each.value - each.low, each.high - each.value] for each in measured], (-1, 2)).T
+    errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
+    errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     if across:
         axes.errorbar(values, x, xerr=errors, **look)
     else:

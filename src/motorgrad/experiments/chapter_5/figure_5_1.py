@@ -1,7 +1,7 @@
-"""Figure 5.1: a flexor and an extensor at several angles of the joint, their lengths and moment arms."""
+"""Figure 5.1: a flexor and an extensor at several joint angles, their lengths and moment arms."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (the bindings of mujoco have no types)
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -25,19 +25,19 @@ from motorgrad.experiments._figures import (
 )
 from motorgrad.experiments.chapter_5._hopper_study import posture
 
-# name: (whether it passes behind the joint, its colour)
+# name: (whether it passes behind the joint, colour)
 MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
 
 
 @experiment("fig-5.1", "flexor and extensor", "figure 5.1")
 class MusclePair(Experiment):
-    """A flexor and an extensor of the hopper's knee, drawn at several angles: straight, or wrapped around the joint's
-    capsule. Below, their lengths and moment arms over the knee's range, by the closed formula and as MuJoCo has them.
+    """A flexor and an extensor of the hopper's knee at several angles: straight, or wrapped around the joint's capsule.
+    Below, their lengths and moment arms over the knee's range, by the closed formula and in MuJoCo.
 
     **Arguments:**
 
     - `angles` (degrees): of the knee, at which the muscles are drawn.
-    - `points`: angles at which MuJoCo is asked.
+    - `points`: number of angles evaluated in MuJoCo.
     """
 
     angles: tuple[float, ...] = (50.0, 90.0, 148.0)
@@ -94,50 +94,51 @@ class MusclePair(Experiment):
         flexing, extending = float(slopes["flexor"].min()), -float(slopes["extensor"].max())
         return (
             Claim(
-                "A flexor shortens as it decreases the angle between the bones, over the whole range.",
+                "A flexor shortens as the angle between the bones decreases, over the whole range.",
                 "section 5.1.1",
-                "more than 0 at every angle",
+                "above 0 at every angle",
                 exact(flexing),
                 flexing > 0,
                 "mm per degree, the least",
             ),
             Claim(
-                "Its extensor lengthens meanwhile: the two always oppose each other.",
+                "The extensor lengthens at the same time: the two always oppose each other.",
                 "section 5.1.1",
-                "more than 0 at every angle",
+                "above 0 at every angle",
                 exact(extending),
                 extending > 0,
                 "mm per degree, the least",
             ),
             Claim(
-                "A path is straight, and wraps around the joint only when it is highly extended (the flexor).",
+                "A path is straight, and wraps around the joint only if the joint is highly extended (flexor).",
                 "section 5.1.1",
-                f"wraps from an angle between {range_[0]:.0f}° and {range_[1]:.0f}° upwards",
+                f"wraps above an angle between {range_[0]:.0f}° and {range_[1]:.0f}°",
                 exact(begins),
                 range_[0] < begins < range_[1],
                 "degrees",
-                "The extensor, fixed to the middle of the bones, wraps at every angle of this knee.",
+                "The extensor, attached at the middle of the bones, wraps at every angle of this knee.",
             ),
             Claim(
-                "The length in simulation is that of appendix A.2.",
+                "The simulated length is that of appendix A.2.",
                 "appendix A.2",
-                "0, to the precision of the machine: at most 1e-12",
+                "0 within machine precision: at most 1e-12",
                 exact(off),
                 off <= 1e-12,
                 "m, the greatest difference",
             ),
             Claim(
-                "So is its rate, and with it the moment arm.",
+                "So is its rate, and thus the moment arm.",
                 "appendix A.2",
-                "0, to the precision of the machine: at most 1e-11",
+                "0 within machine precision: at most 1e-11",
                 exact(hurried),
                 hurried <= 1e-11,
                 "m, the greatest difference",
             ),
             Claim(
-                "An active muscle at rest pulls with f_max exp(−2 d²) in simulation, d its normalised length.",
+                "In simulation, an active muscle at rest pulls with f_max exp(−2 d²), where d is its "
+                "normalised length.",
                 "section 5.1.2",
-                "0, to the precision of the machine: at most 1e-9",
+                "0 within machine precision: at most 1e-9",
                 exact(forced),
                 forced <= 1e-9,
                 "N, the greatest difference",
@@ -157,7 +158,7 @@ def _simulated(body: Hopper, interior: np.ndarray) -> Values:
     found = []
     for angle in interior:
         data.qpos[:] = posture(body, angle)
-        # knees that open by 1 rad/s: then the rate of a length is its derivative
+        # the knees open at 1 rad/s, so that the rate of a length is its derivative
         data.qvel[:] = (0.0, -0.5, 1.0, -0.5, -0.5, 1.0)
         mujoco.mj_forward(model, data)
         found.append((data.ten_length[rows], np.abs(data.ten_velocity[rows]), -data.actuator_force[pulls]))
@@ -170,7 +171,7 @@ def _simulated(body: Hopper, interior: np.ndarray) -> Values:
 
 
 def _computed(body: Hopper, interior: np.ndarray) -> Values:
-    """The same by the closed formula and the law, and the knee angle in degrees from which the flexor wraps."""
+    """The same by the closed formula and the force law, and the knee angle in degrees above which the flexor wraps."""
     shape = (body.attachment_distance, body.attachment_distance, body.capsule_radius)
     own = {muscle.group: muscle for muscle in reversed(body.muscles)}
     found: Values = {"wraps": np.degrees(away_angle(wrapping_angle(*shape), behind=False))}

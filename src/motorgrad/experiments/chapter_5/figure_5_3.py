@@ -1,4 +1,4 @@
-"""Figure 5.3: what the hopper does before and after learning."""
+"""Figure 5.3: the hopper's behaviour before and after learning."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,10 +25,9 @@ TITLES = ("before learning", "after learning")
 
 @experiment("fig-5.3", "the hopper's behaviour before and after learning", "figure 5.3")
 class HopperBehaviour(HopperStudy):
-    """What a hopper does before and after learning. From top to bottom: the angle of its knees, the height of its foot,
-    and when its muscles fire. At first they fire at random; later the extensors push while the foot is on the ground,
-    and it flies. The seed in the middle is shown.
-    """
+    """The behaviour of a hopper before and after learning. From top to bottom: knee angle, foot height, and muscle
+    activity. At first, muscles fire at random; later, the extensors push while the foot is on the ground, and the
+    hopper flies. The median seed is shown."""
 
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)
@@ -49,31 +48,31 @@ class HopperBehaviour(HopperStudy):
         before, after = values["before"], values["after"]
         gain, pay = mean_of(after - before), mean_of(100 * after)
         passed, final = median_of(values["passed"]), median_of(values["final"])
-        heights = f"Medians: {median_of(before).value:.2f} m before, {median_of(after).value:.2f} m after."
-        same = "Where ours learns sooner or hops higher, that counts as holding."
+        heights = f"Medians: {median_of(before).value:.2f} m before, {median_of(after).value:.2f} m after learning."
+        same = "Learning sooner or hopping higher counts as holding."
         return (
-            positive("The hopper hops higher after learning.", "figure 5.3", "more than 0", gain, "m", heights),
+            positive("The hopper hops higher after learning.", "figure 5.3", "above 0", gain, "m", heights),
             above(
                 10,
-                "A good jump is rewarded with more than 10, far above the penalty of 0.1 for a muscle.",
+                "The reward of a good jump exceeds 10, far above the penalty of 0.1 for a muscle.",
                 "section 5.2",
-                "more than 10",
+                "above 10",
                 pay,
-                note="Of the greatest height of a hop in m, times 100.",
+                note="The greatest height of a hop in m, times 100.",
             ),
             Claim(
-                f"Hops pass {HIGH} m on average after some 315 s of practice.",
+                f"The mean height of hops passes {HIGH} m after some 315 s of practice.",
                 INDEPENDENT,
                 "315 s, seeds from 270 to 450: no later than 450",
                 passed,
                 passed.high <= 450,
                 "s",
-                f"{same} A seed that never does counts as the whole practice.",
+                f"{same} A seed that never does counts with the whole practice.",
             ),
             Claim(
-                "After 1,500 s of practice hops are some 0.72 m high.",
+                "After 1,500 s of practice, hops are some 0.72 m high.",
                 INDEPENDENT,
-                "0.72 ± 0.08: no less than 0.64",
+                "0.72 ± 0.08: at least 0.64",
                 final,
                 final.low >= 0.64,
                 "m",
@@ -85,10 +84,10 @@ class HopperBehaviour(HopperStudy):
 def behaviour_of(
     run: Run, before: Evaluation, after: Evaluation, seed: int, seconds: float = 4.0
 ) -> dict[str, np.ndarray]:
-    """What `draw_behaviour` shows of one seed: the last `seconds` of both evaluations, `before` leading.
+    """The data of `draw_behaviour` for one seed: the last `seconds` of both evaluations, `before` leading.
 
-    **Returns** by name: `angle` (degrees) and `height` (m) of shape `(2, decisions)`, `firing` of shape
-    `(2, decisions, groups)`, `groups`, `period` (s), `seed`.
+    **Returns** by name: `angle` (degrees) and `height` (m) of shape `(2, decisions)`, `firing` of shape `(2, decisions,
+    groups)`, `groups`, `period` (s), `seed`.
     """
     row, both = run.seeds.index(seed), (before, after)
     part = before.time > before.time[-1] - seconds
@@ -104,7 +103,7 @@ def behaviour_of(
 
 
 def draw_behaviour(shown: dict[str, np.ndarray]) -> Figure:
-    """Knee angle, foot height and muscle activations, before (left) and after (right)."""
+    """Knee angle, foot height and muscle activity, before (left) and after (right)."""
 
     figure = new_figure(9, 5.4)
     axes = figure.subplots(3, 2, sharex="col", sharey="row", height_ratios=[3, 3, 1.2])
@@ -135,7 +134,7 @@ def draw_behaviour(shown: dict[str, np.ndarray]) -> Figure:
 def behaviour_figure(
     run: Run, before: Evaluation, after: Evaluation, seed: int, path: Path | str | None = None, seconds: float = 4.0
 ) -> Figure:
-    """`draw_behaviour` of one seed of a run, saved to `path`, if any."""
+    """`draw_behaviour` for one seed of a run, saved to `path` if given."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):

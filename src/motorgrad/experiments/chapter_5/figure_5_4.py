@@ -20,16 +20,15 @@ GRID = 61
 FLEXOR, EXTENSOR = 0, 1
 GROUND, AIR = "#d03a26", "0.25"
 FIRES, SILENT = "#d0021b", "#2f6fc4"
-PAGE = (480.0, 300.0)  # points: about the size of the portrait
-NEAR, SHIFT = 14.0, (-7.0, -20.0)  # points on the page: closer numbers overlap, and are set apart by so much
+PAGE = (480.0, 300.0)  # approximate size of the portrait, points
+NEAR, SHIFT = 14.0, (-7.0, -20.0)  # points: closer numbers overlap, and are shifted
 
 
 @experiment("fig-5.4", "the hopper's dynamics", "figure 5.4")
 class HopperDynamics(HopperStudy):
-    """The knee's angle and its rate while a hopper hops that has learnt to, red where its foot is on the ground. The
-    background is the probability that the flexor fires in the air. Below, the hopper at the numbered points of one hop,
-    its muscles red where they fire and blue where they are silent.
-    """
+    """Knee angle and its rate of a hopper that has learnt to hop, red while its foot is on the ground. The background
+    is the probability that the flexor fires in the air. Below, the hopper at the numbered points of one hop, with
+    firing muscles in red and silent ones in blue."""
 
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)
@@ -37,7 +36,7 @@ class HopperDynamics(HopperStudy):
         return {**self._trajectory(run, outcome), **firing_shares(outcome)}
 
     def _trajectory(self, run: Run, outcome: Evaluation) -> Values:
-        """Of the seed in the middle: what was observed, and the action that was chosen on it."""
+        """The median seed: what it observed, and the actions it chose."""
         assert outcome.sensors is not None
         assert outcome.position is not None
         assert outcome.activation is not None
@@ -61,7 +60,7 @@ class HopperDynamics(HopperStudy):
         }
 
     def _in_the_air(self, policy: Any, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Firing probabilities `(rates, angles, units)` where the foot has no contact."""
+        """Firing probabilities `(rates, angles, units)` without foot contact."""
         task = self.task
         angles, rates = np.meshgrid(angle + np.deg2rad(90.0 - task.centre), task.velocity_scale * rate)
         seen = np.stack([np.full_like(angles, -1.0), angles, rates], axis=-1).astype(np.float32)
@@ -81,46 +80,46 @@ class HopperDynamics(HopperStudy):
             positive(
                 "The extensor's firing is tied to foot contact: it fires more often on the ground than in the air.",
                 "figure 5.4",
-                "a difference of more than 0",
+                "difference above 0",
                 tied,
                 note=f"It fires at {on:.0%} of the decisions on the ground, and at {off:.0%} of those in the air.",
             ),
             more_than_half(
-                "The extensor's firing follows foot contact directly: it fires on the ground and is silent in the air.",
+                "The extensor follows foot contact directly: it fires on the ground and is silent in the air.",
                 "figure 5.4",
-                "at most decisions: a share above 0.5, and 1 if nothing else counted",
+                "at most decisions: a share above 0.5 (1 if nothing but contact mattered)",
                 agrees,
-                note="The mean of the share of decisions on the ground at which it fires and of the share in the air "
-                "at which it does not, so that chance gives 0.5.",
+                note="The mean of the share of decisions on the ground at which it fires and the share in the air at "
+                "which it is silent, so that chance gives 0.5.",
             ),
             positive(
                 "The flexor is inhibited by foot contact: it fires less often on the ground than in the air.",
                 "figure 5.4",
-                "a difference of more than 0",
+                "difference above 0",
                 inhibited,
             ),
             below(
                 0.5,
-                "With the foot on the ground the flexor is mostly silent.",
+                "With the foot on the ground, the flexor is mostly silent.",
                 "figure 5.4",
-                "fires at less than half of the decisions",
+                "fires at fewer than half of the decisions",
                 silent,
             ),
             positive(
                 "The push is followed by flexion: the flexor fires more often on the way up than on the ground.",
                 "section 5.2.2",
-                "a difference of more than 0",
+                "difference above 0",
                 rising,
             ),
         )
 
 
 def firing_shares(outcome: Evaluation) -> Values:
-    """At which share of its decisions each seed's muscles fire.
+    """Shares of the decisions at which each seed's muscles fire.
 
-    **Returns** `ground`, `air` and `rising` (in the air, the load on its way up), each `(seeds, groups)`; `agrees`
-    `(seeds,)`, the mean of how often the extensor fires on the ground and how often it is silent in the air. A share of
-    no decisions is one half, as before learning.
+    **Returns** `ground`, `air` and `rising` (in the air while the load rises), each `(seeds, groups)`; `agrees`
+    `(seeds,)`, the mean of the share at which the extensor fires on the ground and the share at which it is silent in
+    the air. The share of no decisions is one half, as before learning.
     """
     assert outcome.sensors is not None
     assert outcome.activation is not None
@@ -143,7 +142,8 @@ def firing_shares(outcome: Evaluation) -> Values:
 
 
 def _span(values: np.ndarray) -> tuple[float, float]:
-    """What nearly all values lie in, and a little more: a knee that hits its stop is very fast for a moment."""
+    """An interval that contains nearly all values, with a margin: a knee that hits its stop is very
+    fast for a moment."""
     low, high = np.percentile(values, [0.5, 99.5])
     margin = 0.12 * max(float(high - low), 1e-3)
     return float(low) - margin, float(high) + margin
@@ -171,14 +171,14 @@ def draw_portrait(values: dict[str, np.ndarray], task: Hopper) -> Figure:
         else:
             panel.spines["left"].set_visible(False)
             panel.tick_params(left=False)
-    below.supxlabel("since the landing before; muscles are red where they fire, blue where they are silent", fontsize=9)
+    below.supxlabel("time since landing; firing muscles in red, silent ones in blue", fontsize=9)
     return figure
 
 
 def median_hop(contact: np.ndarray, height: np.ndarray, hop_height: float) -> tuple[int, int, int]:
-    """The hop of middle height: when its stance began, when its flight did, and when that was over (excluded).
+    """The hop of median height: start of its stance, start of its flight, and end of its flight (exclusive).
 
-    A flight is a stretch without contact that came higher than `hop_height`; a record without two of them is one hop.
+    A flight is a period without contact that rises above `hop_height`; a record with fewer than two flights is one hop.
     """
     edges = np.flatnonzero(np.diff(contact.astype(int), prepend=1, append=1))
     stretches = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -191,7 +191,7 @@ def median_hop(contact: np.ndarray, height: np.ndarray, hop_height: float) -> tu
 
 
 def hop_events(values: dict[str, np.ndarray], hop: tuple[int, int, int]) -> dict[int, str]:
-    """Decisions of a hop that tell its story, in their order, each with what happens there."""
+    """Decisions at the events of a hop, in order, with the names of the events."""
     landing, flight, end = hop
     angle, rate, height = values["angle"], values["rate"], values["height"]
     crouch = landing + int(np.argmin(angle[landing:flight]))
@@ -208,7 +208,7 @@ def hop_events(values: dict[str, np.ndarray], hop: tuple[int, int, int]) -> dict
         (stretched, "stretched"),
     )
     told += ((flexing, "flexing"), (apex, "apex"), ((apex + end) // 2, "falling"))
-    # two that fall together are told once, as the first of them
+    # of two events at the same decision, the first is kept
     return dict(sorted(dict(reversed(told)).items()))
 
 
@@ -242,7 +242,7 @@ def _trajectory(axes: Axes, values: dict[str, np.ndarray], hop: tuple[int, int, 
 
 
 def _numbers(axes: Axes, points: np.ndarray, contact: np.ndarray) -> None:
-    """Numbers at the points; one that would lie on another stands aside, with a line to its point."""
+    """Numbers at the points; a number that would overlap another is shifted, with a line to its point."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     taken: list[np.ndarray] = []
     for number, (point, grounded) in enumerate(zip(points, contact, strict=True)):
@@ -272,7 +272,7 @@ def _posture(axes: Axes, values: dict[str, np.ndarray], task: Hopper, moment: in
     fires = values["firing"][moment][[body.groups.index(muscle.group) for muscle in body.muscles]]
     reach = 1.25 * body.link_length
     axes.set(xlim=(-reach, reach), ylim=(-0.08, 0.1 + float(values["position"][:, 0].max()) + 2 * body.link_length))
-    # seen through a little, because the rim of an opaque muscle is red
+    # slightly transparent, because the rim of an opaque muscle is red
     drawing = draw(
         axes, compile_model(body), values["position"][moment], fires.astype(float), linewidth=1.5, alpha=0.99
     )

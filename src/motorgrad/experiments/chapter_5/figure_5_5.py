@@ -1,4 +1,4 @@
-"""Figure 5.5: the signs of the learnt weights, over many seeds, as arrows from the sensors to the muscles."""
+"""Figure 5.5: signs of the learnt weights over many seeds, as arrows from sensors to muscles."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,20 +13,19 @@ from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
 SENSORS = ("foot contact", "knee angle", "knee velocity", "bias")
 MUSCLES = ("flexor", "extensor")
 POSITIVE, NEGATIVE, CHANCE = "#c0392b", "#2c5fa8", "0.5"
-# where things stand: sensors on the left, from above, and muscles on the right
+# positions: sensors on the left, from the top, and muscles on the right
 HEIGHTS, TARGETS = (3.0, 2.0, 1.0, 0.0), (2.4, 0.6)
 LEFT, RIGHT = 0.0, 4.2
 SENSOR, MUSCLE = (1.5, 0.56), (1.25, 0.7)
-# how far along its arrow each label stands, so that none lies on another arrow
+# position of each label along its arrow, chosen so that none lies on another arrow
 ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
 
 
 @experiment("fig-5.5", "the policy that hoppers learn", "figure 5.5")
 class HopperWeights(HopperStudy):
-    """The signs of the weights that hoppers have learnt, from each sensor to the probability of each muscle's firing.
-    An arrow's colour is the sign that most seeds have, its width the median size of the weight, and its label says in
-    how many seeds it has this sign; the sign of a hollow arrow could be chance.
-    """
+    """Signs of the weights that hoppers have learnt, from each sensor to the firing probability of each muscle. The
+    colour of an arrow is the sign that most seeds have, its width the median size of the weight, and its label the
+    number of seeds with this sign; for a hollow arrow, the sign could be chance."""
 
     def run(self, work: Workspace) -> Values:
         policies: Any = self.trained(work).policies
@@ -84,7 +83,7 @@ class HopperWeights(HopperStudy):
                 share, sign = common(weights[:, unit, sensor])
                 made.append(
                     Claim(
-                        f"Learning comes to the same sign of the weight from {SENSORS[sensor]} to {muscle}.",
+                        f"Learning finds the same sign of the weight from {SENSORS[sensor]} to {muscle} in every run.",
                         "section 5.2.2",
                         "the same in every run: more than chance, for all four jointly",
                         share,
@@ -96,7 +95,7 @@ class HopperWeights(HopperStudy):
         whole = share_of((signs == np.sign(np.median(weights[:, :, :3], axis=0))).all(axis=(1, 2)))
         made.append(
             more_than_half(
-                "Learning comes to the same signs of all six weights between sensors and muscles.",
+                "Learning finds the same signs of all six weights between sensors and muscles in every run.",
                 "section 5.2.2",
                 "the same in every run: in most runs",
                 whole,
@@ -106,15 +105,14 @@ class HopperWeights(HopperStudy):
 
 
 def common(weights: np.ndarray) -> tuple[Measured, int]:
-    """The share of seeds that have the sign which most of them have, and that sign."""
+    """The share of seeds that have the most common sign, and that sign."""
     sign = 1 if np.sum(weights > 0) >= np.sum(weights < 0) else -1
     return share_of(sign * weights > 0), sign
 
 
 def beyond_chance(share: Measured, tests: int) -> bool:
-    """Whether so many signs agree as random ones would in less than 5 % of cases, for one of `tests` claims or more.
-
-    Which sign is the common one is seen afterwards, so the test is two-sided."""
+    """Whether so many signs agree that chance has less than 5 % for any of `tests` claims (Bonferroni). The test is
+    two-sided, because the common sign is determined afterwards."""
     from scipy import stats
 
     return bool(stats.binomtest(round(share.value * share.count), share.count).pvalue < 0.05 / tests)
@@ -126,7 +124,7 @@ def _arrow(axes: Axes, start: float, end: float, weights: np.ndarray, size: floa
     share, sign = common(weights)
     sure = share.low > 0.5
     colour = (POSITIVE if sign > 0 else NEGATIVE) if sure else CHANCE
-    # arrows into one muscle end a little apart, in the order in which they come
+    # arrows into one muscle end slightly apart, in order of their origins
     (x, y), (u, v) = (
         (LEFT + SENSOR[0] / 2 - 0.1, start),
         (RIGHT - MUSCLE[0] / 2 - 0.04, end + 0.2 * (start - 1.5) / 1.5),

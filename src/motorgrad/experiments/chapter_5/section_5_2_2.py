@@ -7,8 +7,8 @@ import numpy as np
 
 from motorgrad._errors import check, choice
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
     SMOOTH,
@@ -22,26 +22,26 @@ from motorgrad.training import settings_for
 
 THESIS = 0.01  # s
 PARTS = (0.1, 0.25, 0.5, 1.0)
-"""Of the practice, after which heights are looked at."""
+"""Fractions of the practice after which heights are evaluated."""
 
 
 @experiment("sec-5.2.2", "the action period", "section 5.2.2")
 class ActionPeriod(Experiment):
-    """Hoppers that decide at different periods practise for the same simulated time: how high they hop, and how soon.
-    A short period makes learning slow, because many decisions in a row must agree on a jump; with a long one the
-    muscles cannot answer in time to what the body does.
+    """Hoppers with different action periods practise for the same simulated time: how high they hop, and how soon. A
+    short period makes learning slow, because many consecutive decisions must agree on a jump; with a long one, the
+    muscles cannot respond in time to the body.
 
     **Arguments:**
 
-    - `periods` (simulated s): from one decision to the next, at least three, rising.
+    - `periods` (simulated s): time between decisions, at least three, rising.
     - `seconds` (simulated s): length of every hopper's practice.
-    - `seeds`: hoppers that practise at each period, at least 2.
-    - `paid`: when the task pays for a hop: at its first `"apex"`, or at its `"landing"`.
+    - `seeds`: hoppers with each period, at least 2.
+    - `paid`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
     - `decay`: of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
-    - `constant`: what stays the same when the period changes. With `"decision"` all numbers do, and so the decay of the
-      trace and the penalty of a muscle per decision; with `"second"` their effect per second does, and 10 ms has the
-      numbers given.
+    - `constant`: what stays the same across periods. With `"decision"`, all numbers do, including the decay of the
+      trace and the penalty of a muscle per decision; with `"second"`, their effect per second does, and 10 ms has the
+      given numbers.
     """
 
     periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
@@ -54,8 +54,7 @@ class ActionPeriod(Experiment):
 
     def __post_init__(self) -> None:
         choice("constant", self.constant, ("decision", "second"))
-        rising = len(self.periods) >= 3 and bool(np.all(np.diff(self.periods) > 0))
-        check(rising, "periods", self.periods, "at least three, rising")
+        check(rising(self.periods, 3), "periods", self.periods, "at least three, rising")
         for period in self.periods:
             self.task(period)
             check_practice(self.seconds, self.seeds, 10 * period)
@@ -66,11 +65,11 @@ class ActionPeriod(Experiment):
         return cls(periods=(0.005, 0.02, 0.08), seconds=6.0, seeds=2)
 
     def task(self, period: float) -> Hopper:
-        """The task at an action period."""
+        """The task with this action period."""
         return Hopper(paid=self.paid, action_period=period, penalty=Hopper.penalty * self._ratio(period))
 
     def _ratio(self, period: float) -> float:
-        """How much longer than the thesis's the period is, where that counts."""
+        """The period relative to the thesis's, if numbers are constant per second."""
         return period / THESIS if self.constant == "second" else 1.0
 
     def run(self, work: Workspace) -> Values:
@@ -89,7 +88,7 @@ class ActionPeriod(Experiment):
         settings = settings_for(task, decay=self.decay ** self._ratio(period), rate=self.rate)
         run = work.train(task, settings, round(self.seconds / period), self.seeds)
         time, heights = practice_heights(run)
-        # the last record that had ended by then; rounding may put the very last just beyond
+        # the last record that had ended by then; rounding may put the very last one just beyond
         ended = np.searchsorted(time, self.seconds * np.array(PARTS) + period, side="right") - 1
         return {"height": heights[:, np.maximum(ended, 0)], "passed": time_to_height(HIGH, time, heights)}
 
@@ -103,35 +102,33 @@ class ActionPeriod(Experiment):
         slower = mean_of(behind_best(-values["passed"], 0))
         low, late = (mean_of(behind_best(final, end)) for end in (0, -1))
         short, long = f"{periods[0]:g} ms", f"{periods[-1]:g} ms"
-        chosen = (
-            "For each seed the best is the one that is best for the other seeds, so that choosing it favours nothing."
-        )
+        chosen = "For each seed, the best period is that of the other seeds, so that selection introduces no bias."
         numbers = {
-            "decision": "All other numbers stay the same, the decay and the penalty per decision.",
-            "second": "The decay and the penalty are the same per second.",
+            "decision": "All other numbers are constant: decay and penalty per decision.",
+            "second": "Decay and penalty are constant per second.",
         }[self.constant]
         return (
             positive(
-                f"A short action period makes learning slow: at {short} hops pass {HIGH} m later than at the best.",
+                f"A short action period makes learning slow: at {short}, hops pass {HIGH} m later than at the best.",
                 self.source,
-                "more than 0",
+                "above 0",
                 slower,
                 "s of practice later",
-                f"The soonest is {soonest:g} ms; none can be before {SMOOTH:g} s. A seed that never does counts as all "
-                f"the practice. {chosen} {numbers}",
+                f"The soonest is {soonest:g} ms; nothing counts before {SMOOTH:g} s. A seed that never passes counts "
+                f"with the whole practice. {chosen} {numbers}",
             ),
             positive(
-                f"After the same practice hoppers that decide every {short} hop lower than at the best period.",
+                f"After the same practice, hoppers that decide every {short} hop lower than at the best period.",
                 self.source,
-                "more than 0",
+                "above 0",
                 low,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
             ),
             positive(
-                f"Too long a period cannot respond quickly enough: at {long} hops are lower than at the best.",
+                f"With too long a period, muscles cannot respond in time: at {long}, hops are lower than at the best.",
                 self.source,
-                "more than 0",
+                "above 0",
                 late,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
@@ -140,7 +137,7 @@ class ActionPeriod(Experiment):
 
 
 def behind_best(values: np.ndarray, end: int) -> np.ndarray:
-    """By how much each seed does worse at one end of the periods than at the best of those between, `(seeds,)`.
+    """Deficit of each seed at one end of the periods relative to the best of those between, `(seeds,)`.
 
     **Arguments:** `(periods, seeds)`, greater is better; the row of the end. A seed's best period is chosen by the mean
     of the other seeds.
@@ -152,7 +149,7 @@ def behind_best(values: np.ndarray, end: int) -> np.ndarray:
 
 
 def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
-    """Heights after several amounts of practice (left), practice until hopping (right), with one period marked."""
+    """Heights after several amounts of practice (left) and practice until hopping (right), with one period marked."""
     from matplotlib import colormaps
 
     figure = new_figure(9.5, 4.2)
@@ -160,9 +157,8 @@ def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
     period, practice = 1000 * values["period"], values["practice"]
     shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
     for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
-        low, middle, high = np.percentile(values["height"][:, :, index], [25, 50, 75], axis=1)
-        heights.fill_between(period, low, high, color=shade, alpha=0.18, linewidth=0)
-        heights.plot(period, middle, "o-", color=shade, markersize=4, label=f"{seconds:,.4g} s")
+        look = {"marker": "o", "markersize": 4, "alpha": 0.18}
+        draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
     heights.set(ylabel="height of hops (m)", ylim=(0, None))
     heights.legend(title="after practice of", fontsize=9)
     passed = values["passed"]
@@ -192,7 +188,7 @@ def _periods(axes: Axes, period: np.ndarray, marked: float) -> None:
         axes.text(
             marked,
             1.0,
-            "the thesis's",
+            "thesis",
             transform=axes.get_xaxis_transform(),
             fontsize=8,
             color="0.5",

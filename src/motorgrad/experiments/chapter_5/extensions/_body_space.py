@@ -1,4 +1,4 @@
-"""The numbers of a hexapod's body that are searched, and the body that has them."""
+"""Bodies of the hexapod: the numbers that a search varies, walks of such bodies, and variants for comparison."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,8 @@ SPACE = Space(
         "axis": Range(0.0, 1.0, 0.5),
     }
 )
-"""Lengths in m, the mass of one section in kg, ranges of joints in degrees to one side, stiffness in N m/rad. All
-sections are alike, and all legs. Above a half of `axis` the joints between the sections are lateral, else vertical."""
+"""Lengths in m, the mass of one section in kg, joint ranges in degrees to one side, stiffness in N m/rad. All sections
+are equal, and all legs. The joints between sections are lateral if `axis` exceeds one half, else vertical."""
 
 WORDS = {
     "width": "width of a section (m)",
@@ -52,9 +52,9 @@ WORDS = {
     "axis": "its axis (vertical, lateral)",
 }
 PITCH, YAW = 0.25, 0.75
-"""The middles of the two halves of `axis`."""
+"""Midpoints of the two halves of `axis`."""
 
-SETTLING = 1.0  # s of a walk that are not measured
+SETTLING = 1.0  # seconds at the start of a walk that are not measured
 MEASURES = ("speed", "duty", "tilt")
 WIDER, HEAVIER = 4 / 3, 1.5
 Numbers = Mapping[str, float]
@@ -76,19 +76,20 @@ PAIRS = {
     "mass": ("heavy", "light"),
     "joints": ("vertical", "lateral"),
 }
-"""Which two are compared: the first should be faster."""
+"""Variants that are compared: the first should be faster."""
 
 
 def usual_numbers() -> dict[str, float]:
-    """Those of the hexapod as it is."""
+    """The numbers of the standard hexapod."""
     return {name: float(each.start or 0.0) for name, each in SPACE.ranges.items()} | {"axis": PITCH}
 
 
 def body_of(numbers: Mapping[str, float]) -> Hexapod | None:
-    """The hexapod with these numbers, on servos; None where there can be none, as when its feet do not reach the floor.
+    """The hexapod with these numbers, on servos; `None` if it is impossible, for example because its feet do not reach
+    the floor.
 
-    Bones keep their mass per length, and muscles their attachments in proportion, so that the same body can be driven
-    by muscles.
+    Bones keep their mass per length, and muscles their relative attachments, so that the same body can be driven by
+    muscles.
     """
     try:
         return _build(numbers)
@@ -128,19 +129,18 @@ def _build(numbers: Mapping[str, float]) -> Hexapod:
 
 
 def jittered(numbers: Mapping[str, float], count: int, random: np.random.Generator) -> list[dict[str, float]]:
-    """So many copies with changes too small to matter, 0.1 % of every range: walks are chaotic, and so differ. The axis
-    stays."""
+    """Copies with negligible changes, 0.1 % of every range: walks are chaotic, and so differ. The axis stays."""
     places: Float[np.ndarray, " size"] = SPACE.places([numbers[name] for name in SPACE.names])
     moved = (places + 1e-3 * random.standard_normal(SPACE.size) for _ in range(count))
     return [{**SPACE.named(each), "axis": numbers["axis"]} for each in moved]
 
 
 def walk_measures(candidates: Sequence[Mapping[str, float]], seconds: float, threads: int = 0) -> Values:
-    """How bodies with these numbers walk, in so many seconds but for the first.
+    """Walks of bodies with these numbers over so many seconds, not counting the first.
 
-    **Returns** for each body, NaN for one that cannot be or that diverges: `speed`, the net displacement over the time
-    in m/s; `duty`, the part of the time that a foot is on the ground; `tilt`, of the middle section against the ground,
-    the root mean square in degrees.
+    **Returns** for each body, NaN if it is impossible or diverges: `speed`, net displacement over time in m/s; `duty`,
+    the fraction of the time that a foot is on the ground; `tilt` of the middle section against the ground, root mean
+    square in degrees.
     """
     bodies = [body_of(each) for each in candidates]
     found = {name: np.full(len(bodies), np.nan) for name in MEASURES}
@@ -157,23 +157,23 @@ def walk_measures(candidates: Sequence[Mapping[str, float]], seconds: float, thr
 
 
 def walk_in_batches(candidates: Sequence[Mapping[str, float]], seconds: float, threads: int = 0) -> Values:
-    """The same for many bodies, some at a time, so that no memory is needed for all of their walks."""
+    """The same for many bodies, in batches that bound the memory."""
     parts = [walk_measures(candidates[at : at + 24], seconds, threads) for at in range(0, len(candidates), 24)]
     return {name: np.concatenate([part[name] for part in parts]) for name in MEASURES}
 
 
 def scaled(body: Numbers, width: float, mass: float) -> dict[str, float]:
-    """A body whose sections are so many times as wide and as heavy."""
+    """A body whose sections are multiplied in width and mass."""
     return {**body, "width": body["width"] * width, "mass": body["mass"] * mass}
 
 
 def usual_bodies(count: int, random: np.random.Generator) -> list[dict[str, float]]:
-    """The usual body with changes too small to matter."""
+    """The standard body with negligible changes."""
     return jittered(usual_numbers(), count, random)
 
 
 def random_bodies(count: int, random: np.random.Generator) -> list[dict[str, float]]:
-    """Bodies anywhere within the bounds that are possible in all variants, with vertical joints."""
+    """Random bodies within the bounds that are possible in all variants, with vertical joints."""
     found: list[dict[str, float]] = []
     while len(found) < count:
         body = {**SPACE.named(random.random(SPACE.size)), "axis": PITCH}
@@ -195,7 +195,7 @@ def walk_variants(bodies: list[dict[str, float]], seconds: float, threads: int) 
 
 
 def differences(values: Values, bodies: str, pair: str, measure: str) -> np.ndarray:
-    """Of a pair, the first less the second, for each body of which both walks ended well; `bodies` is `"usual"` or
+    """The first of a pair minus the second, for each body of which both walks ended well; `bodies` is `"usual"` or
     `"chance"`."""
     one, other = (values[f"{bodies} {variant} {measure}"] for variant in PAIRS[pair])
     less = one - other

@@ -1,4 +1,4 @@
-"""What the experiments on 24 independent muscles share: the learner, its training, and how it is judged."""
+"""The study of 24 independent muscles, and evaluation of frozen policies on any ground."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,30 +18,30 @@ FULL = "the learner"
 VARIANTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     FULL: ({}, {}),
     "mirror tie": ({}, {"policy": "mirrored"}),
-    # So much damping leaves the gradient's direction as it is; the limit on the divergence still sets the length.
+    # so much damping leaves the direction of the gradient unchanged; the limit on the divergence still sets its length
     "Euclidean": ({}, {"damping": 1e4, "rate": 1e6}),
     "no critic": ({}, {"critic": "none"}),
     "no lag": ({"lag": 0}, {}),
     "seven inputs": ({"observes": ("lateral",)}, {}),
 }
-"""What is changed, by name: of the task, and of the learner."""
+"""Changes by name: to the task, and to the learner."""
 
 MODES: tuple[Literal["mode", "sample"], ...] = ("mode", "sample")
 FRESH = 500_000_000
-"""Added to the numbers of rows, so that nothing is judged on the random numbers that it learnt from."""
+"""Added to the row numbers, so that policies are not judged on the random numbers of their training."""
 
-SETTLING = 2.0  # s
+SETTLING = 2.0  # seconds that do not counteconds that do not count
 
 
 @dataclasses.dataclass(frozen=True)
 class MuscleStudy(Experiment):
-    """An experiment on hexapods that learn to walk on 24 muscles, with the task's own learner.
+    """Base of experiments on hexapods that learn to walk on 24 muscles, with the task's own learner.
 
     **Arguments:**
 
-    - `updates`: steps of the parameters; what the learner anneals goes with them.
-    - `seeds`: hexapods that learn, each by itself.
-    - `watched` (simulated s): for which the frozen policies are watched, a multiple of 20.
+    - `updates`: of the parameters; the learner's schedules scale with them.
+    - `seeds`: independent hexapods.
+    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
     updates: int = 1200
@@ -60,12 +60,12 @@ class MuscleStudy(Experiment):
         return cls(updates=4, seeds=2, watched=20.0)
 
     def task(self, variant: str = FULL) -> Hexapod:
-        """The task, as the variant has it."""
+        """The task of a variant."""
         choice("variant", variant, VARIANTS)
         return Hexapod(**VARIANTS[variant][0])
 
     def learner(self, variant: str = FULL) -> AgentSettings:
-        """The task's own learner, whose schedules end with so many updates."""
+        """The task's own learner, with schedules that end after this many updates."""
         task = self.task(variant)
         own = settings_for(task)
         kept = self.updates * own.average_start // own.metric_kl_steps
@@ -73,13 +73,13 @@ class MuscleStudy(Experiment):
         return settings_for(task, **{**scaled, **VARIANTS[variant][1]})
 
     def trained(self, work: Workspace, variant: str = FULL, seeds: int | None = None) -> Run:
-        """The hexapods that have learnt; those of another experiment with the same settings, where there are some."""
+        """Trained hexapods, shared with other experiments of the same settings."""
         settings = self.learner(variant)
         assert isinstance(settings.improve, int)
         return work.train(self.task(variant), settings, self.updates * settings.improve, seeds or self.seeds)
 
     def judged(self, work: Workspace, run: Run, variant: str = FULL) -> Values:
-        """How frozen policies walk from a fresh start, by mode and quantity, a number or a word for each seed."""
+        """Walks of frozen policies from a fresh start, by mode and quantity, a number or a word for each seed."""
 
         def watch(mode: Literal["mode", "sample"]) -> dict[str, Any]:
             outcome = evaluate(run, round(self.watched / run.task.period), mode=mode, threads=work.threads)
@@ -95,8 +95,8 @@ class MuscleStudy(Experiment):
 def frozen_readings(
     work: Workspace, policies: Policy, task: Task, seconds: float, mode: Literal["sample", "mode"], names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """The mean of each named reading over `seconds`, after the two first, for each of the `policies` along their
-    leading axis, `(policies,)`."""
+    """Mean of each named reading over `seconds`, after the first two, for each of the `policies` along their leading
+    axis, `(policies,)`."""
     count = len(jax.tree.leaves(policies)[0])
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
     stepper = stepper_of(task, agent, [FRESH + row for row in range(count)], mode, work.threads)

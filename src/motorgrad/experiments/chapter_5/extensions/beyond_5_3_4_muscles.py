@@ -1,4 +1,4 @@
-"""Beyond section 5.3.4: the hexapod learns to walk on 24 muscles that fire independently."""
+"""Beyond section 5.3.4: the hexapod learns to walk on 24 independent muscles."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -6,44 +6,43 @@ from typing import Any, Self
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, median_of
+from motorgrad.experiments._claims import Claim, mean_of, median_of, practice_curve
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
-from motorgrad.training import learning_curves
 
 SMOOTH = 40.0
 """Simulated seconds over which the speed during learning is averaged."""
 
 COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-WORDS = {"mode": "most probable actions", "sample": "actions that are drawn"}
+WORDS = {"mode": "most probable actions", "sample": "sampled actions"}
 SPEED, NET = 1.8, 1.6
-"""What is aimed at with the most probable actions: median speed along the heading and net displacement, m/s."""
+"""Targets for the most probable actions: median speed along the heading and net displacement, m/s."""
 
 THESIS, OURS = "section 5.3.4", "our own expectation"
 CHANGES = {
-    "mirror tie": "A learner whose left and right share their parameters gets further.",
+    "mirror tie": "A learner whose left and right sides share parameters gets farther.",
     "Euclidean": "The plain gradient, with steps of the same divergence, gets less far than the natural one.",
-    "no critic": "Without a critic learning gets less far.",
-    "no lag": "Without a lag of what is observed learning gets less far.",
-    "seven inputs": "On six lateral angles and a bias learning gets less far than on all senses.",
+    "no critic": "Without a critic, learning gets less far.",
+    "no lag": "Without a lag of the observations, learning gets less far.",
+    "seven inputs": "With only six lateral angles and a bias as inputs, learning gets less far than with all senses.",
 }
 HELPS = ("mirror tie",)
-"""Of these changes, those that should help; the others take something away."""
+"""Changes that should help; the others remove something."""
 
 
 @experiment("beyond-5.3.4-muscles", "twenty-four independent muscles", "beyond section 5.3.4")
 class Muscles(MuscleStudy):
-    """Hexapods learn to walk on 24 muscles, each of which fires by itself, from policies that know nothing: their speed
-    while they learn, and how they walk frozen and from a fresh start. Beside them learners that have one thing changed.
+    """Hexapods learn to walk on 24 muscles that fire independently, without prior knowledge: their speed during
+    learning, and the walks of the frozen policies from a fresh start. For comparison, learners with one change each.
 
     **Arguments:**
 
-    - `updates`: steps of the parameters; what the learner anneals goes with them.
-    - `seeds`: hexapods that learn, each by itself.
-    - `watched` (simulated s): for which the frozen policies are watched, a multiple of 20.
-    - `compared`: seeds of each changed learner; as many of the unchanged one are beside them.
+    - `updates`: of the parameters; the learner's schedules scale with them.
+    - `seeds`: independent hexapods.
+    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
+    - `compared`: seeds of each changed learner; they are compared with as many of the unchanged one.
     - `variants`: the changed learners, by name.
     """
 
@@ -65,9 +64,7 @@ class Muscles(MuscleStudy):
         found: Values = {"variants": np.array(self.variants), "compared": np.array(self.compared)}
         for variant in (FULL, *self.variants):
             run = self.trained(work, variant, None if variant == FULL else self.compared)
-            record = run.config["run"]["window"] * run.task.period
-            (curve,) = learning_curves([run], "speed", x="simulated", smooth=max(SMOOTH, 2 * record)).curves
-            found |= {f"{variant} time": curve.x, f"{variant} practice": curve.values}
+            found[f"{variant} time"], found[f"{variant} practice"] = practice_curve(run, "speed", SMOOTH)
             found |= self.judged(work, run, variant)
         return found
 
@@ -79,7 +76,7 @@ class Muscles(MuscleStudy):
 
 
 def draw_muscles(values: Values) -> Figure:
-    """Speed while learning; and of every seed, frozen, how fast it walks and how far it gets."""
+    """Speed during learning; and speed and net displacement of every frozen policy."""
 
     figure = new_figure(9.8, 7.2)
     panels: Any = figure.subplot_mosaic([["practice", "practice"], ["mode", "sample"]], height_ratios=[1, 1.15])
@@ -112,7 +109,7 @@ def _practice(axes: Axes, values: Values, names: list[str]) -> None:
 
 
 def _frozen(axes: Axes, values: Values, names: list[str], mode: str) -> None:
-    """Of each learner two columns of marks, a mark for each seed, and the medians as bars."""
+    """For each learner two columns of marks, one mark per seed, with medians as bars."""
     for place, (name, colour) in enumerate(zip(names, COLOURS, strict=False)):
         for shift, quantity, filled in ((-0.17, "speed", False), (0.17, "net", True)):
             found = values[f"{name} {mode} {quantity}"]
@@ -128,7 +125,7 @@ def _frozen(axes: Axes, values: Values, names: list[str], mode: str) -> None:
 
 
 def muscle_claims(values: Values) -> Sequence[Claim]:
-    """Of the learner itself."""
+    """Claims about the learner itself."""
     mode, sample = (_quantities(values, kind) for kind in ("mode", "sample"))
     speed, net = median_of(mode["speed"]), median_of(mode["net"])
     counts = zip(*np.unique(mode["gait"], return_counts=True), strict=True)
@@ -140,11 +137,11 @@ def muscle_claims(values: Values) -> Sequence[Claim]:
         Claim(
             "Learning the activation of each of 24 muscles is intractable without prior knowledge.",
             THESIS,
-            "median net displacement with the most probable actions no more than 0.1 m/s",
+            "median net displacement with the most probable actions: at most 0.1 m/s",
             net,
             net.high <= 0.1,
             "m/s",
-            "No synergy is given, no symmetry, and all weights start at 0. The learner is one the thesis did not have.",
+            "No synergies and no symmetry are given, and all weights start at 0. The thesis did not have this learner.",
         ),
         Claim(
             "Twenty-four independent muscles learn to walk fast.",
@@ -156,28 +153,29 @@ def muscle_claims(values: Values) -> Sequence[Claim]:
             gaits,
         ),
         Claim(
-            "What they learn leads somewhere.",
+            "The learnt walks lead somewhere.",
             OURS,
             f"most probable actions: median net displacement over 20 s at least {NET} m/s",
             net,
             net.value >= NET,
             "m/s",
-            f"With actions that are drawn: speed {median_of(sample['speed'])}, net displacement {walks} m/s.",
+            f"With sampled actions: speed {median_of(sample['speed'])}, net displacement {walks} m/s.",
         ),
         Claim(
             "No hexapod stalls with its most probable actions.",
             OURS,
-            "no second below 0.3 m/s, in any seed",
+            "no second below 0.3 m/s in any seed",
             still,
             not np.any(mode["stalls"] > 0),
-            note=f"Part of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have such a second. "
+            note=f"Fraction of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have "
+            "such a second. "
             f"Falls: {np.count_nonzero(mode['falls'] > 0)} seeds.",
         ),
     ]
 
 
 def ablation_claims(values: Values) -> Sequence[Claim]:
-    """Of the changed learners, beside the unchanged one with the same seeds."""
+    """Claims about the changed learners, compared with the unchanged one on the same seeds."""
     count, made = int(values["compared"]), []
     for variant in values["variants"]:
         ours, theirs = (values[f"{name} mode net"][:count] for name in (FULL, variant))
@@ -186,7 +184,7 @@ def ablation_claims(values: Values) -> Sequence[Claim]:
             Claim(
                 CHANGES[str(variant)],
                 OURS,
-                "most probable actions, net displacement over 20 s: difference to the unchanged learner "
+                "most probable actions, net displacement over 20 s: difference from the unchanged learner "
                 f"{'above' if better else 'below'} 0",
                 more,
                 more.low > 0 if better else more.high < 0,

@@ -1,4 +1,4 @@
-"""Beyond section 5.4.1: synergies that are found in learnt gaits, and what four units learn on them."""
+"""Beyond section 5.4.1: synergies extracted from learnt gaits, and learning on them with four units."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -7,14 +7,14 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
-from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive
+from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, practice_curve
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad.experiments.chapter_5.hexapod._gait_study import controller_speeds
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.tasks import TRIPOD_SYNERGIES, HexapodSynergy, find_synergies, synergy_matrix
-from motorgrad.training import evaluate, learning_curves, settings_for
+from motorgrad.training import evaluate, settings_for
 
 UNITS = 4
 SMOOTH = 12.0
@@ -27,19 +27,19 @@ MUSCLES = ("protractor", "levator", "retractor", "depressor")
 
 @experiment("beyond-5.4.1-synergies", "synergies found in learnt gaits", "beyond section 5.4.1")
 class FoundSynergies(MuscleStudy):
-    """The activations of hexapods that learnt to walk on 24 muscles are factorised into four synergies each. Others
-    then learn to walk on those four, by OLGARB, from weights of 0; beside them some on synergies of the same sizes
-    whose muscles are drawn by lot, and some on those made by hand.
+    """The activations of hexapods that learnt to walk on 24 muscles are factorised into four synergies each. Other
+    hexapods then learn to walk on those four, by OLGARB, from weights of 0. For comparison, some learn on synergies of
+    the same sizes with randomly drawn muscles, and some on synergies made by hand.
 
     **Arguments:**
 
-    - `updates`: steps of the parameters on 24 muscles; what the learner anneals goes with them.
-    - `seeds`: hexapods that learn on 24 muscles, each by itself.
-    - `watched` (simulated s): for which frozen policies are watched, a multiple of 20.
-    - `gaits`: of how many of these hexapods the gait is factorised, those that get furthest.
+    - `updates`: of the parameters on 24 muscles; the learner's schedules scale with them.
+    - `seeds`: independent hexapods that learn on 24 muscles.
+    - `watched` (simulated s): for which frozen policies are evaluated, a multiple of 20.
+    - `gaits`: number of these hexapods whose gait is factorised, those that get farthest.
     - `learners`: hexapods that learn on the synergies of each gait.
     - `seconds` (simulated s): length of their practice.
-    - `lag` (decisions): by which what they observe is late.
+    - `lag` (decisions): delay of their observations.
     """
 
     gaits: int = 5
@@ -78,7 +78,7 @@ class FoundSynergies(MuscleStudy):
         level = float(values["controller speed"][0])
         speed = median_of(values["found sample speed"])
         counts = [len(values[f"{kind} sample net"]) // self.learners for kind in ("found", "by lot")]
-        # learners on the synergies of one gait are no independent evidence: they count by their mean
+        # learners on the synergies of one gait are not independent: they count by their mean
         each = [
             values[f"{kind} sample net"].reshape(count, -1).mean(1)
             for kind, count in zip(("found", "by lot"), counts, strict=True)
@@ -89,32 +89,32 @@ class FoundSynergies(MuscleStudy):
         explained = mean_of(values["explained"])
         return [
             more_than_half(
-                "Four synergies account for most of what 24 muscles do in a learnt gait.",
+                "Four synergies account for most of the activity of 24 muscles in a learnt gait.",
                 OURS,
-                "part of the activations' sum of squares above one half",
+                "fraction of the activations' sum of squares: above one half",
                 explained,
             ),
             above(
                 level,
-                "On synergies found in learnt gaits four units learn to walk.",
+                "On synergies found in learnt gaits, four units learn to walk.",
                 OURS,
-                f"frozen, actions drawn: median speed above that of the fixed controller, {level:.2f} m/s",
+                f"frozen, sampled actions: median speed above that of the fixed controller, {level:.2f} m/s",
                 speed,
                 "m/s",
-                f"Net displacement over 20 s: {net} m/s, with the most probable actions {mode}; on synergies made by "
-                f"hand {hand}.",
+                f"Net displacement over 20 s: {net} m/s; with the most probable actions {mode}; on hand-made synergies "
+                f"{hand}.",
             ),
             positive(
-                "It is the synergies that help: with muscles drawn by lot they get less far.",
+                "The synergies themselves help: with randomly drawn muscles, learners get less far.",
                 OURS,
-                "frozen, actions drawn, net displacement over 20 s: mean difference by gait above 0",
+                "frozen, sampled actions, net displacement over 20 s: mean difference by gait above 0",
                 over,
                 "m/s",
             ),
         ]
 
     def _find(self, work: Workspace) -> dict[str, Any]:
-        """The synergies of the gaits that lead furthest, and others of the same sizes."""
+        """Synergies of the gaits that get farthest, and random ones of the same sizes."""
         run = self.trained(work)
         outcome = evaluate(run, round(self.watched / run.task.period), mode="mode", threads=work.threads)
         assert outcome.activation is not None
@@ -138,25 +138,24 @@ class FoundSynergies(MuscleStudy):
         }
 
     def _learn(self, work: Workspace, name: str, words: Sequence[str], seeds: int) -> dict[str, np.ndarray]:
-        """Hexapods that learn on four synergies: their speed meanwhile, and how they walk frozen."""
+        """Hexapods that learn on four synergies: their speed during practice, and the walks of the frozen policies."""
         task = HexapodSynergy(synergies=tuple(str(unit) for unit in words), lag=self.lag)
         run = work.train(task, settings_for(task), round(self.seconds / task.period), seeds)
-        record = run.config["run"]["window"] * task.period
-        (curve,) = learning_curves([run], "speed", x="simulated", smooth=max(SMOOTH, 2 * record)).curves
+        time, speed = practice_curve(run, "speed", SMOOTH)
         judged = self.judged(work, run, name)
         kept = {key.removeprefix(f"{name} "): values for key, values in judged.items()}
-        return {"time": curve.x, "practice": curve.values, **kept}
+        return {"time": time, "practice": speed, **kept}
 
 
 def draw_synergies(values: Values) -> Figure:
-    """The synergies of the gait that leads furthest beside those made by hand; what is learnt on them."""
+    """Synergies of the gait that gets farthest, synergies made by hand, and what is learnt on them."""
 
     figure = new_figure(9.8, 7.6)
     panels: Any = figure.subplot_mosaic(
         [["found", "found"], ["hand", "hand"], ["practice", "frozen"]], height_ratios=[1, 1, 2.2], width_ratios=[1.7, 1]
     )
     part = f"{100 * float(values['explained'][0]):.0f} %"
-    _matrix(panels["found"], values, values["weights"][0], f"found in the gait that leads furthest, {part} explained")
+    _matrix(panels["found"], values, values["weights"][0], f"found in the gait that gets farthest, {part} explained")
     _matrix(panels["hand"], values, values["hand"], "made by hand: swing and stance of each tripod")
     _practice(panels["practice"], values)
     _frozen(panels["frozen"], values)
@@ -164,7 +163,7 @@ def draw_synergies(values: Values) -> Figure:
 
 
 def _matrix(axes: Axes, values: Values, weights: np.ndarray, title: str) -> None:
-    """Weights by unit and muscle, those of one tripod beside each other."""
+    """Weights by unit and muscle, grouped by tripod."""
     groups = [str(name) for name in values["groups"]]
     order = [groups.index(f"{muscle}_{leg}") for tripod in TRIPODS for muscle in MUSCLES for leg in tripod]
     axes.imshow(weights[:, order], cmap="Blues", vmin=0, vmax=1, aspect="auto")
@@ -198,6 +197,6 @@ def _frozen(axes: Axes, values: Values) -> None:
         axes.plot(across, net, "o", color=COLOURS[kind], markerfacecolor=face, markersize=4, alpha=0.75)
         axes.plot([place - 0.32, place + 0.32], [np.median(net)] * 2, color=COLOURS[kind], linewidth=2)
     axes.set_xticks(
-        range(len(rows)), [f"{kind},\n{'drawn' if mode == 'sample' else 'mode'}" for kind, mode in rows], fontsize=7.5
+        range(len(rows)), [f"{kind},\n{'sampled' if mode == 'sample' else 'mode'}" for kind, mode in rows], fontsize=7.5
     )
     axes.set(ylabel="net displacement over 20 s, frozen (m/s)", ylim=(-0.05, None))

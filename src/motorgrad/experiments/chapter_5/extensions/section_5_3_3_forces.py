@@ -1,4 +1,4 @@
-"""Section 5.3.3: how fast hexapods learn to walk with muscles of other strengths."""
+"""Section 5.3.3: hexapods that learn to walk with stronger or weaker muscles."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -10,35 +10,35 @@ from motorgrad._errors import check
 from motorgrad.bodies import BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.section_5_2_2 import behind_best
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Run, evaluate, settings_for
 
-SETTLING = 2.0  # s of a walk that are not measured
+SETTLING = 2.0  # seconds at the start of a walk that are not measured
 TOUCH = 0.5  # N
 WAYS = ("all", "lateral")
-"""Which muscles are stronger or weaker: all, or the lateral ones alone."""
+"""Which muscles are scaled: all, or only the lateral ones."""
 
 ROWS = (
     ("speed", "speed along the heading (m/s)"),
-    ("duty", "part of the time that\na foot is on the ground"),
-    ("airborne", "part of the time\nin the air"),
-    ("belly", "part of the time that\nthe belly is on the ground"),
+    ("duty", "fraction of the time with\na foot on the ground"),
+    ("airborne", "fraction of the time\nin the air"),
+    ("belly", "fraction of the time with\nthe belly on the ground"),
 )
 TITLES = {"all": "all muscles", "lateral": "the lateral muscles alone"}
 
 
 @experiment("sec-5.3.3-forces", "how strong the muscles are", "section 5.3.3")
 class Forces(Experiment):
-    """Hexapods learn to walk on four synergies with muscles of several strengths: all stronger or weaker, or the
-    lateral ones alone, which changes the ratio of lateral to vertical force. How fast the frozen policies walk, and for
-    how much of the time their feet are on the ground.
+    """Hexapods learn to walk on four synergies with muscles of several strengths: scaling all muscles, or only the
+    lateral ones, which changes the ratio of lateral to vertical force. Speed of the frozen policies, and the fraction
+    of the time that their feet are on the ground.
 
     **Arguments:**
 
-    - `levels`: factors of the usual greatest forces, at least three, rising, 1 among them but not at an end.
+    - `levels`: factors of the standard maximum forces, at least three, rising, 1 among them but not at an end.
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods that practise at each level, at least 2.
     - `watched` (simulated s): for which the frozen policies walk, with sampled actions.
@@ -50,8 +50,12 @@ class Forces(Experiment):
     watched: float = 22.0
 
     def __post_init__(self) -> None:
-        rising = len(self.levels) >= 3 and min(self.levels) > 0 and bool(np.all(np.diff(self.levels) > 0))
-        check(rising and 1.0 in self.levels[1:-1], "levels", self.levels, "at least three, rising, 1 between the ends")
+        check(
+            rising(self.levels, 3, above=0) and 1.0 in self.levels[1:-1],
+            "levels",
+            self.levels,
+            "at least three, rising, 1 between the ends",
+        )
         self.check_range(2, 10_000, "seeds")
         for name, least in (("seconds", 1.0), ("watched", SETTLING + 1.0)):
             check(least <= getattr(self, name) <= 1e6, name, getattr(self, name), f"from {least:g} to 1e6 simulated s")
@@ -61,7 +65,7 @@ class Forces(Experiment):
         return cls(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
 
     def task(self, lateral: float, vertical: float) -> HexapodSynergy:
-        """The task with muscles of so many times the usual forces."""
+        """The task with scaled muscle forces."""
         pairs = {
             "lateral_muscles": LateralPair(LateralPair.protractor * lateral, LateralPair.retractor * lateral),
             "vertical_muscles": VerticalPair(VerticalPair.levator * vertical, VerticalPair.depressor * vertical),
@@ -84,7 +88,7 @@ class Forces(Experiment):
         return found
 
     def _watch(self, work: Workspace, run: Run) -> Values:
-        """How the frozen policies of all seeds walk, (seeds,) each."""
+        """Walks of the frozen policies of all seeds, (seeds,) each."""
         outcome = evaluate(run, round(self.watched / run.task.period), threads=work.threads)
         reading = read_hexapod(BodyState(outcome.position, None, outcome.sensors or {}))
         late = outcome.time > SETTLING
@@ -119,29 +123,29 @@ class Forces(Experiment):
         told = {way: _medians(values, way) for way in WAYS}
         made = [
             positive(
-                "More force of all muscles slows the hexapod down past a point.",
+                "Beyond a point, more force of all muscles slows the hexapod down.",
                 self.source,
-                f"at {most} times the force slower than at the best level between the ends: above 0",
+                f"deficit at {most} times the force relative to the best inner level: above 0",
                 past,
                 "m/s slower",
-                f"The best for each seed is that of the others. Medians {told['all']}.",
+                f"The best level for each seed is that of the other seeds. Medians: {told['all']}.",
             ),
             positive(
                 "More force of the lateral muscles without more of the vertical ones slows it down.",
                 self.source,
-                f"at {most} times the lateral force slower than at the usual: above 0",
+                f"deficit at {most} times the lateral force relative to the standard force: above 0",
                 more,
                 "m/s slower",
-                f"Medians {told['lateral']}.",
+                f"Medians: {told['lateral']}.",
             ),
             positive(
-                "What slows it down is that the vertical muscles do not match.",
+                "The reason is that the vertical muscles do not match.",
                 self.source,
-                f"at {most} times the lateral force, faster with {most} times the vertical force too: above 0",
+                f"at {most} times the lateral force, gain with {most} times the vertical force: above 0",
                 matched,
                 "m/s faster",
                 f"Net displacement {net[0]:.2f} m/s with it, {net[1]:.2f} m/s without; overturned {falls[0]:.2g} and "
-                f"{falls[1]:.2g} times, after which a body begins anew.",
+                f"{falls[1]:.2g} times, after which a body restarts.",
             ),
         ]
         best = 1 + int(np.argmax(every[1:-1].mean(axis=1)))
@@ -150,27 +154,27 @@ class Forces(Experiment):
             air, belly = (values[f"{way} {name}"].mean(axis=1) for name in ("airborne", "belly"))
             made.append(
                 positive(
-                    f"With more force {words} feet are on the ground for less of the time.",
+                    f"With more force {words}, feet spend less time on the ground.",
                     self.source,
-                    f"at {most} times the force less than at {levels[level]:g}: above 0",
+                    f"reduction from {levels[level]:g} to {most} times the force: above 0",
                     less,
                     "of the time",
-                    f"In the air for {air[-1]:.0%} of the time in place of {air[level]:.0%}, on the belly for "
-                    f"{belly[-1]:.0%} in place of {belly[level]:.0%}.",
+                    f"In the air {air[-1]:.0%} of the time instead of {air[level]:.0%}, on the belly {belly[-1]:.0%} "
+                    f"instead of {belly[level]:.0%}.",
                 )
             )
         return made
 
 
 def _medians(values: Values, way: str) -> str:
-    """The speeds of all levels in words."""
+    """Median speeds at all levels, in words."""
     pairs = zip(values["levels"], np.median(values[f"{way} speed"], axis=1), strict=True)
     return ", ".join(f"{speed:.2f} m/s at {level:g}" for level, speed in pairs)
 
 
 def draw_forces(values: Values, usual: Mapping[str, float]) -> Figure:
-    """Speed and contact against the force: of all muscles (left), of the lateral ones alone (right); `usual` is, for
-    each, what the level 1 stands for."""
+    """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
+    standard value of each."""
 
     figure = new_figure(9, 9.8)
     axes = figure.subplots(len(ROWS), 2, sharex="col", sharey="row")
@@ -184,19 +188,17 @@ def draw_forces(values: Values, usual: Mapping[str, float]) -> Figure:
     lateral, ratio = usual["all"] * levels, usual["lateral"] * levels
     vertical = usual["all"] / usual["lateral"] * levels
     axes[-1, 0].set_xticks(levels, [f"{a:.0f}\n{b:.0f}" for a, b in zip(lateral, vertical, strict=True)])
-    axes[-1, 0].set_xlabel("greatest force of lateral (above)\nand of vertical muscles (below), N")
+    axes[-1, 0].set_xlabel("maximum force of lateral (above)\nand vertical muscles (below), N")
     axes[-1, 1].set_xticks(levels, [f"{one:.2g}" for one in ratio])
     axes[-1, 1].set_xlabel("lateral over vertical force")
     return figure
 
 
 def _against(axes: Axes, levels: np.ndarray, found: np.ndarray) -> None:
-    """Every seed, and the mean with its interval, against the level."""
+    """All seeds, and the mean with its interval, against the level."""
     spread = np.exp(np.linspace(-0.12, 0.12, found.shape[1]))
     axes.plot(levels[:, None] * spread, found, "o", color="0.7", markersize=3.5, markeredgewidth=0)
-    means = [mean_of(each) for each in found]
-    error = np.array([[m.value - m.low, m.high - m.value] for m in means]).T
-    axes.errorbar(levels, [m.value for m in means], error, fmt="o-", color="C0", capsize=3, markersize=5)
+    draw_intervals(axes, levels, [mean_of(each) for each in found], fmt="o-", color="C0", capsize=3, markersize=5)
     axes.axvline(1.0, color="0.85", linewidth=1, zorder=0)
     axes.set_xscale("log")
     axes.xaxis.minorticks_off()

@@ -1,4 +1,4 @@
-"""Sections 5.3.3 and 5.4.1: a search for the hexapod's body, for the fixed controller's speed."""
+"""Sections 5.3.3 and 5.4.1: a search for a body of the hexapod that is fast under the fixed controller."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from motorgrad._errors import check
 from motorgrad.bodies import compile_model
 from motorgrad.experiments._claims import Claim, mean_of, negative, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.extensions._body_space import (
     HEAVIER,
     PAIRS,
@@ -37,35 +37,35 @@ KINDS = ("cma-es", "boltzmann", "uniform")
 COLOURS = {"cma-es": "C0", "boltzmann": "C1", "uniform": "0.5"}
 METHODS = {"cma-es": "CMA-ES", "boltzmann": "Boltzmann selection", "uniform": "random sampling"}
 COMPARED = {
-    "base": "wide and heavy against\nslim and light",
-    "width": "wide against slim",
-    "mass": "heavy against light",
-    "joints": "vertical against lateral\njoints between sections",
+    "base": "wide and heavy vs.\nslim and light",
+    "width": "wide vs. slim",
+    "mass": "heavy vs. light",
+    "joints": "vertical vs. lateral\njoints between sections",
 }
-MEASURED = {"speed": "m/s faster", "duty": "feet on the ground for longer\n(part of the time)", "tilt": "° more tilt"}
-BODIES = {"usual": ("usual body", "C0", 0.12), "chance": ("bodies at random places", "C1", -0.12)}
+MEASURED = {"speed": "m/s faster", "duty": "feet longer on the ground\n(fraction of the time)", "tilt": "° more tilt"}
+BODIES = {"usual": ("standard body", "C0", 0.12), "chance": ("random bodies", "C1", -0.12)}
 SOURCE = "section 5.3.3"
-BODY_WORDS = {"usual": "of the usual body", "chance": "of bodies at random places"}
+BODY_WORDS = {"usual": "standard body", "chance": "random bodies"}
 
 
 @experiment("sec-5.3.3-morphology", "a search for the hexapod's body", "section 5.3.3", needs=("evosax", "search"))
 class Morphology(Experiment):
-    """A search for the hexapod's body: 15 of its numbers, so that it is fast under the fixed controller. CMA-ES, the
-    thesis's random search with Boltzmann selection and random sampling, with as many evaluations each; the body that
-    each search calls the best walks again, often. Which of its numbers made the best body fast; and what the thesis
-    observed: a wide heavy trunk against a slim light one, and vertical against lateral joints between the sections.
+    """A search over 15 numbers of the hexapod's body for speed under the fixed controller: CMA-ES, the thesis's random
+    search with Boltzmann selection, and random sampling, with equally many evaluations. The best body of each search is
+    judged by further walks. Which of its numbers made the best body fast; and the thesis's observations: a wide heavy
+    trunk compared with a slim light one, and vertical with lateral joints between the sections.
 
     **Arguments:**
 
     - `evaluations`: bodies that a search tries, a multiple of `batch`.
-    - `searches`: of each method, at least 2.
+    - `searches`: with each method, at least 2.
     - `batch`: bodies of a search that walk together, at least 4.
-    - `seconds` (simulated s): length of every walk, of which the first does not count.
-    - `again`: walks by which a number is judged, of bodies that differ by too little to matter; at least 2.
-    - `bodies`: bodies at random places, of which variants are compared; at least 2.
+    - `seconds` (simulated s): length of every walk, the first of which does not count.
+    - `again`: walks by which a body is judged, of copies with negligible differences; at least 2.
+    - `bodies`: random bodies of which variants are compared; at least 2.
     - `temperature`: of Boltzmann selection, in standard deviations of the scores.
-    - `changed`: numbers that Boltzmann selection moves at a time.
-    - `width`: standard deviation of its noise, in parts of a number's range.
+    - `changed`: numbers that Boltzmann selection changes at a time.
+    - `width`: standard deviation of its noise, as a fraction of a number's range.
     """
 
     evaluations: int = 240
@@ -91,7 +91,7 @@ class Morphology(Experiment):
         return cls(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
 
     def method(self, kind: str) -> Method:
-        """A method of search, with as many candidates to a round as the others."""
+        """A search method, with equally many candidates per round."""
         if kind == "cma-es":
             return CmaEs(population=self.batch)
         if kind == "boltzmann":
@@ -118,7 +118,7 @@ class Morphology(Experiment):
         return found
 
     def _search(self, work: Workspace, kind: str, number: int) -> Values:
-        """All that a search tries; the numbers that it calls the best; and how fast these are, again and again."""
+        """All candidates of a search, its best numbers, and the speeds of that body in further walks."""
         done = search(
             lambda candidates, random: walk_measures(candidates, self.seconds, work.threads)["speed"],
             SPACE,
@@ -138,14 +138,15 @@ class Morphology(Experiment):
         }
 
     def _often(self, work: Workspace, each: list[dict[str, float]], seed: int) -> Values:
-        """Walks of bodies with changes too small to matter: (bodies, again). One that falls apart has a speed of 0."""
+        """Walks of copies of bodies with negligible changes: (bodies, again). A body that falls apart has speed 0."""
         random = np.random.default_rng([1, seed])
         bodies = [copy for numbers in each for copy in jittered(numbers, self.again, random)]
         found = walk_in_batches(bodies, self.seconds, work.threads)
         return {name: np.nan_to_num(values).reshape(len(each), self.again) for name, values in found.items()}
 
     def _helped(self, work: Workspace, best: dict[str, float]) -> Values:
-        """The usual body with each number of the best one, and the best body with each number of the usual one."""
+        """The standard body with each number of the best one, and the best body with each number of
+        the standard one."""
         usual = usual_numbers()
         best = {**best, "axis": YAW if best["axis"] > 0.5 else PITCH}
         changed = [{**usual, name: best[name]} for name in SPACE.names]
@@ -167,7 +168,7 @@ class Morphology(Experiment):
 
 
 def draw_morphology(values: Values, kinds: Sequence[str]) -> Figure:
-    """The searches and the bodies (above), which numbers were found and which helped (middle), what the thesis observed
+    """The searches and the bodies (above), the numbers found and their effect (middle), the thesis's observations
     (below)."""
 
     figure = new_figure(10.5, 13.5)
@@ -186,7 +187,7 @@ def draw_morphology(values: Values, kinds: Sequence[str]) -> Figure:
 
 
 def _searches(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
-    """The best so far over the evaluations; at the right how fast the best bodies are when they walk again."""
+    """The best score so far over the evaluations; at the right, speeds of the best bodies in further walks."""
     for row, kind in enumerate(kinds):
         curves = np.fmax.accumulate(values[f"{kind} scores"], axis=1)
         count = np.arange(1, curves.shape[1] + 1)
@@ -196,16 +197,16 @@ def _searches(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
         again = values[f"{kind} again"].mean(axis=1)
         place = np.full(len(again), count[-1] * (1.05 + 0.04 * row))
         axes.plot(place, again, "o", color=colour, markersize=4, clip_on=False)
-    axes.axhline(values["usual"].mean(), color="0.25", linestyle="--", linewidth=1, label="the usual body")
-    axes.set(xlabel="evaluations; dots: the best walk again", ylabel="speed of the best body so far (m/s)")
+    axes.axhline(values["usual"].mean(), color="0.25", linestyle="--", linewidth=1, label="the standard body")
+    axes.set(xlabel="evaluations; dots: further walks of the best", ylabel="speed of the best body so far (m/s)")
     axes.set_ylim(0.9 * values["usual"].mean(), None)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=9)
 
 
 def _bodies(axes: Any, values: Values) -> None:
-    """The usual body and the best one, from the side and from above, to the same scale."""
+    """The standard body and the best one, from the side and from above, to the same scale."""
     best = dict(zip(SPACE.names, values["found"].tolist(), strict=True))
-    for column, (numbers, title) in enumerate(((usual_numbers(), "the usual body"), (best, "the best found"))):
+    for column, (numbers, title) in enumerate(((usual_numbers(), "the standard body"), (best, "the best body found"))):
         body = body_of(numbers)
         assert body is not None
         shown = dataclasses.replace(body, drive="muscles")
@@ -215,14 +216,14 @@ def _bodies(axes: Any, values: Values) -> None:
             firing = np.zeros(len(shown.groups))
             draw(place, model, model.key(0).qpos, firing, elevation=elevation, linewidth=1.3, ground=not row)
             place.set_aspect("equal", adjustable="box")
-            # the whole of either body, and the floor
+            # limits that show both bodies and the floor
             place.set(xlim=(-0.7, 0.7), ylim=(-0.7, 0.7) if row else (-0.05, 0.4))
             place.set_axis_off()
         axes[0, column].set_title(title)
 
 
 def _found(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
-    """The numbers that each search calls the best, as places within the bounds."""
+    """The best numbers of each search, relative to the bounds."""
     rows = np.arange(SPACE.size)
     for line, kind in enumerate(kinds):
         places = SPACE.places(values[f"{kind} best"])
@@ -231,9 +232,9 @@ def _found(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
         axes.plot([], [], "o", color=COLOURS[kind], markersize=4, label=METHODS[kind])
     usual = SPACE.places(list(usual_numbers().values()))
     axes.plot(usual, rows, "|", color="0.1", markersize=20, markeredgewidth=1.6)
-    axes.plot([], [], "|", color="0.1", markersize=9, markeredgewidth=1.6, label="the usual body")
+    axes.plot([], [], "|", color="0.1", markersize=9, markeredgewidth=1.6, label="the standard body")
     axes.set_yticks(rows, list(WORDS.values()))
-    axes.set(xlim=(-0.03, 1.03), ylim=(SPACE.size - 0.5, -0.5), xlabel="the best of each search, within the bounds")
+    axes.set(xlim=(-0.03, 1.03), ylim=(SPACE.size - 0.5, -0.5), xlabel="best of each search, relative to the bounds")
     bounds = [f"{each.low:g} … {each.high:g}" for each in SPACE.ranges.values()]
     bounds[-1] = ""
     for row, text in enumerate(bounds):
@@ -243,23 +244,23 @@ def _found(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
 
 
 def _helped(axes: Axes, values: Values) -> None:
-    """What each number of the best body does to the usual one, and what its loss does to the best one."""
+    """The effect of each number of the best body on the standard one, and of its removal from the best one."""
     usual, best = values["compared"]
     for name, words, colour, shift in (
-        ("changed", "gained by the usual body with this number of the best", "C0", -0.14),
-        ("undone", "lost by the best body with this number of the usual", "C3", 0.14),
+        ("changed", "gain of the standard body with this number of the best", "C0", -0.14),
+        ("undone", "loss of the best body with this number of the standard", "C3", 0.14),
     ):
         gained = values[name] - usual if name == "changed" else best - values[name]
         _intervals(axes, gained, np.arange(SPACE.size) + shift, colour, words)
     axes.axvline(0.0, color="0.6", linewidth=1, zorder=0)
     for row in range(SPACE.size):
         axes.axhline(row + 0.5, color="0.9", linewidth=0.7, zorder=0)
-    axes.set_xlabel(f"m/s; the usual body {usual.mean():.2f}, the best {best.mean():.2f}")
+    axes.set_xlabel(f"m/s; standard body {usual.mean():.2f}, best body {best.mean():.2f}")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9)
 
 
 def _observed(places: Any, values: Values) -> None:
-    """By how much the first of each pair is faster, stands for longer and tilts more than the second."""
+    """Differences within each pair in speed, time on the ground and tilt."""
     rows = np.arange(len(PAIRS))
     for axes, (measure, words) in zip(places, MEASURED.items(), strict=True):
         for bodies, (label, colour, shift) in BODIES.items():
@@ -273,11 +274,8 @@ def _observed(places: Any, values: Values) -> None:
 
 def _intervals(axes: Axes, found: Any, rows: np.ndarray, colour: str, label: str) -> None:
     """Means of rows of values, with their intervals."""
-    means = [mean_of(each) for each in found]
-    error = np.array([[m.value - m.low, m.high - m.value] for m in means]).T
-    axes.errorbar(
-        [m.value for m in means], rows, xerr=error, fmt="o", color=colour, markersize=4, capsize=2, label=label
-    )
+    look = {"fmt": "o", "color": colour, "markersize": 4, "capsize": 2, "label": label}
+    draw_intervals(axes, rows, [mean_of(each) for each in found], across=True, **look)
 
 
 def morphology_claims(values: Values, evaluations: int) -> Sequence[Claim]:
@@ -293,12 +291,12 @@ def _search_claims(values: Values, evaluations: int) -> list[Claim]:
         mean_of((boltzmann - usual) - 0.5 * (cma - usual)),
         mean_of(boltzmann - uniform),
     )
-    told = f"The usual body walks at {usual:.2f} m/s; each search's best was judged by walks that it had not seen."
+    told = f"The standard body walks at {usual:.2f} m/s; the best body of a search is judged by further walks."
     return [
         positive(
             "An outer loop with a global optimiser finds a faster body.",
             "section 5.4.1",
-            f"CMA-ES, {evaluations} evaluations: speed above the usual body's, difference above 0",
+            f"CMA-ES, {evaluations} evaluations: speed minus that of the standard body above 0",
             gain,
             "m/s",
             told,
@@ -306,15 +304,15 @@ def _search_claims(values: Values, evaluations: int) -> list[Claim]:
         negative(
             "Random search with Boltzmann selection is largely ineffective.",
             SOURCE,
-            "gains less than half of what CMA-ES gains with as many evaluations: what it gains beyond a half below 0",
+            "gain minus half the gain of CMA-ES with equally many evaluations: below 0",
             half,
             "m/s",
             f"It gains {(boltzmann - usual).mean():.2f} m/s, CMA-ES {gain.value:.2f} m/s.",
         ),
         positive(
-            "To select and perturb is better than to sample anywhere.",
+            "Selection and perturbation are better than random sampling.",
             "our own expectation",
-            "Boltzmann selection against random sampling, as many evaluations: difference above 0",
+            "Boltzmann selection minus random sampling, equally many evaluations: above 0",
             ahead,
             "m/s",
             f"Random sampling gains {(uniform - usual).mean():.2f} m/s.",
@@ -333,7 +331,7 @@ def _observation_claims(values: Values) -> list[Claim]:
                 f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference above 0",
                 base,
                 "m/s",
-                f"Width alone {width} m/s, mass alone {mass} m/s.",
+                f"Width alone: {width} m/s; mass alone: {mass} m/s.",
             )
         )
     for bodies, words in BODY_WORDS.items():
@@ -341,7 +339,7 @@ def _observation_claims(values: Values) -> list[Claim]:
         speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]
         made.append(
             positive(
-                f"Vertical joints between the sections make it faster than lateral ones ({words}).",
+                f"Vertical joints between the sections make the hexapod faster than lateral ones ({words}).",
                 SOURCE,
                 "the same body with either: difference above 0",
                 joints,
@@ -360,9 +358,9 @@ def _explanation_claims(values: Values) -> list[Claim]:
             more = mean_of(differences(values, bodies, pair, "duty"))
             made.append(
                 positive(
-                    f"Feet are on the ground for longer with a {words} ({of}).",
+                    f"Feet are on the ground longer with a {words} ({of}).",
                     SOURCE,
-                    "part of the time: difference above 0",
+                    "fraction of the time: difference above 0",
                     more,
                     "of the time",
                 )

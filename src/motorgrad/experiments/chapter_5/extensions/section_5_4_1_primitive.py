@@ -26,13 +26,13 @@ WORDS = {
     "movement": "the movement alone",
 }
 STILL = 0.021
-"""The deviation of a movement that is not learnt: next to none."""
+"""The deviation of a movement that is not learnt: close to none."""
 
 SURE = 7.0
-"""Below 0, the logarithm of a deviation that adds next to nothing to the floor."""
+"""The negative logarithm of a deviation that adds almost nothing to the floor."""
 
 RECORDS = 60
-CELLS = 41  # of the picture of a precondition, along each side
+CELLS = 41  # along each side of the picture of a precondition
 MEMBERS = np.array([[leg in tripod for leg in LEGS] for tripod in TRIPODS])
 COLOURS = {"both": "C0", "precondition": "C2", "movement": "C1"}
 TRIPOD = ("first", "second")
@@ -40,15 +40,15 @@ TRIPOD = ("first", "second")
 
 @experiment("sec-5.4.1-primitive", "motor primitives: when they begin and how they move", "section 5.4.1")
 class LearntPrimitives(Experiment):
-    """A hexapod walks by steps of its two tripods, motor primitives of a swing and a stance. When a step begins, its
-    precondition, and how long its parts last, its movement parameters, are learnt together from zero weights; or one of
-    them alone, the other staying as it began: steps begin at random, or last as long as at first.
+    """A hexapod walks by steps of its two tripods: motor primitives, each a swing and a stance. The start of a step
+    (its precondition) and the durations of its parts (its movement parameters) are learnt together from zero weights;
+    or one of them alone, while the other keeps its initial form: random starts of steps, or initial durations.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
-    - `watched` (simulated s): for which the learnt policies are watched, without learning.
+    - `watched` (simulated s): for which the learnt policies are evaluated, without learning.
     """
 
     seconds: float = 400.0
@@ -69,7 +69,7 @@ class LearntPrimitives(Experiment):
         return HexapodPrimitive()
 
     def learner(self, kind: str) -> AgentSettings:
-        """The learner that goes with the task, with step sizes of 0 for what is not learnt."""
+        """The task's own learner, with step sizes of 0 for what is not learnt."""
         rates: dict[str, float] = dict(self.task.learner["rates"])
         changes: dict[str, Any] = {}
         if kind == "precondition":
@@ -97,7 +97,7 @@ class LearntPrimitives(Experiment):
         return frozen_readings(work, policies, self.task, self.watched, "sample", ("speed",))
 
     def _learnt(self, policies: Any, middle: int) -> Values:
-        """What all seeds have learnt; and of the one in the middle, when its steps begin."""
+        """Parameters of all seeds; and, for the median one, the preconditions."""
         weights = np.asarray(policies.precondition.weights)
         level = jnp.asarray(policies.movement.level)
         lasting = self.task.lasting(jnp.concatenate([jnp.zeros((len(level), len(TRIPODS))), level], axis=1))
@@ -123,7 +123,7 @@ class LearntPrimitives(Experiment):
                 positive(
                     f"Learning {words.removesuffix(' learnt together')} makes the hexapod faster.",
                     "section 5.4.1",
-                    "the last fifth of the practice against the first twentieth: the difference is above 0",
+                    "the last fifth of the practice minus the first twentieth: above 0",
                     gained,
                     "m/s",
                 )
@@ -134,20 +134,20 @@ class LearntPrimitives(Experiment):
             speeds = f"{values['both speed'].mean():.2f} m/s and {values[f'{kind} speed'].mean():.2f} m/s."
             made.append(
                 positive(
-                    f"Both learnt together walk faster than {WORDS[kind]}.",
+                    f"Learning both together leads to faster walks than {WORDS[kind]}.",
                     "section 5.4.1",
-                    "after learning, frozen, seed by seed: the difference is above 0",
+                    "frozen after learning, paired by seed: difference above 0",
                     more,
                     "m/s",
-                    f"{speeds} With the means of the movement in place of draws the difference is {sure}.",
+                    f"{speeds} With mean movements instead of sampled ones, the difference is {sure}.",
                 )
             )
         back = share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1))
         made.append(
             more_than_half(
-                "A tripod's step comes to begin when its own legs are back, rather than the other tripod's.",
+                "A tripod learns to start a step when its own legs are back, rather than the other tripod's.",
                 "our own expectation",
-                "own legs' weights sum below 0 and below the others', for both tripods: in most seeds",
+                "weights of its own legs sum to less than 0 and less than the others', for both tripods: in most seeds",
                 back,
             )
         )
@@ -155,13 +155,13 @@ class LearntPrimitives(Experiment):
 
 
 def _sure(policies: Any) -> Any:
-    """The same policies with next to no noise in their movement."""
+    """The same policies with almost no noise in their movement."""
     return eqx.tree_at(lambda each: each.movement.log_deviation, policies, replace_fn=lambda noise: 0 * noise - SURE)
 
 
 def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
-    """With which probability each tripod's step begins, where it can, over the lateral angle of its own legs and that
-    of the others, all legs of a tripod alike: `(tripods, others, own)`."""
+    """Probability that each tripod starts a step, if it can, over the lateral angle of its own legs and that of the
+    others, all legs of a tripod alike: `(tripods, others, own)`."""
     own, other = np.meshgrid(angles, angles)
     places = []
     for each in range(len(TRIPODS)):
@@ -172,7 +172,7 @@ def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
 
 
 def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float, float], angle_scale: float) -> Figure:
-    """Learning curves; how long the parts of a step last; and the preconditions of one hexapod."""
+    """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
 
     figure = new_figure(10, 7.6)
     panels: Any = figure.subplots(2, 2)
@@ -187,7 +187,7 @@ def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float
     for tripod, axes in enumerate(panels[1]):
         shown = _precondition(axes, values, tripod, angle_scale)
     figure.colorbar(
-        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability that a step begins, per decision"
+        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability per decision of starting a step"
     )
     return figure
 
@@ -196,8 +196,8 @@ def _movements(axes: Axes, values: Values, start: tuple[float, float]) -> None:
     for tripod, marker in enumerate("os"):
         swing, stance = values["lasting"][:, tripod].T
         axes.plot(swing, stance, marker, markersize=4, alpha=0.8, label=f"{TRIPOD[tripod]} tripod")
-    axes.plot(*start, "k+", markersize=12, label="at first")
-    axes.set(xlabel="swing lasts, s", ylabel="stance lasts, s", xlim=(0, None), ylim=(0, None))
+    axes.plot(*start, "k+", markersize=12, label="initially")
+    axes.set(xlabel="duration of the swing, s", ylabel="duration of the stance, s", xlim=(0, None), ylim=(0, None))
     axes.legend(fontsize=8.5)
 
 
@@ -209,7 +209,7 @@ def _precondition(axes: Axes, values: Values, tripod: int, angle_scale: float) -
     lines = axes.contour(degrees, degrees, begins, levels=np.array([0.25, 0.5, 0.75]), colors="white", linewidths=0.8)
     axes.clabel(lines, fontsize=8)
     axes.set(
-        title=f"{TRIPOD[tripod]} tripod, seed of middle speed",
+        title=f"{TRIPOD[tripod]} tripod, median seed",
         xlabel="lateral angle of its own legs, degrees (forward +)",
         ylabel="of the other tripod's legs",
     )

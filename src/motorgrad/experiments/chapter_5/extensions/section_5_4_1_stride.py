@@ -1,4 +1,4 @@
-"""Section 5.4.1: a hexapod that walks by a clock learns its stride's period, up and down slopes."""
+"""Section 5.4.1: a hexapod driven by a clock learns the period of its strides, up and down slopes."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
@@ -21,25 +21,25 @@ from motorgrad.tasks import HexapodStride
 from motorgrad.training import AgentSettings, settings_for
 
 KINDS = ("slope", "constant")
-"""Learnt with the pitch, and without it."""
+"""Learnt as a function of the pitch, and as a constant."""
 
 RECORDS = 60
-LOOKS = {"slope": ("C0", "learnt, follows the pitch"), "constant": ("C1", "learnt, one number")}
+LOOKS = {"slope": ("C0", "learnt, function of the pitch"), "constant": ("C1", "learnt, constant")}
 
 
 @experiment("sec-5.4.1-stride", "a stride period that adapts to slopes", "section 5.4.1")
 class StridePeriod(Experiment):
-    """A hexapod whose tripods take turns by an open-loop clock learns the clock's period by policy gradient while the
-    ground rises and sinks: as a linear function of the pitch that it feels, and as one number. Beside them, clocks of
-    fixed periods on the same slopes: the one it began with, the best one, and the best one for each slope.
+    """A hexapod whose tripods alternate by an open-loop clock learns the period of the clock by policy gradient on
+    ground that rises and falls: as a linear function of the pitch that it senses, and as one number. For comparison,
+    clocks of fixed periods on the same slopes: the initial one, the best one, and the best one for each slope.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
     - `periods` (s): of the fixed clocks.
-    - `starts`: phases, at random, from which each fixed clock begins on each slope.
-    - `watched` (simulated s): for which each is watched on each slope, without learning.
+    - `starts`: random phases from which each fixed clock starts on each slope.
+    - `watched` (simulated s): for which each is evaluated on each slope, without learning.
     """
 
     seconds: float = 300.0
@@ -54,9 +54,8 @@ class StridePeriod(Experiment):
         self.check_range(2, 1_000, "starts")
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
-        rising = len(self.periods) > 1 and list(self.periods) == sorted(set(self.periods))
         limits = f"from {self.task.shortest} to {self.task.longest} s"
-        check(within and rising, "periods", self.periods, f"at least two rising ones {limits}")
+        check(within and rising(self.periods, 2), "periods", self.periods, f"at least two rising ones {limits}")
 
     @classmethod
     def quick(cls) -> Self:
@@ -67,8 +66,8 @@ class StridePeriod(Experiment):
         return HexapodStride()
 
     def learner(self, kind: str) -> AgentSettings:
-        """The learner that goes with the task, whose parameters are averaged over the second half of the practice; for
-        `"constant"` the pitch has no effect."""
+        """The task's own learner, with parameters averaged over the second half of the practice; for `"constant"`, the
+        pitch has no effect."""
         rates = dict(self.task.learner["rates"])
         rates = rates if kind == "slope" else rates | {"slope": 0.0}
         return settings_for(self.task, rates=rates, average=True, average_start=self.decisions // 2)
@@ -93,7 +92,7 @@ class StridePeriod(Experiment):
         return found
 
     def _on_slopes(self, work: Workspace, name: str, policies: Any) -> Values:
-        """Speed and mean period of each policy on each of the slopes, `(policies, slopes)`, without exploring."""
+        """Speed and mean period of each policy on each slope, `(policies, slopes)`, without exploration."""
         grounds = [dataclasses.replace(self.task, slopes=(slope,)) for slope in self.task.slopes]
         seen = [
             frozen_readings(work, policies, ground, self.watched, "mode", ("speed", "period")) for ground in grounds
@@ -114,40 +113,40 @@ class StridePeriod(Experiment):
         source = "section 5.4.1"
         return [
             positive(
-                "Policy gradient learns a stride period that is faster than the one it began with.",
+                "Policy gradient learns a stride period that is faster than the initial one.",
                 source,
-                "one learnt period, mean over the slopes: the difference is above 0",
+                "one learnt period, mean over the slopes: difference above 0",
                 gained,
                 "m/s",
-                f"{constant.mean():.2f} m/s; with {values['grid'][-1]:g} s, {began:.2f} m/s.",
+                f"{constant.mean():.2f} m/s; at {values['grid'][-1]:g} s, {began:.2f} m/s.",
             ),
             Claim(
-                "It comes to the best of the fixed periods.",
+                "It reaches the best of the fixed periods.",
                 "our own expectation",
-                "at least 0.9 of that one's speed, mean over the slopes: the whole interval",
+                "at least 0.9 times its speed, mean over the slopes: the whole interval",
                 share,
                 share.low >= 0.9,
-                note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s with {best:.2f} m/s.",
+                note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s, at {best:.2f} m/s.",
             ),
             positive(
-                "Learnt with the pitch, strides are longer in time uphill than downhill.",
+                "If the period is a function of the pitch, strides last longer uphill than downhill.",
                 source,
-                "between the steepest two slopes: the difference is above 0",
+                "between the two steepest slopes: difference above 0",
                 longer,
                 "s",
             ),
             positive(
-                "A period that follows the pitch is faster than one learnt period.",
+                "A period that depends on the pitch is faster than a constant one.",
                 source,
-                "mean over the slopes, seed by seed: the difference is above 0",
+                "mean over the slopes, paired by seed: difference above 0",
                 paid,
                 "m/s",
                 f"{adaptive.mean():.2f} m/s and {constant.mean():.2f} m/s.",
             ),
             positive(
-                "There is something to be gained: the best period for each slope is faster than the best one for all.",
+                "There is potential: the best period for each slope is faster than the best one for all.",
                 source,
-                "both chosen by the other starts, mean over the slopes: the difference is above 0",
+                "both chosen by the other starts, mean over the slopes: difference above 0",
                 room,
                 "m/s",
             ),
@@ -155,8 +154,8 @@ class StridePeriod(Experiment):
 
 
 def room_for_slopes(speed: np.ndarray) -> np.ndarray:
-    """By how much (m/s) the best period of each slope beats the best one for all slopes, `(periods, starts, slopes)` to
-    `(starts,)`. For each start both are chosen by the other starts, so that chance favours neither."""
+    """Advantage (m/s) of the best period for each slope over the best one for all slopes, `(periods, starts, slopes)`
+    to `(starts,)`. For each start, both are chosen by the other starts, so that selection introduces no bias."""
     gains = []
     for start in range(speed.shape[1]):
         others = np.delete(speed, start, axis=1).mean(1)
@@ -166,7 +165,7 @@ def room_for_slopes(speed: np.ndarray) -> np.ndarray:
 
 
 def _clocks(task: HexapodStride, periods: np.ndarray, starts: int) -> GradedHyperplanes:
-    """Policies with these fixed periods, each so many times, along a leading axis."""
+    """Policies with these fixed periods, each repeated, along a leading axis."""
     one = graded_hyperplanes(task)
     levels = jnp.repeat(jnp.asarray(task.start / periods - 1.0, jnp.float32), starts)[:, None]
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(levels), *leaf.shape)), one)
@@ -196,9 +195,9 @@ def _learning(axes: Axes, values: Values) -> None:
 def _speeds(axes: Axes, values: Values) -> None:
     slopes, fixed, grid = values["slopes"], values["fixed speed"].mean(1), values["grid"]
     best = fixed[:-1].mean(1).argmax()
-    axes.plot(slopes, fixed[:-1].max(0), color="0.75", linewidth=5, label="best fixed period of each slope")
-    axes.plot(slopes, fixed[best], "--", color="0.2", label=f"best fixed period of all, {grid[best]:g} s")
-    axes.plot(slopes, fixed[-1], ":", color="0.2", label=f"period it began with, {grid[-1]:g} s")
+    axes.plot(slopes, fixed[:-1].max(0), color="0.75", linewidth=5, label="best fixed period for each slope")
+    axes.plot(slopes, fixed[best], "--", color="0.2", label=f"best fixed period for all, {grid[best]:g} s")
+    axes.plot(slopes, fixed[-1], ":", color="0.2", label=f"initial period, {grid[-1]:g} s")
     for kind, (colour, label) in LOOKS.items():
         _quartiles(axes, slopes, values[f"{kind} speed"], colour, label)
     axes.set(xlabel="slope, degrees (positive uphill)", ylabel="speed, m/s", xticks=slopes)
@@ -218,7 +217,7 @@ def _grid(axes: Axes, values: Values) -> None:
 
 def _periods(axes: Axes, values: Values) -> None:
     slopes, speed = values["slopes"], values["fixed speed"][:-1].mean(1)
-    axes.plot(slopes, values["grid"][speed.argmax(0)], "s", color="0.5", label="best fixed period of each slope")
+    axes.plot(slopes, values["grid"][speed.argmax(0)], "s", color="0.5", label="best fixed period for each slope")
     for kind, (colour, label) in LOOKS.items():
         _quartiles(axes, slopes, values[f"{kind} period"], colour, label)
     axes.set(xlabel="slope, degrees (positive uphill)", ylabel="period of a stride, s", ylim=(0, None), xticks=slopes)

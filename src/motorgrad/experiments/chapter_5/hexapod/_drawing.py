@@ -1,7 +1,7 @@
-"""The hexapod drawn from its model, from the side, from the front and from above, with its parts named."""
+"""Drawings of the hexapod: its body in three views with labels, and records of a walk."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (the bindings of mujoco have no types)
 
 from typing import Any
 
@@ -14,12 +14,12 @@ from motorgrad.sim import draw
 
 FRONT, ABOVE, SIDE = {"azimuth": 180.0}, {"elevation": -90.0}, {"elevation": 0.0}
 AXES = {"side": (0, 2), "front": (1, 2), "above": (0, 1)}
-"""Which world axes a view has to the right and up."""
+"""The world axes that point right and up in each view."""
 
 LOOKS: dict[str, dict[str, float]] = {"side": SIDE, "front": FRONT, "above": ABOVE}
 SIZE, FREEDOM = "0.35", "#2e8b57"
 ORDER = [leg for tripod in TRIPODS for leg in tripod]
-"""Legs as they are drawn, the first tripod above."""
+"""Legs in drawing order, the first tripod on top."""
 
 TRIPOD_COLOURS = ("#0072B2", "#D55E00")
 STATE_COLOURS = {LegState.STANCE: "0.25", LegState.WAIT: "#E69F00", LegState.SWING: "#56B4E9", LegState.DROP: "#009E73"}
@@ -27,9 +27,9 @@ TOUCH = TripodController().contact  # N
 
 
 def draw_view(axes: Axes, hexapod: Hexapod, view: str, linewidth: float = 1.6) -> None:
-    """The hexapod in its start pose, retractors and depressors firing; the axes in metres, hidden.
+    """The hexapod in its start pose with firing retractors and depressors; axes in metres, hidden.
 
-    **Arguments:** `view`: "side" and "above" have its head to the right, "front" looks at it from its head.
+    **Arguments:** `view`: "side" and "above" have the head on the right, "front" looks at the head.
     """
     model = compile_model(hexapod)
     firing = np.array([float(name.startswith(("retractor", "depressor"))) for name in hexapod.groups])
@@ -39,7 +39,7 @@ def draw_view(axes: Axes, hexapod: Hexapod, view: str, linewidth: float = 1.6) -
 
 
 class Places:
-    """Where the parts of a hexapod in its start pose are, in the plane of a view, in m."""
+    """Positions of a hexapod's parts in its start pose, in the plane of a view, in m."""
 
     def __init__(self, hexapod: Hexapod, view: str) -> None:
         model = compile_model(hexapod)
@@ -52,7 +52,7 @@ class Places:
         return np.array(point)[self._view]
 
     def joint(self, part: str) -> np.ndarray:
-        """The inner end of a bone such as `femur_left_front`, or the middle of a section."""
+        """The inner end of a bone such as `femur_left_front`, or the centre of a section."""
         return self._seen(self._data.body(part).xpos)
 
     def tip(self, leg: str) -> np.ndarray:
@@ -60,16 +60,16 @@ class Places:
         foot, section = self._data.body(f"foot_{leg}"), self._hexapod.sections[leg.partition("_")[2]]
         return self._seen(foot.xpos + foot.xmat.reshape(3, 3) @ (section.leg.foot.length, 0.0, 0.0))
 
-    def muscle(self, name: str, part: float = 0.5) -> np.ndarray:
-        """A point of a muscle, a `part` of the way from its origin to its insertion."""
+    def muscle(self, name: str, fraction: float = 0.5) -> np.ndarray:
+        """The point of a muscle at this fraction of the way from origin to insertion."""
         origin, insertion = (self._data.site(f"{name}_{end}").xpos for end in ("origin", "insertion"))
-        return self._seen(origin + part * (insertion - origin))
+        return self._seen(origin + fraction * (insertion - origin))
 
 
 def name_part(
     axes: Axes, words: str, at: np.ndarray, offset: tuple[float, float], colour: str = "0.15", size: float = 8.5
 ) -> None:
-    """Words beside a part, `offset` metres away from it, with a line to it."""
+    """A label `offset` metres from a part, with a line to it."""
     place = (at[0] + offset[0], at[1] + offset[1])
     axes.annotate(
         words,
@@ -85,7 +85,7 @@ def name_part(
 
 
 def dimension(axes: Axes, start: Any, stop: Any, words: str, away: tuple[float, float], colour: str = SIZE) -> None:
-    """A length from one point to another, its number `away` metres from the middle of the arrow."""
+    """A labelled distance between two points; the label is `away` metres from the middle of the arrow."""
     look = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tuple(start), tuple(stop), zorder=7, arrowprops=look)
     x, y = (np.asarray(start) + stop) / 2 + away
@@ -93,7 +93,7 @@ def dimension(axes: Axes, start: Any, stop: Any, words: str, away: tuple[float, 
 
 
 def freedom(axes: Axes, joint: np.ndarray, rest: float, span: tuple[float, float], radius: float, words: str) -> None:
-    """The range of a joint as an arc about it, in degrees from `rest`, itself from the right."""
+    """The range of a joint as an arc, in degrees from `rest`, itself measured from the right."""
     from matplotlib.patches import Arc
 
     least, greatest = sorted(rest + np.array(span))
@@ -108,12 +108,12 @@ def freedom(axes: Axes, joint: np.ndarray, rest: float, span: tuple[float, float
 
 
 def tripod_colour(leg: str) -> str:
-    """The colour of the tripod to which a leg belongs."""
+    """The colour of a leg's tripod."""
     return TRIPOD_COLOURS[leg not in TRIPODS[0]]
 
 
 def draw_states(axes: Axes, time: np.ndarray, states: np.ndarray) -> None:
-    """The states (decisions, 6) of the legs as bars, each decision having begun one period before its time in s."""
+    """States (decisions, 6) of the legs as bars; each decision began one period before its time in s."""
     from matplotlib.patches import Patch
 
     for row, leg in enumerate(ORDER):
@@ -125,14 +125,14 @@ def draw_states(axes: Axes, time: np.ndarray, states: np.ndarray) -> None:
 
 
 def draw_angles(axes: Axes, time: np.ndarray, lateral: np.ndarray) -> None:
-    """The lateral angles (decisions, 6) in rad, in the colours of the tripods."""
+    """Lateral angles (decisions, 6) in rad, coloured by tripod."""
     for leg in ORDER:
         axes.plot(time, np.degrees(lateral[:, LEGS.index(leg)]), color=tripod_colour(leg), linewidth=1)
     axes.set_ylabel("lateral angle (°)")
 
 
 def draw_contacts(axes: Axes, time: np.ndarray, contact: np.ndarray) -> None:
-    """When the feet press on the ground with more than `TOUCH`, of forces (decisions, 6) in N."""
+    """Bars while a foot presses on the ground with more than `TOUCH`, for forces (decisions, 6) in N."""
     for row, leg in enumerate(ORDER):
         _bars(axes, row, time, contact[:, LEGS.index(leg)] > TOUCH, tripod_colour(leg))
     _rows(axes)
@@ -143,7 +143,7 @@ def _rows(axes: Axes) -> None:
 
 
 def _bars(axes: Axes, row: int, time: np.ndarray, holds: np.ndarray, colour: str) -> None:
-    """A bar over every run of decisions after which something holds."""
+    """A bar over every run of decisions after which a condition holds."""
     period = time[1] - time[0]
     ends = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
     first, last = np.flatnonzero(ends > 0), np.flatnonzero(ends < 0)

@@ -1,4 +1,5 @@
-"""What the experiments on learnt gaits share: the learner of section 5.3.4, its training, and how it is judged."""
+"""The study of learnt gaits: the learner of section 5.3.4, its training and evaluation, and walks of the fixed
+controller."""
 
 import dataclasses
 import math
@@ -8,31 +9,32 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, walk
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import AgentSettings, Evaluation, Run, evaluate, settings_for
 
 GAITS = ("tripod", "pronk", "intermediate", "stalled")
 MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
-START = 2.0  # s of a walk that are no part of its gait
+START = 2.0  # seconds at the start of a walk that do not count towards its gait
 OURS = "our own expectation"
 INDEPENDENT = "an independent model of the hexapod"
 JITTER = 1e-3
-"""Of the servos' gain, relative: too little to matter, and enough for walks, which are chaotic, to part."""
+"""Relative variation of the servos' gain: negligible in itself, but sufficient for walks, which are chaotic, to
+diverge."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SynergyStudy(Experiment):
-    """An experiment on hexapods that have practised on four synergies, by default with the thesis's own numbers.
+    """Base of experiments on hexapods that practise on four synergies, by default with the thesis's numbers.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
-    - `seeds`: hexapods that practise with each lag, each by itself.
-    - `lags` (decisions): by which what is observed is late, rising; the thesis has none.
+    - `seeds`: independent hexapods with each lag.
+    - `lags` (decisions): delays of the observations, rising; the thesis has none.
     - `decay`: of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
-    - `watched` (simulated s): for which the frozen policies are watched, at least 20.
+    - `watched` (simulated s): for which the frozen policies are evaluated, at least 20.
     """
 
     seconds: float = 600.0
@@ -43,12 +45,11 @@ class SynergyStudy(Experiment):
     watched: float = 20.0
 
     def __post_init__(self) -> None:
-        rising = len(self.lags) >= 1 and list(self.lags) == sorted(set(self.lags))
-        check(rising, "lags", self.lags, "at least one, rising")
+        check(rising(self.lags), "lags", self.lags, "at least one, rising")
         for lag in self.lags:
             _ = self.learner(lag)
         least = 50 * self.task(min(self.lags)).period
-        check(least <= self.seconds < math.inf, "seconds", self.seconds, f"a finite time of at least {least:g} s")
+        check(least <= self.seconds < math.inf, "seconds", self.seconds, f"finite and at least {least:g} s")
         self.check_range(2, 10_000, "seeds")
         check(20.0 <= self.watched <= 3600, "watched", self.watched, "in 20 … 3600 simulated s")
 
@@ -57,7 +58,7 @@ class SynergyStudy(Experiment):
         return cls(seconds=6.0, seeds=2, lags=(0, 1))
 
     def task(self, lag: int) -> HexapodSynergy:
-        """The task with observations that are late by so many decisions."""
+        """The task with observations delayed by this many decisions."""
         return HexapodSynergy(lag=lag)
 
     def learner(self, lag: int) -> AgentSettings:
@@ -65,19 +66,18 @@ class SynergyStudy(Experiment):
         return settings_for(self.task(lag), decay=self.decay, rate=self.rate)
 
     def trained(self, work: Workspace, lag: int) -> Run:
-        """The hexapods that have practised; those of another experiment with the same settings, where there are
-        some."""
+        """Trained hexapods, shared with other experiments of the same settings."""
         task = self.task(lag)
         return work.train(task, self.learner(lag), round(self.seconds / task.period), self.seeds)
 
     def watch(self, work: Workspace, run: Run, mode: Literal["sample", "mode"]) -> Evaluation:
-        """The policies of all seeds act from a fresh start, without learning."""
+        """Evaluate the policies of all seeds from a fresh start, without learning."""
         return evaluate(run, round(self.watched / run.task.period), mode=mode, threads=work.threads)
 
 
 def controller_speeds(work: Workspace, seconds: float) -> Values:
-    """How fast the fixed controller walks on level ground once it has started, (1,) each: `speed` along the heading and
-    `net` displacement over time, m/s."""
+    """Speeds of the fixed controller on level ground after its start, (1,) each, in m/s: `speed` along the heading and
+    `net` displacement over time."""
 
     def measure() -> dict[str, Any]:
         gait = walk(Hexapod(drive="servos"), seconds=seconds + START, threads=work.threads).gait(since=START)
@@ -87,14 +87,14 @@ def controller_speeds(work: Workspace, seconds: float) -> Values:
 
 
 def gait_readings(outcome: Evaluation) -> dict[str, np.ndarray]:
-    """Of an evaluation, for each seed: `speed`, `net`, `stalls` and `falls` as the task reports them, `gait` and its
-    measures."""
+    """Results of an evaluation for each seed: `speed`, `net`, `stalls` and `falls` as the task reports them, `gait` and
+    its measures."""
     return {**outcome.readings, **outcome.measures}
 
 
 def jittered_hexapods(count: int) -> list[Hexapod]:
-    """Hexapods with servos that are the same but for tiny differences of their servos' gain: walks of the first are
-    one sample, of all the spread that chaos has."""
+    """Hexapods with servos that differ only by tiny variations of the servos' gain: their walks sample the spread due
+    to chaos."""
     gains = 1.0 + JITTER * np.random.default_rng(0).uniform(-1.0, 1.0, count)
     body = Hexapod(drive="servos")
     return [dataclasses.replace(body, servo_gain=body.servo_gain * float(gain)) for gain in gains]

@@ -14,9 +14,8 @@ LEG = "left_middle"
 
 @experiment("fig-5.6", "the hexapod", "figure 5.6")
 class HexapodBody(Experiment):
-    """The hexapod: three sections behind one another, joined by two joints of a few degrees, and on each two legs of
-    three segments with four muscles each. From the side, from the front and from above, with its numbers.
-    """
+    """The hexapod: three sections in a row, joined by two joints with a range of a few degrees, each with two legs of
+    three segments and four muscles per leg. Side, front and top view, with its numbers."""
 
     def run(self, work: Workspace) -> Values:
         return {}
@@ -81,7 +80,7 @@ def _above(axes: Axes, body: Hexapod) -> None:
     name_part(axes, f"protractor, {lateral.protractor:g} N", places.muscle(f"protractor_{name}", 0.3), (0.1, -0.005))
     retractor = places.muscle("retractor_left_rear", 0.4)
     name_part(axes, f"retractor, {lateral.retractor:g} N", retractor, (-0.12, 0.03), EXTENSOR)
-    # of a leg of the right, to the other side
+    # of a right leg, towards the other side
     turned = places.joint("coxa_right_rear")
     freedom(axes, turned, -90.0, leg.lateral.range, 0.3, "")
     words = _span(leg.lateral.range)

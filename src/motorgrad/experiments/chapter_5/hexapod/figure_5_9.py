@@ -1,4 +1,4 @@
-"""Figure 5.9: the biomimetic hexapod, and what its feet need."""
+"""Figure 5.9: the biomimetic hexapod, and the requirements on its feet."""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
@@ -13,8 +13,8 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
 from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
 
 SECTION = "section 5.4.1"
@@ -29,15 +29,15 @@ WORDS = {"front": "front feet", "behind": "middle and rear feet"}
 @experiment("fig-5.9", "the biomimetic hexapod", "figure 5.9")
 class BiomimeticHexapod(Experiment):
     """The hexapod whose legs have different functions, drawn from its model. Under the fixed controller, over bumps:
-    how fast it walks with more and with less friction of its front feet, and of the others; how much these slip; and
-    how it walks with front legs that rise less in the swing.
+    its speed for several frictions of the front feet and of the others; the slip of the latter; and its walk with front
+    legs that rise less in the swing.
 
     **Arguments:**
 
     - `frictions`: of the feet, rising, at least two.
-    - `highest` (degrees): to which front legs rise that are not clear in the swing.
-    - `height` (m): of the bumps, on ground of its own for each seed.
-    - `seconds` (simulated s): length of each walk, from two seconds after its start on.
+    - `highest` (degrees): elevation of front legs that are not clear in the swing.
+    - `height` (m): of the bumps; each seed has its own ground.
+    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: walks of each body.
     """
 
@@ -48,8 +48,7 @@ class BiomimeticHexapod(Experiment):
     seeds: int = 20
 
     def __post_init__(self) -> None:
-        rising = len(self.frictions) >= 2 and self.frictions[0] > 0 and bool(np.all(np.diff(self.frictions) > 0))
-        check(rising, "frictions", self.frictions, "at least two, above 0 and rising")
+        check(rising(self.frictions, 2, above=0), "frictions", self.frictions, "at least two, above 0 and rising")
         check(0.0 <= self.highest <= 45.0, "highest", self.highest, "in 0 … 45 degrees")
         check(0.0 < self.height <= 1.0, "height", self.height, "in (0, 1] m")
         check(1.0 <= self.seconds <= 15, "seconds", self.seconds, "in 1 … 15 simulated s: the field ends")
@@ -60,7 +59,7 @@ class BiomimeticHexapod(Experiment):
         return cls(frictions=(0.4, 1.6), seconds=2.0, seeds=2)
 
     def bodies(self) -> dict[str, Hexapod]:
-        """The bodies that walk, by name; a friction in words where it is not the body's own."""
+        """The bodies that walk, by name, which includes a friction that differs from the body's own."""
         body = biomimetic_hexapod("servos")
         rough = with_friction(body, ("front",), self.frictions[-1])
         made = {"as it is": body, "plain": Hexapod(drive="servos"), "low": with_low_front(body, self.highest)}
@@ -91,42 +90,43 @@ class BiomimeticHexapod(Experiment):
 
         front, behind = (f"front {least}", f"front {most}"), (f"behind {most}", f"behind {least}")
         own = f"{biomimetic_hexapod().front.leg.friction:g}"
-        early = "Parts of the swing in which front feet touch the ground: {}, and {} of legs that are not clear."
+        early = "Fraction of the swing in which front feet touch the ground: {}, and {} for legs that are not clear."
         fastest = max(values["friction"], key=lambda friction: values[f"behind {friction:g} speed"].mean())
-        best = f"Fastest with {fastest:g}: {means('speed', f'behind {fastest:g}')} m/s."
+        best = f"Fastest at {fastest:g}: {means('speed', f'behind {fastest:g}')} m/s."
         rows = (
             (
-                f"The front feet must have low friction: it is faster with {least} than with {most}.",
+                f"The front feet need low friction: the hexapod is faster with {least} than with {most}.",
                 difference("speed", *front),
                 "m/s",
-                f"{means('speed', *front)} m/s. As it is, with {own}: {means('speed', 'as it is')} m/s.",
+                f"{means('speed', *front)} m/s. Unchanged, with {own}: {means('speed', 'as it is')} m/s.",
             ),
             (
-                f"The friction of middle and rear feet must be high: with {least} they slip more than with {most}.",
+                f"Middle and rear feet need high friction: with {least} they slip more than with {most}.",
                 difference("slip", *behind[::-1]),
                 "m/s",
                 f"{means('slip', *behind[::-1])} m/s while on the ground.",
             ),
             (
-                f"Because they slip, it is slower with {least} than with {most} on middle and rear feet.",
+                f"Because they slip, the hexapod is slower with {least} than with {most} on middle and rear feet.",
                 difference("speed", *behind),
                 "m/s",
                 f"{means('speed', *behind[::-1])} m/s. {best}",
             ),
             (
-                f"The front legs must be clear in the swing: it is slower where they rise to {self.highest:g}° only.",
+                "The front legs must be clear in the swing: the hexapod is slower if they rise only to "
+                f"{self.highest:g}°.",
                 difference("speed", "as it is", "low"),
                 "m/s",
                 early.format(means("early", "as it is"), means("early", "low")),
             ),
             (
-                f"So it is where their feet have a friction of {most}.",
+                f"This also holds if their feet have a friction of {most}.",
                 difference("speed", f"front {most}", "rough low"),
                 "m/s",
                 early.format(means("early", f"front {most}"), means("early", "rough low")),
             ),
             (
-                "Legs with different functions turn the body, unless they are timed: it yaws more than the plain one.",
+                "Untimed legs with different functions turn the body: it yaws more than the plain hexapod.",
                 difference("yaw", "as it is", "plain"),
                 "rad/s",
                 f"Root mean squares of the yaw rate: {means('yaw', 'as it is', 'plain')} rad/s.",
@@ -141,7 +141,7 @@ class BiomimeticHexapod(Experiment):
 
 
 def with_friction(body: Hexapod, sections: Sequence[str], friction: float) -> Hexapod:
-    """The same hexapod with another friction of the feet of some sections."""
+    """The hexapod with this friction of the feet of these sections."""
     changed = {name: body.sections[name] for name in sections}
     return dataclasses.replace(
         body,
@@ -153,7 +153,7 @@ def with_friction(body: Hexapod, sections: Sequence[str], friction: float) -> He
 
 
 def with_low_front(body: Hexapod, highest: float) -> Hexapod:
-    """The same hexapod with front legs that rise to an angle in degrees and no further."""
+    """The hexapod with front legs that rise only to this angle in degrees."""
     leg = body.front.leg
     hinge = Hinge((leg.vertical.range[0], highest), leg.vertical.stiffness, leg.vertical.damping)
     return dataclasses.replace(
@@ -162,11 +162,11 @@ def with_low_front(body: Hexapod, highest: float) -> Hexapod:
 
 
 def walk_on_bumps(body: Hexapod, height: float, seeds: int, seconds: float, threads: int) -> dict[str, Any]:
-    """How a hexapod walks over bumps, each seed on its own, once it has started; (seeds,) each.
+    """Walks of a hexapod over bumps after its start, each seed on its own ground; (seeds,) each.
 
     **Returns** by name: `speed` along the heading and `net` displacement over time, m/s; `slip`, the speed at which
-    the middle and rear feet slide while they are on the ground, m/s; `early`, the part of the front legs' swing in
-    which they touch the ground; `yaw`, the root mean square of the yaw rate, rad/s.
+    middle and rear feet slide while on the ground, m/s; `early`, the fraction of the front legs' swing in which they
+    touch the ground; `yaw`, the root mean square yaw rate, rad/s.
     """
     grounds = [OnTerrain(body, Terrain("bumps", height=height, seed=seed)) for seed in range(seeds)]
     found = walk(grounds, seconds=seconds + START, threads=threads)
@@ -183,8 +183,8 @@ def walk_on_bumps(body: Hexapod, height: float, seeds: int, seconds: float, thre
 
 
 def slip(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
-    """How fast feet slide over the ground between two decisions at which they touch it, the mean of those that do, 0
-    where none does, (decisions − 1, seeds) in m/s."""
+    """Mean sliding speed of the feet that touch the ground at two consecutive decisions, 0 if none does, (decisions −
+    1, seeds) in m/s."""
     contact = found.reading.contact[:, :, list(legs)] > TOUCH
     both = contact[1:] & contact[:-1]
     moved = np.diff(_soles(found, body, legs)[..., :2], axis=0)
@@ -193,7 +193,7 @@ def slip(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
 
 
 def _soles(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
-    """Where the feet end, (decisions, seeds, legs, 3) in m."""
+    """Ends of the feet, (decisions, seeds, legs, 3) in m."""
     names = [LEGS[number] for number in legs]
     along = np.array([[body.sections[name.partition("_")[2]].leg.foot.length, 0.0, 0.0] for name in names])
     ends = np.empty((*found.posture.shape[:2], len(names), 3))
@@ -209,7 +209,7 @@ def _soles(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
 
 
 def draw_biomimetic(values: Values, body: Hexapod, highest: float) -> Figure:
-    """The body from the side and from above; speed and slip over the friction of its feet; clear and low front legs."""
+    """Side and top view; speed and slip over the friction of the feet; clear and low front legs."""
 
     figure = new_figure(10.2, 8.8)
     panels: Any = figure.subplot_mosaic(
@@ -262,18 +262,16 @@ def _over_friction(axes: Axes, values: Values, quantity: str) -> None:
 
 
 def _clear(axes: Axes, values: Values, body: Hexapod, highest: float) -> None:
-    """Speeds with front legs that are clear in the swing, and that are not."""
+    """Speeds with front legs that are clear in the swing, and with low ones."""
     rough, own = f"{values['friction'][-1]:g}", f"{body.front.leg.friction:g}"
     for row, names in enumerate((("as it is", "low"), (f"front {rough}", "rough low"))):
         measured = [mean_of(values[f"{name} speed"]) for name in names]
         colour = ("0.2", "#CC79A7")[row]
         _errorbar(axes, np.array([0, 1]) + 0.06 * (2 * row - 1), measured, colour, (own, rough)[row])
-    axes.set_xticks([0, 1], ["clear", f"rise to {highest:g}° only"])
+    axes.set_xticks([0, 1], ["clear", f"rise only to {highest:g}°"])
     axes.set(xlim=(-0.4, 1.4), ylim=(0, None), xlabel="front legs in the swing")
     axes.legend(loc="lower left", fontsize=8.5, title="friction of front feet:", title_fontsize=8.5)
 
 
 def _errorbar(axes: Axes, x: np.ndarray, measured: list[Any], colour: str, words: str) -> None:
-    centre = np.array([each.value for each in measured])
-    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T
-    axes.errorbar(x, centre, ends, fmt="o-", color=colour, markersize=4, linewidth=1.2, label=words)
+    draw_intervals(axes, x, measured, fmt="o-", color=colour, markersize=4, linewidth=1.2, label=words)

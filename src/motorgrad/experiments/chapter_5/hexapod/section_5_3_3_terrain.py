@@ -8,35 +8,36 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
 from motorgrad.experiments._claims import Claim, above, mean_of, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
 
 KINDS = ("bumps", "slopes", "steps", "waves")
 START, LAST = 2.0, 5.0
-"""Seconds of a walk that are no part of its gait, and those at its end that say whether it still gets ahead."""
+"""Seconds at the start of a walk that do not count towards its gait, and those at its end that decide whether it still
+advances."""
 
 STILL = 0.03
-"""The mean speed (m/s) below which a body stands still, the bound of the class stalled."""
+"""Mean speed (m/s) below which a body counts as standing still: the bound of the class stalled."""
 
 WORDINGS = {"mended": True, "worded": False}
-LOOKS = {"mended": ("#0072B2", "o-", "mended"), "worded": ("#CC79A7", "s--", "as worded")}
+LOOKS = {"mended": ("#0072B2", "o-", "deadlocks fixed"), "worded": ("#CC79A7", "s--", "as worded in the thesis")}
 THESIS = "section 5.3.3"
 CONSISTENT, ROBUST = 0.75, 0.9
-"""What the interval of a share of grounds must be above to count as consistent: with 20 grounds, no more than one may
-be otherwise. And the least part of the speed on level ground that counts as robust."""
+"""Bound of the interval of a share of grounds that counts as consistent (with 20 grounds, at most one exception); and
+the least fraction of the speed on level ground that counts as robust."""
 
 
 @experiment("sec-5.3.3-terrain", "the fixed controller on uneven ground", "section 5.3.3")
 class RoughGround(Experiment):
-    """The fixed controller on bumps, slopes, steps and waves of rising difficulty, each seed on ground of its own:
-    speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks mended, and as
-    the thesis words it.
+    """The fixed controller on bumps, slopes, steps and waves of increasing difficulty, each seed on its own ground:
+    speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks fixed, and as the
+    thesis words it.
 
     **Arguments:**
 
     - `heights` (m): of the ground, rising, at least two; the greatest is difficulty 1.
-    - `seconds` (simulated s): length of each walk, from two seconds after its start on.
+    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: grounds of each kind and height.
     - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the
       clearance under the belly.
@@ -48,8 +49,7 @@ class RoughGround(Experiment):
     clearance: float = 0.16
 
     def __post_init__(self) -> None:
-        rising = len(self.heights) >= 2 and self.heights[0] > 0 and bool(np.all(np.diff(self.heights) > 0))
-        check(rising, "heights", self.heights, "at least two, above 0 and rising")
+        check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
         check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"in {LAST:g} … 20 simulated s: the field ends")
         self.check_range(2, 1000, "seeds")
@@ -75,7 +75,7 @@ class RoughGround(Experiment):
         return found
 
     def grounds(self, kind: Any, height: float) -> list[OnTerrain]:
-        """The bodies on ground of a kind and a height, of all seeds."""
+        """Bodies on ground of this kind and height, for all seeds."""
         steepest = self.heights[-1]
         return [
             OnTerrain(Hexapod(drive="servos"), Terrain(kind, height=steepest, difficulty=height / steepest, seed=seed))
@@ -83,7 +83,7 @@ class RoughGround(Experiment):
         ]
 
     def _walk(self, bodies: Sequence[Any], mended: bool, threads: int) -> dict[str, Any]:
-        """Of each seed (seeds,): gait, speed, net displacement, phase, whether it stands still at the end, whether it
+        """For each seed, (seeds,): gait, speed, net displacement, phase, whether it stands still at the end, whether it
         overturned."""
         found = walk(bodies, TripodController(mended=mended), self.seconds + START, threads=threads)
         gait, late = found.gait(since=START), found.time > found.time[-1] - LAST
@@ -105,7 +105,7 @@ class RoughGround(Experiment):
 
 
 def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> Figure:
-    """Speed, phase, and the shares of grounds with a tripod gait and of those where it stands still, over the height
+    """Speed, phase, and the shares of grounds with a tripod gait and of those on which it stands still, over the height
     of each kind of ground; means and shares with their intervals."""
 
     figure = new_figure(9.8, 8.6)
@@ -121,13 +121,13 @@ def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> Figu
                 [share_of(row) for row in values[f"{kind} {wording} still"]],
             ]
             for axes, each in zip(column, measured, strict=True):
-                shift = 0.2 if wording == "worded" else -0.2  # so that intervals do not cover each other
+                shift = 0.2 if wording == "worded" else -0.2  # so that intervals do not overlap
                 _points(axes, 100 * values["height"] + shift, each, colour, line, words)
         for axes in column:
             axes.axvline(100 * clearance, color="0.75", linewidth=0.9, linestyle=":", zorder=0)
         column[0].set_title(kind)
         column[-1].set_xlabel("height (cm)")
-    labels = ("net displacement\n/ time (m/s)", "phase of those that\nwalk (cycles)", "share with\na tripod gait")
+    labels = ("net displacement\n/ time (m/s)", "phase of walking\nbodies (cycles)", "share with\na tripod gait")
     for axes, words in zip(panels[:, 0], (*labels, "share that stands\nstill at the end"), strict=True):
         axes.set_ylabel(words)
     panels[0, 0].set_ylim(0, None)
@@ -141,17 +141,12 @@ def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> Figu
 
 def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
     known = [number for number, each in enumerate(measured) if each is not None]
-    measured, x = [measured[number] for number in known], x[known]
-    centre = np.array([each.value for each in measured])
-    ends = np.array([[each.value - each.low, each.high - each.value] for each in measured]).T.reshape(2, -1)
-    axes.errorbar(
-        x, centre, np.maximum(ends, 0.0), fmt=line, color=colour, markersize=3.5, linewidth=1.2, elinewidth=0.9,
-        label=words,
-    )  # fmt: skip
+    look = {"fmt": line, "color": colour, "markersize": 3.5, "linewidth": 1.2, "elinewidth": 0.9, "label": words}
+    draw_intervals(axes, x[known], [measured[number] for number in known], **look)
 
 
 def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
-    """Of one kind of ground, under the mended controller."""
+    """Claims about one kind of ground, under the fixed version of the controller."""
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
     gaits = values[f"{kind} mended gait"]
     tripod, steepest = share_of((gaits[rows] == "tripod").all(0)), share_of(gaits[-1] == "tripod")
@@ -163,22 +158,22 @@ def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
             CONSISTENT,
             f"The controller consistently generates a tripod gait on {kind} up to {top}.",
             THESIS,
-            f"at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            f"at every height up to {top}: share of the grounds above {CONSISTENT:g}",
             tripod,
-            note=f"Phase between the tripods {_phases(values, kind, rows)} cycles, means by height.",
+            note=f"Mean phase between the tripods by height: {_phases(values, kind, rows)} cycles.",
         ),
         above(
             CONSISTENT,
-            f"It does so on {kind} of {most} too.",
+            f"It also does so on {kind} of {most}.",
             OURS,
-            f"on a share of the grounds above {CONSISTENT:g}",
+            f"share of the grounds above {CONSISTENT:g}",
             steepest,
-            note=f"Net speed there {net[-1].mean():.2f} m/s, {net[0].mean():.2f} on level ground.",
+            note=f"Net speed there {net[-1].mean():.2f} m/s; on level ground {net[0].mean():.2f}.",
         ),
         Claim(
             f"It is robust: {kind} of {top} hardly slow it.",
             INDEPENDENT if kind == "bumps" else THESIS,
-            f"net displacement at least {ROBUST:g} of that on level ground",
+            f"net displacement at least {ROBUST:g} times that on level ground",
             kept,
             kept.low >= ROBUST,
             "of the speed on level ground",
@@ -187,7 +182,7 @@ def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
 
 
 def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Sequence[Claim]:
-    """Of the wording and the mending, over all kinds of ground up to the clearance."""
+    """Claims about the thesis's wording and our fix, over all kinds of ground up to the clearance."""
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
     still = {
         wording: np.concatenate([values[f"{kind} {wording} still"][rows].any(0) for kind in kinds])
@@ -201,23 +196,23 @@ def controller_claims(values: Values, kinds: Sequence[str], clearance: float) ->
     return [
         above(
             CONSISTENT,
-            f"As the thesis words it, the controller is robust up to {top}: it does not come to a stand.",
+            f"As the thesis words it, the controller is robust up to {top}: it does not come to a standstill.",
             THESIS,
-            f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
             share_of(~still["worded"]),
-            note=f"Grounds of {seeds} on which it stands still at the end of one of its walks: {by_kind}.",
+            note=f"Grounds, of {seeds} each, on which it stands still at the end of any walk: {by_kind}.",
         ),
         above(
             CONSISTENT,
-            f"With its deadlocks mended it does not come to a stand up to {top}.",
+            f"With its deadlocks fixed, it does not come to a standstill up to {top}.",
             OURS,
-            f"walks at every height up to {top}: on a share of the grounds above {CONSISTENT:g}",
+            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
             share_of(~still["mended"]),
         ),
         positive(
-            "The mending is what keeps it walking.",
+            "The fix is what keeps it walking.",
             OURS,
-            "share of grounds on which it stands still, as worded less mended: above 0",
+            "share of grounds on which it stands still, as worded minus fixed: above 0",
             fewer,
             note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
         ),
@@ -225,14 +220,14 @@ def controller_claims(values: Values, kinds: Sequence[str], clearance: float) ->
             CONSISTENT,
             "It never overturns, at any height.",
             OURS,
-            f"on a share of the grounds above {CONSISTENT:g}",
+            f"share of the grounds above {CONSISTENT:g}",
             never,
         ),
     ]
 
 
 def _rows(values: Values, clearance: float) -> np.ndarray:
-    """The heights above level ground and up to the clearance, by number."""
+    """Indices of the heights above level ground and up to the clearance."""
     height = values["height"]
     return np.flatnonzero((height > 0) & (height <= clearance + 1e-9))
 

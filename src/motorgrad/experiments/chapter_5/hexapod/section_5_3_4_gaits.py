@@ -1,4 +1,4 @@
-"""Section 5.3.4: the gaits that are learnt on four synergies, over many seeds."""
+"""Section 5.3.4: gaits learnt on four synergies, over many seeds."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +13,7 @@ from motorgrad.experiments._claims import (
     median_of,
     more_than_half,
     positive,
+    practice_curve,
     share_of,
 )
 from motorgrad.experiments._experiment import Values, Workspace, experiment
@@ -27,42 +28,37 @@ from motorgrad.experiments.chapter_5.hexapod._gait_study import (
     gait_readings,
 )
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
-from motorgrad.training import learning_curves
 
 SMOOTH = 12.0
 """Simulated seconds over which the speed during practice is averaged."""
 
 COLOURS = {"tripod": "#0072B2", "pronk": "#D55E00", "intermediate": "#bdbdbd", "stalled": "#4d4d4d"}
-DRAWN = {"sample": "drawn", "mode": "most probable"}
+DRAWN = {"sample": "sampled", "mode": "most probable"}
 THESIS = "section 5.3.4"
 FAST, SOON, RARE = 1.3, 100.0, 0.25
-"""Of the independent model: the speed (m/s) of its slowest seed after 600 s, and the time (s) by which its seeds were
-past the fixed controller. And the share of seeds below which something counts as rare."""
+"""The independent model's speed (m/s) of its slowest seed after 600 s, and time (s) by which its seeds exceeded the
+fixed controller; and the share of seeds below which something counts as rare."""
 
-ACTIONS = {"sample": "actions that are drawn", "mode": "the most probable actions"}
+ACTIONS = {"sample": "sampled actions", "mode": "most probable actions"}
 
 
 @experiment("sec-5.3.4-gaits", "the gaits that hexapods learn", "section 5.3.4")
 class LearntGaits(SynergyStudy):
-    """Hexapods learn to walk on four synergies, swing and stance of each tripod, with observations that are late by 0,
-    1 and 2 decisions: their speed during practice beside that of the fixed controller, and what gait they came to, how
-    fast they walk and how far they get when they start afresh with frozen policies, with actions that are drawn and
-    with the most probable ones.
-    """
+    """Hexapods learn to walk on four synergies, swing and stance of each tripod, with observations delayed by 0, 1 and
+    2 decisions: their speed during practice compared with the fixed controller; and the gait, speed and net
+    displacement of the frozen policies from a fresh start, with sampled and with most probable actions."""
 
     def run(self, work: Workspace) -> Values:
         found: Values = {f"controller {name}": value for name, value in controller_speeds(work, self.watched).items()}
         level = float(found["controller speed"][0])
         for lag in self.lags:
             run = self.trained(work, lag)
-            record = run.config["run"]["window"] * run.task.period
-            (curve,) = learning_curves([run], "speed", x="simulated", smooth=max(SMOOTH, 2 * record)).curves
-            found["time"] = curve.x
-            found[f"lag {lag} practice"] = curve.values
+            found["time"], curve = practice_curve(run, "speed", SMOOTH)
+            found[f"lag {lag} practice"] = curve
             found[f"lag {lag} falls"] = self.seconds * run.curve("falls")[1].mean(1)
-            # before that the mean is over a few decisions only
-            passed = (curve.values > level) & (curve.x >= min(SMOOTH, self.seconds))
-            found[f"lag {lag} passed"] = np.nan_to_num(first_time(curve.x, passed), nan=self.seconds)
+            # earlier, the mean is over only a few decisions
+            passed = (curve > level) & (found["time"] >= min(SMOOTH, self.seconds))
+            found[f"lag {lag} passed"] = np.nan_to_num(first_time(found["time"], passed), nan=self.seconds)
             for mode in MODES:
                 seen = work.part(
                     f"lag {lag} {mode}", lambda run=run, mode=mode: gait_readings(self.watch(work, run, mode))
@@ -79,7 +75,7 @@ class LearntGaits(SynergyStudy):
 
 
 def draw_gaits(values: Values, lags: Sequence[int]) -> Figure:
-    """Speeds during practice; the classes of all seeds; and how far each gets against how fast it walks."""
+    """Speed during practice; gait classes of all seeds; and net displacement against speed."""
     from matplotlib.patches import Patch
 
     figure = new_figure(9.8, 7.6)
@@ -93,7 +89,9 @@ def draw_gaits(values: Values, lags: Sequence[int]) -> Figure:
         _distances(panels[mode], values, lags, mode, most)
     panels["sample"].set_ylabel("net displacement in 20 s / 20 s (m/s)")
     shown = [Patch(color=colour, label=kind) for kind, colour in COLOURS.items()]
-    figure.legend(handles=shown, loc="outside lower center", ncols=4, title="gait, frozen and from a fresh start")
+    figure.legend(
+        handles=shown, loc="outside lower center", ncols=4, title="gait of the frozen policy from a fresh start"
+    )
     return figure
 
 
@@ -117,7 +115,7 @@ def _practice(axes: Axes, values: Values, lags: Sequence[int]) -> None:
 
 
 def _classes(axes: Axes, values: Values, lags: Sequence[int]) -> None:
-    """A bar for each lag and kind of action, of as many seeds as came to each class."""
+    """A bar for each lag and kind of action, divided by the number of seeds in each class."""
     rows = [(lag, mode) for lag in lags for mode in MODES]
     for row, (lag, mode) in enumerate(rows):
         gaits, left = values[f"lag {lag} {mode} gait"], 0
@@ -134,7 +132,7 @@ def _classes(axes: Axes, values: Values, lags: Sequence[int]) -> None:
 
 
 def _distances(axes: Axes, values: Values, lags: Sequence[int], mode: str, most: float) -> None:
-    """A mark for each seed, in the colour of its class and of the shape of its lag."""
+    """A mark for each seed, coloured by class and shaped by lag."""
     for lag, marker in zip(lags, "os^Dv", strict=False):
         gaits = values[f"lag {lag} {mode} gait"]
         for kind in GAITS:
@@ -152,21 +150,21 @@ def _distances(axes: Axes, values: Values, lags: Sequence[int], mode: str, most:
 
 
 def counted(gaits: np.ndarray) -> str:
-    """How many seeds came to each of the four classes, in words."""
+    """Number of seeds in each of the four classes, in words."""
     return ", ".join(f"{kind} {np.count_nonzero(gaits == kind)}" for kind in GAITS)
 
 
 def viable(gaits: np.ndarray) -> np.ndarray:
-    """Which seeds came to one of the two gaits that the thesis reports."""
+    """Which seeds learnt one of the two gaits that the thesis reports."""
     return np.isin(gaits, ("tripod", "pronk"))
 
 
 def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
-    """What is said of any lag; the thesis has none."""
-    late = f"observations late by {lag}" if lag else "no lag"
+    """Claims made for every lag; the thesis has none."""
+    late = f"observations delayed by {lag}" if lag else "no lag"
     source, gaits = (OURS if lag else THESIS), values[f"lag {lag} sample gait"]
     both = {mode: f"{ACTIONS[mode]}: {counted(values[f'lag {lag} {mode} gait'])}" for mode in ACTIONS}
-    counts = f"Seeds with {both['sample']}; with {both['mode']}."
+    counts = f"Number of seeds with {both['sample']}; with {both['mode']}."
     either = viable(gaits)
     converged = share_of(either)
     pronking = share_of(gaits[either] == "pronk") if either.any() else share_of(either)
@@ -177,40 +175,40 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
         more_than_half(
             f"Learning consistently converges to one of two gaits, tripod or pronk ({late}).",
             source,
-            "frozen, from a fresh start, with actions that are drawn: in most seeds",
+            "frozen, from a fresh start, with sampled actions: in most seeds",
             converged,
             note=counts,
         ),
         more_than_half(
             f"Pronking is learnt more often than not ({late}).",
             source,
-            "of the seeds that came to either gait: in most",
+            "most of the seeds that learnt either gait",
             pronking,
-            note=counts if either.any() else f"No seed came to either gait. {counts}",
+            note=counts if either.any() else f"No seed learnt either gait. {counts}",
         ),
         Claim(
-            f"Learning passes the fixed controller's speed after 50 to 100 s of practice ({late}).",
+            f"Learning exceeds the fixed controller's speed after 50 to 100 s of practice ({late}).",
             INDEPENDENT,
             f"median no later than {SOON:g} s",
             passed,
             passed.high <= SOON and passed.high < values["time"][-1],
             "s",
-            "Mean speed of 12 s. Sooner counts as holding; a seed that never passes counts as the whole practice, and "
-            "if the interval reaches that it does not hold.",
+            "Mean speed over 12 s. Sooner counts as holding. A seed that never gets there counts with the whole "
+            "practice; the claim fails if the interval reaches that.",
         ),
         Claim(
-            f"After {values['time'][-1]:.0f} s of practice hexapods walk at 1.3 to 3.1 m/s ({late}).",
+            f"After {values['time'][-1]:.0f} s of practice, hexapods walk at 1.3 to 3.1 m/s ({late}).",
             INDEPENDENT,
-            f"after 600 s there; median of the last 12 s at least {FAST:g} m/s",
+            f"after 600 s in that model; median over the last 12 s at least {FAST:g} m/s",
             final,
             final.low >= FAST,
             "m/s",
-            f"{np.count_nonzero(values[f'lag {lag} practice'][:, -1] < 0.3)} seeds end below 0.3 m/s. Falls of all "
-            f"seeds during practice: {values[f'lag {lag} falls'].sum():.0f}.",
+            f"{np.count_nonzero(values[f'lag {lag} practice'][:, -1] < 0.3)} seeds end below 0.3 m/s. All falls "
+            f"during practice: {values[f'lag {lag} falls'].sum():.0f}.",
         ),
         *(
             more_than_half(
-                f"What was learnt gets ahead further than the fixed controller, with {words} ({late}).",
+                f"Learnt policies get farther than the fixed controller, with {words} ({late}).",
                 OURS,
                 f"net displacement in 20 s above {level:.2f} m/s: in most seeds",
                 share_of(values[f"lag {lag} {mode} net"] > level),
@@ -221,24 +219,25 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
         ),
         below(
             RARE,
-            f"With the most probable actions hardly any seed stands still ({late}).",
+            f"With the most probable actions, hardly any seed stands still ({late}).",
             OURS,
-            f"the share of seeds of the class stalled: its interval below {RARE:g}",
+            f"share of seeds of the class stalled: the whole interval below {RARE:g}",
             still,
-            note=f"Parts of stalled seconds: mean {values[f'lag {lag} mode stalls'].mean():.2f}, with actions that are "
-            f"drawn {values[f'lag {lag} sample stalls'].mean():.2f}.",
+            note=f"Mean fraction of stalled seconds: {values[f'lag {lag} mode stalls'].mean():.2f}; with "
+            "sampled actions "
+            f"{values[f'lag {lag} sample stalls'].mean():.2f}.",
         ),
     ]
 
 
 def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
-    """What compares lags, or is said of the first, which is the thesis's."""
+    """Claims that compare lags, or concern the first, which is the thesis's."""
     gaits = {lag: values[f"lag {lag} sample gait"] for lag in lags}
     first, *others = lags
     between = share_of(gaits[first] == "intermediate")
     made = [
         Claim(
-            f"The {words} gait is found.",
+            f"The {words} gait is learnt.",
             THESIS,
             f"in at least one seed, with lag {first}",
             share_of(gaits[first] == kind),
@@ -248,9 +247,9 @@ def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
     ]
     made.append(
         more_than_half(
-            "Without lag, seeds end between tripod and pronk.",
+            "Without lag, gaits lie between tripod and pronk.",
             INDEPENDENT,
-            f"all of its seeds: in most, with lag {first}",
+            f"in all seeds of that model: in most seeds, with lag {first}",
             between,
         )
     )
@@ -258,7 +257,7 @@ def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
         more = mean_of(viable(gaits[lag]) * 1.0 - viable(gaits[first]))
         made.append(
             positive(
-                f"With observations late by {lag}, more seeds come to tripod or pronk than with {first}.",
+                f"With observations delayed by {lag}, more seeds learn tripod or pronk than with {first}.",
                 INDEPENDENT,
                 "4 of 8 with a lag of 1, 5 of 6 with 2, none without: difference of the shares above 0",
                 more,
