@@ -47,18 +47,17 @@ def draw_band(
     label: str | None = None,
     *,
     records: int = 1,
-    alpha: float = 0.2,
     mean: bool = False,
     **look: Any,
 ) -> None:
     """Median and quartiles over seeds of the curves `values`, `(seeds, records)`.
 
-    **Arguments:** `records`, over how many of which each point is a moving average; `alpha`, the opacity of the band;
-    `mean`, whether to draw the mean in place of the median; `look`, of the line.
+    **Arguments:** `records`, the length of the moving average; `mean`, whether to draw the mean instead of the
+    median; `look`, of the line.
     """
     smooth, x = moving_mean(values, records), x[records - 1 :]
     low, middle, high = np.percentile(smooth, [25, 50, 75], axis=0)
-    axes.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0)
+    axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
     axes.plot(x, smooth.mean(0) if mean else middle, color=colour, label=label, **look)
 
 

@@ -263,7 +263,7 @@ def _learning(axes: Axes, values: Values) -> None:
         ("olpomdp", WITHOUT, "no baseline: the reward itself"),
         ("olgarb", WITH, "running mean"),
     ):
-        draw_band(axes, decision, values[f"surprise {name}"], colour, words, alpha=0.25)
+        draw_band(axes, decision, values[f"surprise {name}"], colour, words)
     axes.set(xscale="log", xlabel="decisions", ylabel=r"mean $|\delta|$", ylim=(0, 1))
     axes.set_title(f"surprise while learning, median of {len(values['surprise olgarb'])} seeds", loc="left")
     axes.legend(fontsize=8)

@@ -157,7 +157,7 @@ def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
     period, practice = 1000 * values["period"], values["practice"]
     shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
     for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
-        look = {"marker": "o", "markersize": 4, "alpha": 0.18}
+        look = {"marker": "o", "markersize": 4}
         draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
     heights.set(ylabel="height of hops (m)", ylim=(0, None))
     heights.legend(title="after practice of", fontsize=9)

@@ -1,4 +1,4 @@
-"""What the experiments on local policies have in common: two tasks, their learner, and how well it has learnt."""
+"""The study of local policies: tasks, training, evaluation of frozen policies, and tiles of the particle's plane."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -17,21 +17,21 @@ from motorgrad.tasks import FallingParticle, ParticleTask, Task
 from motorgrad.training import Run, settings_for
 
 LAYOUTS = ("R1", "R2")
-EPISODES = 2_000  # of learning, in the thesis
-LATE = 0.1  # of the episodes, the last, over which the end of learning is measured
+EPISODES = 2_000  # episodes of learning in the thesis
+LATE = 0.1  # share of the episodes, the last, that counts as the end of learning
 FORGETTING = {"baseline": "fixed-step", "baseline_rate": 1e-3}
-"""A baseline that forgets in a thousand decisions, in place of the mean of all rewards so far."""
+"""A baseline that forgets within a thousand decisions, in place of the mean of all rewards."""
 
-TALL = 0.5  # the height of the Gaussians that are added one by one
+TALL = 0.5  # height of the Gaussians of growing policies
 
 
 @dataclasses.dataclass(frozen=True)
 class LocalStudy(Experiment):
-    """Learners of the falling particle, in the two layouts R1 and R2.
+    """Base of experiments on learners of the falling particle in the two layouts R1 and R2.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
     """
 
@@ -47,16 +47,16 @@ class LocalStudy(Experiment):
         return cls(decisions=2_000, seeds=3)
 
     def learnt(self, work: Workspace, task: ParticleTask | str, **changes: Any) -> Run:
-        """A task, or a layout, learnt by its own learner, or by a changed one."""
+        """A task, or a layout of the falling particle, learnt by its own learner or by a changed one."""
         task = FallingParticle(layout=task) if isinstance(task, str) else task  # type: ignore[arg-type]
         return work.train(task, settings_for(task, **changes), self.decisions, self.seeds)
 
 
 @dataclasses.dataclass(frozen=True)
 class LayoutStudy(LocalStudy):
-    """Learners in layouts that can be chosen.
+    """Base of experiments on learners in selectable layouts.
 
-    **Arguments:** `decisions` and `seeds`, as of `LocalStudy`; `layouts`, of the falling particle.
+    **Arguments:** `decisions` and `seeds`, as in `LocalStudy`; `layouts`, of the falling particle.
     """
 
     layouts: tuple[str, ...] = LAYOUTS
@@ -73,10 +73,10 @@ class LayoutStudy(LocalStudy):
 
 
 def late_reward(run: Run, episodes: int = EPISODES) -> np.ndarray:
-    """Mean reward per decision in the last tenth of so many episodes, `(seeds,)`.
+    """Mean reward per decision in the last tenth of this many episodes, `(seeds,)`.
 
-    Runs are recorded by decisions, so the tenth begins and ends with a record: of 2,000 episodes it is the records
-    within episodes 1,801 to 2,000, each of about ten.
+    Runs are recorded by decisions, so the tenth starts and ends with a record: of 2,000 episodes, it consists of the
+    records within episodes 1,801 to 2,000, each of about ten episodes.
     """
     count = np.cumsum(run.curve("episodes")[1], axis=1)
     end = np.minimum(episodes, count[:, -1:])
@@ -85,9 +85,9 @@ def late_reward(run: Run, episodes: int = EPISODES) -> np.ndarray:
 
 
 def frozen_reward(work: Workspace, task: Task, policies: Policy, decisions: int, **changes: Any) -> np.ndarray:
-    """Mean reward per decision of policies that do not learn, `(policies,)`; they lead in every array.
+    """Mean reward per decision of policies that do not learn, `(policies,)`; policies lead in every array.
 
-    Each acts by the random numbers of its neighbour, so that none is judged on those that it learnt from.
+    Each acts on the random numbers of its neighbour, so that none is judged on those of its training.
     """
     settings = settings_for(task, **changes, improve="never")
     moved = jax.tree.map(lambda leaf: jnp.roll(leaf, 1, axis=0), policies)
@@ -102,7 +102,7 @@ def policy_at(policies: Policy, row: int) -> Any:
 
 
 def median_row(values: np.ndarray) -> int:
-    """Which seed is the typical one: the one at, or next above, the median."""
+    """The row of the median, or next above it."""
     return int(np.argsort(values)[len(values) // 2])
 
 
@@ -112,7 +112,7 @@ def gaussians(centre: Any, log_width: Any) -> LocalGaussians:
 
 
 def visited(task: ParticleTask, policy: Policy, episodes: int, seed: int = 0) -> np.ndarray:
-    """The positions at which decisions are made in some episodes, `(decisions, 2)`."""
+    """Positions at which decisions are made in some episodes, `(decisions, 2)`."""
     return np.concatenate([path[:-1] for path in trajectories(task, policy, episodes, seed)])
 
 
@@ -122,7 +122,7 @@ def outside(centre: np.ndarray) -> np.ndarray:
 
 
 def stored_paths(task: ParticleTask, policy: Any, episodes: int, decisions: int = 200, skipped: int = 0) -> Values:
-    """Paths of some episodes as arrays, without what was `skipped` at the beginning of each."""
+    """Paths of some episodes as arrays, without the `skipped` decisions at the start of each."""
     paths = [path[skipped:] for path in trajectories(task, policy, episodes, decisions=skipped + decisions)]
     return {"paths": np.concatenate(paths), "ends": np.cumsum([len(path) for path in paths])}
 
@@ -136,7 +136,7 @@ def draw_tile(
     units: int | None = None,
     height: float = TALL,
 ) -> None:
-    """The task's reward, the paths and the Gaussians stored under the name of a place, of these the first `units`."""
+    """The task's reward, and the paths and the Gaussians stored under this prefix, the first `units` of them."""
     draw_reward(axes, task)
     draw_paths(axes, np.split(values[f"{place} paths"], values[f"{place} ends"][:-1]))
     centre, log_width = values[f"{place} centre"], values[f"{place} log width"]
@@ -146,17 +146,17 @@ def draw_tile(
 
 
 def prefixed(place: str, values: Values) -> Values:
-    """The same values under names that begin with a place."""
+    """The same values under names with a prefix."""
     return {f"{place} {name}": value for name, value in values.items()}
 
 
 def tile_grid(count: int, columns: int) -> tuple[int, int]:
-    """Rows and columns for so many tiles."""
+    """Rows and columns for this many tiles."""
     columns = min(columns, count)
     return -(-count // columns), columns
 
 
 def hide_axes(axes: Sequence[Axes]) -> None:
-    """Tiles that are left over."""
+    """Hide unused tiles."""
     for each in axes:
         each.set_axis_off()

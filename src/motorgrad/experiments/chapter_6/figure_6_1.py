@@ -13,15 +13,15 @@ from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.policies import Hyperplanes, LocalGaussians, Policy
 
 CELLS = 81
-REACH = 3.0  # of the inputs drawn, to either side
-FAR = 1_000.0  # from the origin, in units of the inputs
+REACH = 3.0  # range of the inputs drawn, to either side
+FAR = 1_000.0  # distance from the origin, in units of the inputs
 LEVEL = 0.01
 
 
 @experiment("fig-6.1", "global and local approximators", "figure 6.1")
 class Approximators(Experiment):
-    """The probability with which a hyperplane unit and a Gaussian unit fire, over two inputs: the one divides all of
-    the plane in two, the other acts in one place."""
+    """Firing probability of a hyperplane unit and of a Gaussian unit over two inputs: the one divides the whole plane
+    in two, the other acts in one place."""
 
     def run(self, work: Workspace) -> Values:
         del work
@@ -57,16 +57,16 @@ class Approximators(Experiment):
         away = float(values["local far"].max())
         return [
             Claim(
-                "A global unit responds however far it is from what it has seen.",
+                "A global unit responds at any distance from what it has seen.",
                 "section 6.1",
-                f"share of directions in which it fires more often than not, {FAR:g} away: one half, to 0.01",
+                f"share of directions in which it fires with more than one half at a distance of {FAR:g}: 0.5 ± 0.01",
                 exact(half),
                 abs(half - 0.5) <= 0.01,
             ),
             Claim(
-                "A local unit responds in a neighbourhood only.",
+                "A local unit responds only in a neighbourhood.",
                 "section 6.1",
-                f"greatest probability of firing {FAR:g} away: below {LEVEL:g}",
+                f"greatest firing probability at a distance of {FAR:g}: below {LEVEL:g}",
                 exact(away),
                 away < LEVEL,
             ),

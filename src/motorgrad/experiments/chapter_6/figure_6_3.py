@@ -1,4 +1,4 @@
-"""Figure 6.3: the policy of the particle as a diagram, and how few distinct forces its units make up."""
+"""Figure 6.3: the particle's policy as a diagram, and the number of distinct forces of its units."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -9,13 +9,12 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, exact
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleState
 
-SAME = 1e-5  # velocities that are closer are of one force
-Point = tuple[float, float]
-UNITS, FORCES, SUM, PARTICLE = 2.6, 4.8, 6.3, 8.9  # where the columns stand
+SAME = 1e-5  # velocities closer than this belong to the same force
+UNITS, FORCES, SUM, PARTICLE = 2.6, 4.8, 6.3, 8.9  # positions of the columns
 HEIGHTS = (3.1, 2.2, 1.3, 0.4)
 MIDDLE, BELOW = 1.75, -1.1
 PLASTIC, FIXED, SEEN, PAID = "#0061B0", "#A0307A", "0.25", "#2e8b57"
@@ -23,13 +22,13 @@ PLASTIC, FIXED, SEEN, PAID = "#0061B0", "#A0307A", "0.25", "#2e8b57"
 
 @experiment("fig-6.3", "the particle's policy", "figure 6.3")
 class ParticlePolicy(Experiment):
-    """The particle and its policy as a loop. The place of the particle reaches all units of a plastic, stochastic
-    layer; those that fire switch on a fixed force each, which add up. The reward is a function of the place. Of all
-    firing patterns the world itself says how many distinct motions they lead to.
+    """The particle and its policy as a loop. All units of a plastic, stochastic layer observe the particle's position;
+    each unit that fires switches on a fixed force, and the forces add up. The reward is a function of the position. The
+    number of distinct motions over all firing patterns is determined by simulation.
 
     **Arguments:**
 
-    - `most`: forces to each side, up to which firing patterns are counted.
+    - `most`: largest number of forces to each side for which firing patterns are counted.
     """
 
     most: int = 6
@@ -67,19 +66,19 @@ class ParticlePolicy(Experiment):
                 "patterns",
             ),
             Claim(
-                f"They make only 2N + 1 distinct actions (N from 1 to {last}).",
+                f"They produce only 2N + 1 distinct actions (N from 1 to {last}).",
                 "section 6.3",
                 f"distinct velocities after one decision, for N = {last}: {2 * last + 1}; for each N exactly",
                 exact(values["motions"][-1]),
                 np.array_equal(values["motions"], 2 * sides + 1),
                 "actions",
-                "Counted in the world itself, from rest in the middle of the box.",
+                "Counted by simulation, from rest in the middle of the box.",
             ),
         ]
 
 
 def motions(side: int) -> tuple[int, int]:
-    """How many firing patterns there are with so many forces to each side, and to how many velocities they lead."""
+    """Number of firing patterns with this many forces to each side, and of the velocities to which they lead."""
     world = FallingParticle(units=2 * side).dynamics
     codes = np.arange(4**side)[:, None] >> np.arange(2 * side)
     rest = ParticleState(jnp.full(2, 0.5), jnp.zeros(2), jnp.zeros(4, bool))
@@ -90,7 +89,7 @@ def motions(side: int) -> tuple[int, int]:
 
 
 def draw_policy() -> Figure:
-    """Place, units, forces, particle, reward."""
+    """Position, units, forces, particle, reward."""
     from matplotlib.patches import FancyBboxPatch
 
     figure = new_figure(9.2, 4.6)
@@ -105,38 +104,40 @@ def draw_policy() -> Figure:
     for number, height in enumerate(HEIGHTS):
         left = number % 2 == 0
         _bump(axes, (UNITS, height))
-        _arrow(axes, (0.75, MIDDLE), (UNITS - 0.42, height), SEEN)
-        _arrow(axes, (UNITS + 0.42, height), (FORCES - 0.5, height), PLASTIC)
+        draw_arrow(axes, (0.75, MIDDLE), (UNITS - 0.42, height), SEEN)
+        draw_arrow(axes, (UNITS + 0.42, height), (FORCES - 0.5, height), PLASTIC)
         axes.text((UNITS + FORCES) / 2, height + 0.1, f"$a^{{({number + 1})}}$", ha="center", fontsize=9, color=PLASTIC)
         axes.text(FORCES, height + 0.12, f"${'-' if left else '+'}F$", ha="center", fontsize=9, color=FIXED)
         ends = (FORCES + 0.32, FORCES - 0.32) if left else (FORCES - 0.32, FORCES + 0.32)
-        _arrow(axes, (ends[0], height - 0.12), (ends[1], height - 0.12), FIXED, wide=2.4)
-        _arrow(axes, (FORCES + 0.72, height), (SUM - 0.26, MIDDLE), FIXED)
+        draw_arrow(axes, (ends[0], height - 0.12), (ends[1], height - 0.12), FIXED, width=2.4)
+        draw_arrow(axes, (FORCES + 0.72, height), (SUM - 0.26, MIDDLE), FIXED)
     axes.text((UNITS + FORCES) / 2, HEIGHTS[-1] - 0.42, "0 or 1", ha="center", fontsize=8, color="0.45")
     _disc(axes, (SUM, MIDDLE), 0.24, FIXED)
     axes.text(SUM, MIDDLE, "Σ", ha="center", va="center", color=FIXED, zorder=5)
-    _arrow(axes, (SUM + 0.24, MIDDLE), (PARTICLE - 1.3, MIDDLE), FIXED)
+    draw_arrow(axes, (SUM + 0.24, MIDDLE), (PARTICLE - 1.3, MIDDLE), FIXED)
     axes.text((SUM + PARTICLE - 1.06) / 2, MIDDLE + 0.12, "$f_t$", ha="center", color=FIXED)
     _world(axes)
-    axes.text(0.35, MIDDLE, "place\n$x$", ha="center", va="center", color=SEEN, fontsize=11)
+    axes.text(0.35, MIDDLE, "position\n$x$", ha="center", va="center", color=SEEN, fontsize=11)
     for start, end, head in (
         ((PARTICLE, 0.42), (PARTICLE, BELOW + 0.3), True),
         ((PARTICLE - 0.95, BELOW), (UNITS, BELOW), False),
         ((UNITS, BELOW), (UNITS, HEIGHTS[-1] - 0.57), True),
     ):
-        _arrow(axes, start, end, PAID, head=head)
+        draw_arrow(axes, start, end, PAID, head=head)
     look = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": PAID, "linewidth": 1.3}
     axes.text(PARTICLE, BELOW, "reward $r_t(x)$", ha="center", va="center", color=PAID, bbox=look, zorder=3)
     axes.text((UNITS + PARTICLE) / 2, BELOW + 0.1, "the same for all units", ha="center", fontsize=9, color=PAID)
-    # the place is seen: round the outside
+    # the observation: around the outside
     top = HEIGHTS[0] + 1.55
     for start, end, head in (
         ((PARTICLE, 3.1), (PARTICLE, top), False),
         ((PARTICLE, top), (0.35, top), False),
         ((0.35, top), (0.35, MIDDLE + 0.38), True),
     ):
-        _arrow(axes, start, end, SEEN, head=head)
-    axes.text((UNITS + PARTICLE) / 2, top - 0.1, "seen: the place alone", ha="center", va="top", fontsize=9, color=SEEN)
+        draw_arrow(axes, start, end, SEEN, head=head)
+    axes.text(
+        (UNITS + PARTICLE) / 2, top - 0.1, "observed: the position only", ha="center", va="top", fontsize=9, color=SEEN
+    )
     axes.set(xlim=(-0.1, PARTICLE + 1.4), ylim=(BELOW - 0.45, top + 0.15), aspect="equal")
     axes.set_axis_off()
     return figure
@@ -158,7 +159,7 @@ def _disc(axes: Axes, place: Point, radius: float, colour: str) -> None:
 
 
 def _world(axes: Axes) -> None:
-    """The box with a rewarded region and the particle on its way down."""
+    """The box with rewarded regions and the falling particle."""
     from matplotlib.patches import Circle, Rectangle
 
     corner, size = (PARTICLE - 1.3, 0.45), 2.6
@@ -169,13 +170,6 @@ def _world(axes: Axes) -> None:
     axes.plot(PARTICLE - 0.85 + 0.75 * fall**1.6, 2.9 - 0.9 * fall, "--", color="0.45", linewidth=1)
     here = (PARTICLE - 0.1, 2.0)
     axes.plot(*here, "o", color="0.1", markersize=7, zorder=5)
-    _arrow(axes, here, (here[0] + 0.3, here[1] - 0.48), SEEN)
+    draw_arrow(axes, here, (here[0] + 0.3, here[1] - 0.48), SEEN)
     axes.text(here[0] + 0.14, here[1] + 0.12, "$x$", ha="left", va="bottom")
     axes.text(here[0] + 0.36, here[1] - 0.3, r"$\dot{x}$: hidden", ha="left", va="center", fontsize=8.5, color="0.35")
-
-
-def _arrow(axes: Axes, start: Point, end: Point, colour: str, head: bool = True, wide: float = 1.2) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
-    look: dict[str, Any] = {"mutation_scale": 11, "linewidth": wide, "shrinkA": 0, "shrinkB": 0, "zorder": 2}
-    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>" if head else "-", color=colour, **look))

@@ -1,4 +1,4 @@
-"""Figure 6.5: local policies learnt in two layouts of rewards, and where they take the particle."""
+"""Figure 6.5: local policies learnt in two layouts of rewards, and the particle's paths under them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -25,23 +25,23 @@ from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, 
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 
-JUNK = 0.05  # expected firings in an episode, below which a unit takes no part
-ONE_SIDED = 0.1  # of the time more on one side than on the other
-# mean reward of an independent model, over 20 seeds: untrained; after 2,000 episodes, with its deviation over seeds
+JUNK = 0.05  # expected firings per episode, below which a unit takes no part
+ONE_SIDED = 0.1  # difference of the shares of time on the two sides
+# mean reward of an independent model over 20 seeds: untrained; after 2,000 episodes, with its deviation
 INDEPENDENT = {"R1": (-0.001, 0.283, 0.024), "R2": (0.123, 0.329, 0.008)}
 SAMPLE = 20
 
 
 @experiment("fig-6.5", "local policy learning", "figure 6.5")
 class LocalPolicies(LocalStudy):
-    """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of a typical seed, some
-    of its paths, and its stationary distribution.
+    """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of the median seed,
+    some of its paths, and its stationary distribution.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners of each layout.
-    - `episodes`: of the typical seed, over which its share of time in each place is sampled.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `seeds`: learners in each layout.
+    - `episodes`: of the median seed, over which the share of time in each place is sampled.
     - `looks` (episodes): of every seed, over which the activity of its units is averaged.
     - `drawn` (episodes): paths in each picture.
     """
@@ -90,7 +90,7 @@ class LocalPolicies(LocalStudy):
         }
 
     def _units(self, task: FallingParticle, run: Run) -> Values:
-        """Of every seed: its units, how often each fires in an episode, and the share of time left of the middle."""
+        """For every seed: its units, their firings per episode, and the share of time left of the middle."""
         policies = [policy_at(run.policies, row) for row in range(self.seeds)]
         seen = [visited(task, policy, self.looks) for policy in policies]
         firing = [
@@ -114,7 +114,7 @@ class LocalPolicies(LocalStudy):
             draw_units(axes[0], policy, task.dynamics.forces)
             reward = values[f"{layout} late"]
             axes[0].set_title(
-                f"{layout}: seed {row}, {reward[row]:.3f} a decision (mean of {len(reward)}: {reward.mean():.3f})",
+                f"{layout}: seed {row}, {reward[row]:.3f} per decision (mean of {len(reward)}: {reward.mean():.3f})",
                 fontsize=9.5,
             )
             draw_occupancy(axes[1], values[f"{layout} occupancy"])
@@ -130,14 +130,14 @@ class LocalPolicies(LocalStudy):
                 positive(
                     f"Local units learn {layout}.",
                     "section 6.3.1",
-                    "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
+                    "reward in the last 200 of 2,000 episodes minus that before learning: above 0",
                     gained,
                     "per decision",
                 ),
                 Claim(
-                    f"Before learning {layout} pays {before:g}.",
+                    f"Before learning, the reward in {layout} is {before:g}.",
                     "an independent model of section 6.3",
-                    f"{before:g}, to 0.005 with the interval",
+                    f"interval within {before:g} ± 0.005",
                     untrained,
                     abs(untrained.low - before) < 0.005 and abs(untrained.high - before) < 0.005,
                     "per decision",
@@ -155,9 +155,9 @@ class LocalPolicies(LocalStudy):
         sided = share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED)
         return [
             more_than_half(
-                "Some units end up taking no part in the policy (R1).",
+                "Some units end up without a part in the policy (R1).",
                 "section 6.3.1",
-                f"at least one unit that fires less than once in {1 / JUNK:g} episodes: {most}",
+                f"at least one unit that fires less than once per {1 / JUNK:g} episodes: {most}",
                 some,
                 note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
                 f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
@@ -165,12 +165,12 @@ class LocalPolicies(LocalStudy):
             more_than_half(
                 "Some of them are pushed out of the box (R1).",
                 "section 6.3.1",
-                f"at least one unit that takes no part and whose centre is beyond a wall: {most}",
+                f"at least one unit without a part and with its centre beyond a wall: {most}",
                 out,
                 note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
             ),
             more_than_half(
-                "Policies for a symmetrical task are highly asymmetrical (R2).",
+                "Policies for a symmetric task are highly asymmetric (R2).",
                 "section 6.3.1",
                 f"more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle: {most}",
                 sided,
@@ -179,16 +179,16 @@ class LocalPolicies(LocalStudy):
 
 
 def _as_far(layout: str, late_reward: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
-    """Whether learners come as far as those of an independent model, of which mean and deviation are known."""
+    """Whether learners reach the reward of an independent model with known mean and deviation."""
     from scipy import stats
 
     error = np.hypot(late_reward.std(ddof=1) / np.sqrt(len(late_reward)), deviation / np.sqrt(SAMPLE))
     away = late_reward.mean() - expected
     half = stats.norm.ppf(0.975) * error
     return Claim(
-        f"In {layout} learners come to {expected:g} (± {deviation:g} over seeds){words}.",
+        f"In {layout}, learners reach {expected:g} (± {deviation:g} over seeds){words}.",
         "an independent model of section 6.3",
-        f"difference from its {SAMPLE} seeds: 0 within the interval of both samples",
+        f"difference from its {SAMPLE} seeds: the interval of both samples contains 0",
         Measured(away, away - half, away + half, len(late_reward), "difference of means"),
         abs(away) <= half,
         "per decision",

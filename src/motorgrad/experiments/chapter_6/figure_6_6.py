@@ -1,4 +1,4 @@
-"""Figure 6.6: where a learnt policy acts at all."""
+"""Figure 6.6: where a learnt policy acts."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -14,21 +14,21 @@ from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward
 from motorgrad.policies import Policy
 from motorgrad.tasks import FallingParticle
 
-DRAWS = 2_000  # of the action at each place, to check the probability
+DRAWS = 2_000  # samples of the action at each place, to check the probability
 SILENT, SURE = 0.05, 0.9
-QUIET_SHARE = 0.1  # of the box
+QUIET_SHARE = 0.1  # fraction of the box
 
 
 @experiment("fig-6.6", "where a learnt policy acts", "figure 6.6")
 class AnyUnitFires(LocalStudy):
-    """The probability that at least one unit fires, over the box, by the policy that a typical seed has learnt in R2: a
-    landscape of the places where it acts.
+    """The probability that at least one unit fires, over the box, for the policy of the median seed in R2: a landscape
+    of the places where it acts.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners, each with its own policy.
-    - `looks` (episodes): of every seed, for the places where its particle is.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `seeds`: learners.
+    - `looks` (episodes): of every seed, for the places that its particle visits.
     - `cells`: along each side of the box.
     """
 
@@ -80,7 +80,7 @@ class AnyUnitFires(LocalStudy):
     def claims(self, values: Values) -> Sequence[Claim]:
         found, row = values["any"], int(values["row"])
         error = float(np.abs(found[row] - values["drawn"]).max())
-        # six deviations of a share of one half
+        # six standard deviations of a share of one half
         bound = 6 * 0.5 / np.sqrt(DRAWS)
         both = share_of((found < SILENT).mean((1, 2)) >= QUIET_SHARE)
         sure = share_of(found.max((1, 2)) > SURE)
@@ -88,41 +88,41 @@ class AnyUnitFires(LocalStudy):
         most = "in most seeds"
         return [
             Claim(
-                "The surface is 1 − Π(1 − p): as often as that some unit fires.",
+                "The surface is 1 − Π(1 − p), the probability that some unit fires.",
                 "figure 6.6",
-                f"greatest difference from the share of {DRAWS:,} draws anywhere: below six deviations, {bound:.3f}",
+                f"greatest difference from the share in {DRAWS:,} samples: below six standard deviations, {bound:.3f}",
                 exact(error),
                 error < bound,
             ),
             more_than_half(
-                "The response is local: in part of the box the particle is left alone.",
+                "The response is local: in part of the box, the policy does not act.",
                 "section 6.1",
-                f"on at least {QUIET_SHARE:.0%} of the box below {SILENT:g}: {most}",
+                f"probability below {SILENT:g} on at least {QUIET_SHARE:.0%} of the box: {most}",
                 both,
                 note=f"On average on {(found < SILENT).mean():.0%} of it; before learning on "
                 f"{(values['any before learning'] < SILENT).mean():.0%}.",
             ),
             more_than_half(
-                "Somewhere the policy is sure to act.", "figure 6.6", f"above {SURE:g} somewhere: {most}", sure
+                "Somewhere, the policy is certain to act.", "figure 6.6", f"above {SURE:g} somewhere: {most}", sure
             ),
             more_than_half(
-                "It acts where the particle comes by.",
+                "It acts where the particle passes.",
                 "section 6.5.4: local units only have an effect near the dynamics",
-                f"more probable where the particle is than over the whole box: {most}",
+                f"more probable along the particle's paths than over the whole box: {most}",
                 near,
-                note=f"{values['any where it is'].mean():.2f} where it is, {found.mean():.2f} over the box.",
+                note=f"{values['any where it is'].mean():.2f} along the paths, {found.mean():.2f} over the box.",
             ),
         ]
 
 
 def any_fires(policy: Policy, places: np.ndarray) -> np.ndarray:
-    """The probability that at least one unit fires at each place, `(places,)`."""
+    """Probability that at least one unit fires at each place, `(places,)`."""
     fires = jax.vmap(policy.prob)(jnp.asarray(places, jnp.float32))
     return np.asarray(1 - jnp.prod(1 - fires, axis=-1))
 
 
 def sampled_firing(policy: Policy, places: np.ndarray) -> np.ndarray:
-    """The share of draws of the action at each place in which some unit fires, `(places,)`."""
+    """Share of samples of the action at each place in which some unit fires, `(places,)`."""
     at = jnp.asarray(places, jnp.float32)
 
     def draw(key: jax.Array) -> jax.Array:

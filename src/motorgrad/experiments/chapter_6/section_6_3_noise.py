@@ -1,4 +1,4 @@
-"""Section 6.3: what noise on the observations and on the dynamics does to learning."""
+"""Section 6.3: the effect of noise on observations and dynamics on learning."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -7,30 +7,30 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, first_time, mean_of, median_of, moving_mean, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
 
-LITTLE = 0.9  # of the reward without noise: as much or more is little effect
-LOOKS = 5_000  # decisions for which policies learnt without noise are judged in it
-SMOOTH = 10  # records over which the reward is averaged to see when it is reached
-KINDS = {"observation": "noise on the position seen", "dynamics": "random force"}
+LITTLE = 0.9  # at least this fraction of the reward without noise counts as little effect
+LOOKS = 5_000  # decisions for which policies learnt without noise are evaluated with noise
+SMOOTH = 10  # records over which the reward is averaged to determine when it reaches a level
+KINDS = {"observation": "noise on the observed position", "dynamics": "random force"}
 
 
 @experiment("sec-6.3-noise", "learning in noise", "section 6.3")
 class Noise(LayoutStudy):
-    """Local units learn R1 and R2 while the position that they see, or the force on the particle, is noisy; three times
-    as long as in the thesis, so that slow learning and worse results can be told apart.
+    """Local units learn R1 and R2 with noise on the observed position, or on the force on the particle, for three times
+    as long as in the thesis, in order to distinguish slow learning from worse results.
 
     **Arguments:**
 
     - `decisions`: of learning.
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
-    - `observation` (parts of the box): deviations of the noise on each coordinate that is seen, rising.
-    - `dynamics` (forces): deviations of the random force in each time step, beside pushes of 0.4, rising.
+    - `observation` (fractions of the box): deviations of the noise on each observed coordinate, rising.
+    - `dynamics` (forces): deviations of the random force in each time step, compared with actions of 0.4, rising.
     """
 
     decisions: int = 150_000
@@ -42,8 +42,7 @@ class Noise(LayoutStudy):
         super().__post_init__()
         for name in KINDS:
             levels = getattr(self, name)
-            valid = len(levels) > 0 and list(levels) == sorted(set(levels)) and levels[0] > 0
-            check(valid, name, levels, "positive deviations, rising")
+            check(rising(levels, above=0), name, levels, "positive deviations, rising")
 
     @classmethod
     def quick(cls) -> Self:
@@ -64,7 +63,7 @@ class Noise(LayoutStudy):
                 task = FallingParticle(layout=layout, **change)  # type: ignore[arg-type]
                 run = self.learnt(work, task)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
-                policies = run.policies if policies is None else policies  # those that were learnt without noise
+                policies = run.policies if policies is None else policies  # those learnt without noise
                 if change:
                     found[f"{layout} {name} unused"] = frozen_reward(work, task, policies, min(LOOKS, self.decisions))
         return found
@@ -72,13 +71,15 @@ class Noise(LayoutStudy):
     def figure(self, values: Values) -> Figure:
 
         figure = new_figure(9, 3 * len(self.layouts))
+        thousand = values["decision"] / 1000
+        look: dict[str, Any] = {"records": min(SMOOTH, len(thousand)), "mean": True}
         for row, layout in zip(
             figure.subplots(len(self.layouts), 2, sharex=True, sharey="row", squeeze=False), self.layouts, strict=True
         ):
             for axes, (kind, words) in zip(row, KINDS.items(), strict=True):
-                _draw(axes, values, f"{layout} none", "none", "0.3")
+                draw_band(axes, thousand, values[f"{layout} none"], "0.3", "none", **look)
                 for number, level in enumerate(self.levels(kind)):
-                    _draw(axes, values, f"{layout} {kind} {level:g}", f"{level:g}", f"C{number}")
+                    draw_band(axes, thousand, values[f"{layout} {kind} {level:g}"], f"C{number}", f"{level:g}", **look)
                 axes.legend(title=words, loc="center right", fontsize=8, title_fontsize=8)
             row[0].set_ylabel(f"{layout}: reward per decision")
         for axes in figure.axes[-2:]:
@@ -101,7 +102,7 @@ def final_reward(reward: np.ndarray) -> np.ndarray:
 
 
 def decisions_to(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
-    """When the moving mean first comes to a level, for each seed; the end of learning where it never does."""
+    """When the moving mean first reaches a level, for each seed; the end of learning if it never does."""
     smooth = min(SMOOTH, len(decision))
     times = first_time(decision[smooth - 1 :], moving_mean(reward, smooth) >= level)
     return np.where(np.isnan(times), decision[-1], times)
@@ -116,39 +117,30 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
     adapted = mean_of(final_reward(noisy) - values[f"{layout} {name} unused"])
     return [
         Claim(
-            f"Noise has little effect in the end ({words}).",
+            f"Noise has little effect on the final reward ({words}).",
             "section 6.3",
-            f"reward at the end, by that without noise: at least {LITTLE:g} with the interval",
+            f"final reward relative to that without noise: the whole interval at least {LITTLE:g}",
             share,
             share.low >= LITTLE,
-            note=f"Policies learnt without noise come to {values[f'{layout} {name} unused'].mean():.3f} in it, those "
-            f"learnt in it to {final_reward(noisy).mean():.3f}, without noise to {final_reward(still).mean():.3f}.",
+            note=f"Policies learnt without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
+            f"those learnt with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
         ),
         above(
             1,
-            f"It slows learning ({words}).",
+            f"Noise slows learning ({words}).",
             "section 6.3",
-            f"decisions until {LITTLE:.0%} of the noiseless final reward, by the median without noise: above 1 with "
-            "the interval",
+            f"decisions to {LITTLE:.0%} of the noiseless final reward, relative to the median without noise: the whole "
+            "interval above 1",
             slower,
             "times",
-            f"{never} of {len(times)} never got there, and count with all {decision[-1]:,} decisions; without noise "
-            f"{np.median(usual):,.0f}.",
+            f"{never} of {len(times)} never get there, and count with all {decision[-1]:,} decisions; median without "
+            f"noise {np.median(usual):,.0f}.",
         ),
         positive(
-            f"Learning in noise makes up for a part of it ({words}).",
+            f"Learning with noise compensates for part of it ({words}).",
             "our own expectation",
-            "more reward at the end than policies have in this noise that were learnt without: difference above 0",
+            "final reward minus that of policies learnt without noise, both with noise: above 0",
             adapted,
             "per decision",
         ),
     ]
-
-
-def _draw(axes: Axes, values: Values, key: str, label: str, colour: str) -> None:
-    smooth = min(SMOOTH, len(values["decision"]))
-    curve = moving_mean(values[key], smooth)
-    thousand = values["decision"][smooth - 1 :] / 1000
-    low, high = np.percentile(curve, [25, 75], axis=0)
-    axes.fill_between(thousand, low, high, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(thousand, curve.mean(0), color=colour, label=label)

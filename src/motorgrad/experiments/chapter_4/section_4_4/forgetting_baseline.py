@@ -191,7 +191,7 @@ def draw_quartiles(
 ) -> None:
     """Median and quartiles over seeds of `values` `(lines, seeds, records)`."""
     for row, label, each in zip(colours or range(len(labels)), labels, values, strict=True):
-        draw_band(axes, decision / 1e6, each, f"C{row}", label, alpha=0.18, linewidth=1.3)
+        draw_band(axes, decision / 1e6, each, f"C{row}", label, linewidth=1.3)
 
 
 def draw_least_error(axes: Axes, changes: Sequence[float] | np.ndarray, end: float, least: np.ndarray) -> None:

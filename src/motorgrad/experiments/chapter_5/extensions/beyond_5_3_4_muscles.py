@@ -8,9 +8,8 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, median_of, practice_curve
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 
 SMOOTH = 40.0
 """Simulated seconds over which the speed during learning is averaged."""

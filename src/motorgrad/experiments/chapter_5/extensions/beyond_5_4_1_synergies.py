@@ -9,10 +9,9 @@ from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, practice_curve
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad.experiments.chapter_5.hexapod._gait_study import controller_speeds
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.tasks import TRIPOD_SYNERGIES, HexapodSynergy, find_synergies, synergy_matrix
 from motorgrad.training import evaluate, settings_for
 

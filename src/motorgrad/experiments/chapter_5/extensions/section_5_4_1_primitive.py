@@ -12,10 +12,9 @@ from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
 from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.policies import Primitives
 from motorgrad.tasks import HexapodPrimitive
 from motorgrad.training import AgentSettings, settings_for
@@ -178,7 +177,7 @@ def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float
     panels: Any = figure.subplots(2, 2)
     records = max(1, len(values["time"]) // 20)
     for kind, label in words.items():
-        draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records)
+        draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)
     panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
     panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
     panels[0, 0].legend(loc="upper left", fontsize=8.5)

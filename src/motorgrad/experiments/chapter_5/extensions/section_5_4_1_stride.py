@@ -12,10 +12,9 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.policies import GradedHyperplanes, graded_hyperplanes
 from motorgrad.tasks import HexapodStride
 from motorgrad.training import AgentSettings, settings_for
@@ -187,7 +186,7 @@ def draw_stride(values: Values) -> Figure:
 def _learning(axes: Axes, values: Values) -> None:
     records = max(1, len(values["time"]) // 20)
     for kind, (colour, label) in LOOKS.items():
-        draw_band(axes, values["time"], values[f"{kind} curve"], colour, label, records)
+        draw_band(axes, values["time"], values[f"{kind} curve"], colour, label, records=records)
     axes.set(xlabel="simulated s of practice", ylabel="speed while exploring, m/s", ylim=(0, None))
     axes.legend(loc="lower right", fontsize=8.5)
 

@@ -17,7 +17,7 @@ from motorgrad.experiments._claims import (
     share_of,
 )
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import (
     GAITS,
     INDEPENDENT,
@@ -27,7 +27,6 @@ from motorgrad.experiments.chapter_5.hexapod._gait_study import (
     controller_speeds,
     gait_readings,
 )
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 
 SMOOTH = 12.0
 """Simulated seconds over which the speed during practice is averaged."""

@@ -1,4 +1,4 @@
-"""What the experiments with growing policies have in common: a pool that gets its units one by one, and its history."""
+"""The study of growing policies: a pool that receives its units one by one, and its history."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -16,17 +16,17 @@ from motorgrad.training import AgentSettings, Run, settings_for
 RATES = {"centre": 1e-4, "log_width": 5e-4}
 INTERVAL = 10_000
 SETTLED = 0.24
-"""The part of each interval in which the newest unit no longer shrinks: 2,412 of 10,000 decisions."""
+"""The fraction of each interval in which the newest unit no longer shrinks: 2,412 of 10,000 decisions."""
 
 
 @dataclasses.dataclass(frozen=True)
 class GrowingStudy(Experiment):
-    """Learners that grow.
+    """Base of experiments on growing policies.
 
     **Arguments:**
 
-    - `units`: of the pool, which is full in the end.
-    - `seeds`: learners, each by itself.
+    - `units`: of the complete pool.
+    - `seeds`: independent learners.
     """
 
     units: int = 20
@@ -42,7 +42,7 @@ class GrowingStudy(Experiment):
 
     @property
     def decisions(self) -> int:
-        """Of learning: a whole interval for each unit."""
+        """Decisions of learning: one interval per unit."""
         return INTERVAL * self.units
 
     def growing(self, task: Task, **changes: Any) -> AgentSettings:
@@ -53,34 +53,35 @@ class GrowingStudy(Experiment):
         return work.train(task, settings, self.decisions, self.seeds)
 
     def counts(self, wanted: tuple[int, ...]) -> tuple[int, ...]:
-        """Of these numbers of units those that are reached."""
+        """The numbers of units among these that are reached."""
         return tuple(count for count in wanted if count <= self.units)
 
 
 def after_units(decision: np.ndarray, values: np.ndarray, units: int) -> np.ndarray:
-    """The mean of a curve in the learning phase that follows each addition by the clock, when the newest unit has
-    stopped shrinking and the next is not there yet: `(seeds, records)` to `(seeds, units)`."""
+    """Mean of a curve in the learning phase after each addition by the clock, when the newest unit has stopped
+    shrinking and the next has not been added: `(seeds, records)` to `(seeds, units)`."""
     phase = np.stack([learning_phase(decision, unit) for unit in range(units)])
     return np.stack([values[:, rows].mean(1) for rows in phase], axis=1)
 
 
 def learning_phase(decision: np.ndarray, unit: int) -> np.ndarray:
-    """Which records lie wholly in the learning phase after the unit of this number, from 0, was added by the clock."""
+    """Mask of the records entirely within the learning phase after the addition of this unit, numbered from 0, by the
+    clock."""
     end = (unit + 1) * INTERVAL
     return (decision - decision[0] >= end - SETTLED * INTERVAL) & (decision <= end)
 
 
 def disturbance(decision: np.ndarray, values: np.ndarray, units: int) -> np.ndarray:
-    """How much less a curve is in the first record after each addition by the clock than in the last before it,
-    `(seeds, units − 1)`."""
+    """Drop of a curve from the last record before each addition by the clock to the first one after it, `(seeds, units
+    − 1)`."""
     last = np.array([np.flatnonzero(decision <= unit * INTERVAL)[-1] for unit in range(1, units)])
     return values[:, last] - values[:, last + 1]
 
 
 def grown_policies(run: Run, counts: Sequence[int]) -> Any:
-    """The policies of all seeds that grow by the clock, just before the next unit acts after each of these: along a
-    leading axis, seeds along the second. A record at an addition has the new unit too, at its start; it is left off.
-    """
+    """Policies of all seeds that grow by the clock, just before the unit after each of these counts acts: along a
+    leading axis, seeds along the second. A record at an addition already contains the new unit in its initial state,
+    which is masked here."""
     decision = run.curve()[0]
     policies = recorded_policies(run, [int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
     active = jnp.arange(policies.active.shape[-1]) < jnp.asarray(counts)[:, None, None]

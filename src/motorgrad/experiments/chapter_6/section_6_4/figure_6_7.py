@@ -1,4 +1,4 @@
-"""Figure 6.7: how a policy changes as units are added one by one."""
+"""Figure 6.7: a policy while units are added one by one."""
 
 from collections.abc import Mapping, Sequence
 
@@ -22,18 +22,18 @@ from motorgrad.training import Run
 
 SHOWN = (1, 2, 3, 4, 6, 9, 13, 16, 19, 20)
 LOCAL = 0.25
-"""A width up to which a unit counts as local: half of the box is four of them."""
+"""Width up to which a unit counts as local: half of the box is four of them."""
 
 
 @experiment("fig-6.7", "a policy that grows", "figure 6.7")
 class GrowingPolicy(GrowingStudy):
-    """A policy grows in the layout R3: one local unit after another is added, wide at first, and finds its place. The
-    units of the seed in the middle, with paths of its particle, at the end of the learning that follows the addition.
+    """A policy grows in the layout R3: local units are added one by one, wide at first, and find their places. The
+    units of the median seed with paths of its particle, at the end of the learning phase that follows each addition.
 
     **Arguments:**
 
-    - `units`: of the pool, which is full in the end; 20 take 8,000 episodes.
-    - `seeds`: learners, each by itself.
+    - `units`: of the complete pool; 20 take 8,000 episodes.
+    - `seeds`: independent learners.
     - `drawn` (episodes): paths in each tile.
     """
 
@@ -83,25 +83,25 @@ class GrowingPolicy(GrowingStudy):
         gained = mean_of(values["reward"][:, -1] - values["reward"][:, 0])
         return [
             positive(
-                "With each unit alone in motion, it is the new unit that finds a place.",
+                "Mainly the new unit moves, and finds a place.",
                 "section 6.4.3",
-                "in the interval after its addition a unit's centre ends farther from where it began than those of "
-                "the units that were there: difference above 0",
+                "in the interval after its addition, a unit's centre moves farther than those of the other units: "
+                "difference above 0",
                 further,
                 "of the box",
-                f"{new.mean():.3f} and {others.mean():.3f}; the new unit's steps are 16 times as long.",
+                f"{new.mean():.3f} and {others.mean():.3f}; the steps of the new unit are 16 times as long.",
             ),
             more_than_half(
                 "Shrinking forces each new unit to fit a local region.",
                 "section 6.4.3",
                 f"share of units with widths of at most {LOCAL:g} at the end of their own interval: above one half",
                 mean_of(local),
-                note=f"The median of the greater width is {np.median(width):.2f}; shrinking alone ends at 0.15.",
+                note=f"The median of the larger width is {np.median(width):.2f}; shrinking alone would end at 0.15.",
             ),
             positive(
-                "A policy that grows gets better.",
+                "A growing policy improves.",
                 "figure 6.7",
-                f"more reward after {self.units} units than after 1: difference above 0",
+                f"reward after {self.units} units minus that after 1: above 0",
                 gained,
                 "reward per decision",
             ),
@@ -109,11 +109,11 @@ class GrowingPolicy(GrowingStudy):
 
 
 def centre_shifts(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far the centre of the new unit is, and how far on average those of the others are, at the end of an interval
-    from where they were at its beginning; means over the intervals but the first: `(seeds,)` each.
+    """Distances by which the centres of the new unit and, on average, of the others move within an interval; means over
+    all intervals but the first: `(seeds,)` each.
 
-    **Arguments:** `centre`, at the end of each interval, `(units, seeds, units, 2)`: of a unit that is not there yet,
-    where it is going to begin.
+    **Arguments:** `centre`, at the end of each interval, `(units, seeds, units, 2)`; for a unit that has not been
+    added, its initial place.
     """
     count = len(centre)
     new, others = [], []
@@ -125,5 +125,5 @@ def centre_shifts(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_own_interval(history: np.ndarray) -> np.ndarray:
-    """Of each unit its numbers at the end of its own interval: `(units, seeds, units, …)` to `(seeds, units, …)`."""
+    """The numbers of each unit at the end of its own interval: `(units, seeds, units, …)` to `(seeds, units, …)`."""
     return np.stack([history[unit][:, unit] for unit in range(len(history))], axis=1)

@@ -1,4 +1,4 @@
-"""Figure 6.8: the reward of a policy that grows."""
+"""Figure 6.8: the reward of a growing policy."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, more_than_half, moving_mean, share_of
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
@@ -21,7 +21,7 @@ from motorgrad.tasks import FallingParticle
 from motorgrad.training import settings_for
 
 INDEPENDENT = {1: 0.033, 5: 0.141, 9: 0.154, 13: 0.175, 19: 0.184}
-"""Reward per decision of an independent model after so many units."""
+"""Reward per decision of an independent model after this many units."""
 
 WITHIN = 0.03
 DROP, DROP_WITHIN = 0.13, 0.03
@@ -33,12 +33,12 @@ AVERAGES = (50, 500)  # episodes
 
 @experiment("fig-6.8", "the reward of a policy that grows", "figure 6.8")
 class GrowingReward(GrowingStudy):
-    """The reward in R3 of a policy that grows, against episodes, with the additions; that of a typical seed and of all.
-    Beside it eight units that are there from the start, and what growth is worth if the first unit pushes to the right.
+    """The reward of a growing policy in R3 over episodes, with the additions marked: of the median seed and of all. For
+    comparison, eight units that are present from the start, and growth with a first unit that pushes to the right.
 
     **Arguments:**
 
-    - `units`: of the pool, which is full in the end; 20 take 8,000 episodes.
+    - `units`: of the complete pool; 20 take 8,000 episodes.
     - `seeds`: learners of each kind.
     """
 
@@ -76,19 +76,19 @@ class GrowingReward(GrowingStudy):
                 Claim(
                     f"Reward after {units} unit{'s' * (units > 1)}.",
                     "an independent model",
-                    f"within {WITHIN:g} of {expected:.3f}",
+                    f"{expected:.3f} ± {WITHIN:g}",
                     found,
                     abs(found.value - expected) <= WITHIN,
                     "reward per decision",
-                    f"{mean_of(other[:, units - 1])} where the first unit pushes to the right.",
+                    f"{mean_of(other[:, units - 1])} if the first unit pushes to the right.",
                 )
             )
         drop = mean_of(values["grown drop"].mean(1))
         made.append(
             Claim(
-                "A large drop in reward as each new unit disrupts the dynamics.",
+                "Each new unit disrupts the dynamics and causes a large drop in reward.",
                 "figure 6.8; an independent model",
-                f"within {DROP_WITHIN:g} of {DROP:g}: the last record before an addition less the first after it",
+                f"{DROP:g} ± {DROP_WITHIN:g}: the last record before an addition minus the first after it",
                 drop,
                 abs(drop.value - DROP) <= DROP_WITHIN,
                 "reward per decision",
@@ -106,15 +106,14 @@ class GrowingReward(GrowingStudy):
             more_than_half(
                 "Performance peaks after approximately 13 units.",
                 "figure 6.8",
-                f"the best of all learning phases is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
+                f"the best learning phase is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
                 best,
-                note="The thesis saw one run.",
+                note="The thesis shows one run.",
             ),
             Claim(
                 "There is no true peak at 13 units.",
                 "an independent model",
-                f"not less reward after {self.units} units than after {PEAK}: the interval of the difference is not "
-                "below 0",
+                f"reward after {self.units} units minus that after {PEAK}: the interval is not below 0",
                 later,
                 later.high > 0,
                 "reward per decision",
@@ -133,9 +132,10 @@ class GrowingReward(GrowingStudy):
             made.append(
                 above(
                     -0.02,
-                    f"Two units at each of 2 × 2 places, there from the start, do as well in two dimensions ({words}).",
+                    "Two units at each of 2 × 2 places, present from the start, do as well in two "
+                    f"dimensions ({words}).",
                     "an independent model",
-                    "not less reward at the end of as many decisions: the interval of the difference above −0.02",
+                    "difference of final rewards after equally many decisions: the whole interval above −0.02",
                     found,
                     "reward per decision",
                     f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
@@ -145,7 +145,7 @@ class GrowingReward(GrowingStudy):
 
 
 def draw_growing_reward(values: Values, units: int, independent: Mapping[int, float], within: float) -> Figure:
-    """One seed's moving averages as in the thesis; all seeds; and the reward after each unit."""
+    """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
 
     figure = new_figure(9.4, 6.6)
     panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
@@ -153,15 +153,6 @@ def draw_growing_reward(values: Values, units: int, independent: Mapping[int, fl
     _all_seeds(panels["all"], values, units)
     _after(panels["after"], values, units, independent, within)
     return figure
-
-
-def draw_band(
-    axes: Axes, x: np.ndarray, values: np.ndarray, colour: str, label: str, records: int = 1, line: str = "-"
-) -> None:
-    """Median and quartiles over seeds of a curve, `(seeds, records)`; each point is the mean of so many records."""
-    low, median, high = np.percentile(moving_mean(values, records), [25, 50, 75], axis=0)
-    axes.fill_between(x[records - 1 :], low, high, color=colour, alpha=0.18, linewidth=0)
-    axes.plot(x[records - 1 :], median, line, color=colour, label=label)
 
 
 def _one_seed(axes: Axes, values: Values, units: int) -> None:
@@ -186,12 +177,12 @@ def _all_seeds(axes: Axes, values: Values, units: int) -> None:
     thousands = values["decision"] / 1e3
     for name, colour, label in (
         ("static", "C2", "eight units from the start"),
-        ("static like grown", "C1", "the same, height and rates as grown"),
-        ("grown", "C0", "grown"),
+        ("static like grown", "C1", "the same, height and rates as growing"),
+        ("grown", "C0", "growing"),
     ):
         draw_band(axes, thousands, values[f"{name} reward"], colour, label)
     _additions(axes, values["decision"], thousands, units)
-    axes.set(xlabel="thousand decisions", ylabel="reward per decision", title="all seeds, median and quartiles")
+    axes.set(xlabel="thousand decisions", ylabel="reward per decision", title="all seeds: median and quartiles")
     axes.legend(loc="lower right", fontsize=8)
 
 
@@ -199,18 +190,17 @@ def _after(axes: Axes, values: Values, units: int, independent: Mapping[int, flo
     count = np.arange(1, units + 1)
     for name, colour, label in (("right first", "C4", "first to the right"), ("grown", "C0", "first to the left")):
         found = [mean_of(column) for column in values[f"{name} after"].T]
-        error = [[each.value - each.low for each in found], [each.high - each.value for each in found]]
-        axes.errorbar(count, [each.value for each in found], error, fmt="o-", markersize=3, color=colour, label=label)
+        draw_intervals(axes, count, found, fmt="o-", markersize=3, color=colour, label=label)
     if independent:
         axes.errorbar(
             list(independent), list(independent.values()), within, fmt="s", color="0.2", markersize=5, capsize=3,
             label=f"an independent model, ± {within:g}", zorder=5, linewidth=0.8,
         )  # fmt: skip
-    axes.set(xlabel="units", ylabel="reward in the learning phase", title="after each unit, mean and interval")
+    axes.set(xlabel="units", ylabel="reward in the learning phase", title="after each unit: mean and interval")
     axes.legend(loc="lower right", fontsize=8)
 
 
 def _additions(axes: Axes, decision: np.ndarray, place: np.ndarray, units: int) -> None:
-    """A line where each unit but the first was added."""
+    """A line at the addition of each unit but the first."""
     for x in np.interp(INTERVAL * np.arange(1, units), decision, place):
         axes.axvline(x, color="0.85", linewidth=0.7, zorder=0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, Measured, mean_of, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
@@ -15,28 +15,27 @@ from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     after_units,
     grown_policies,
 )
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.tasks import ParticleOrbit
 from motorgrad.training import Run
 
-WANTED = {"wide": ("being far from the centre is rewarded", "C0"), "narrow": ("it is penalised", "C3")}
+WANTED = {"wide": ("distance from the centre is rewarded", "C0"), "narrow": ("it is penalised", "C3")}
 INDEPENDENT = {"wide": (0.458, 0.006), "narrow": (0.184, 0.007)}
-"""Radius at the end in an independent model, and its half-width."""
+"""Final radius in an independent model, and half the width of its interval."""
 
 SHOWN = (1, 2, 4, 8, 16)
-ONCE_ROUND, SETTLING = 63, 100  # decisions: the first is 2π/(k₁ · period)
+ONCE_ROUND, SETTLING = 63, 100  # decisions; one revolution takes 2π/(k₁ · period)
 
 
 @experiment("fig-6.9", "orbits that widen and narrow", "figure 6.9")
 class Orbits(GrowingStudy):
-    """A particle goes round in a circular field, without episodes, and units that push in eight directions are added
-    one by one. Where the distance from the centre is rewarded the orbit widens, where it is penalised it narrows.
-    Tiles: units and path of the seed in the middle, once round, at the end of the learning after so many units.
+    """A particle orbits in a circular field, without episodes, and units that push in eight directions are added one by
+    one. If the distance from the centre is rewarded, the orbit widens; if it is penalised, it narrows. Tiles: units and
+    path of the median seed for one revolution, at the end of the learning phase after this many units.
 
     **Arguments:**
 
-    - `units`: of the pool, which is full in the end.
-    - `seeds`: learners for each reward.
+    - `units`: of the complete pool.
+    - `seeds`: learners with each reward.
     """
 
     units: int = 16
@@ -77,7 +76,7 @@ class Orbits(GrowingStudy):
                 draw_tile(axes, self.task(wanted), values, f"{wanted} {count}", units=int(count))
                 radius = values[f"{wanted} after"][int(values[f"{wanted} row"]), count - 1]
                 axes.set_title(f"{count} unit{'s' if count > 1 else ''}: radius {radius:.3f}", fontsize=9)
-            row[0].set_ylabel(f"{wanted} is wanted", fontsize=9)
+            row[0].set_ylabel(f"{wanted} orbit rewarded", fontsize=9)
         self._curve(halves[1].subplots(), values)
         return figure
 
@@ -91,7 +90,7 @@ class Orbits(GrowingStudy):
                 thousands[-1] * 1.012, expected, half, fmt="s", color=colour, markersize=4, capsize=3, label=label
             )
         unforced = self.task("wide").physics.orbit_radius
-        axes.axhline(unforced, color="0.4", linestyle="--", linewidth=0.8, label=f"without pushes, {unforced:.3f}")
+        axes.axhline(unforced, color="0.4", linestyle="--", linewidth=0.8, label=f"without actions, {unforced:.3f}")
         for unit in range(1, self.units):
             axes.axvline(unit * INTERVAL / 1e3, color="0.88", linewidth=0.7, zorder=0)
         axes.set(xlabel="thousand decisions", ylabel="mean radius, all seeds", ylim=(0.1, 0.52))
@@ -109,24 +108,24 @@ class Orbits(GrowingStudy):
             )
             made += [
                 positive(
-                    f"The orbit {'widens' if sign > 0 else 'narrows'} where {WANTED[wanted][0]}.",
+                    f"The orbit {'widens' if sign > 0 else 'narrows'} if {WANTED[wanted][0]}.",
                     "figure 6.9",
-                    f"a {'greater' if sign > 0 else 'smaller'} radius than without pushes, {unforced:.3f}: difference "
-                    "above 0",
+                    f"a {'larger' if sign > 0 else 'smaller'} radius than without actions, {unforced:.3f}: "
+                    "difference above 0",
                     changed,
                     "of the box",
                 ),
                 Claim(
-                    f"Radius at the end, where {wanted} is wanted.",
+                    f"Final radius if the orbit should be {wanted}.",
                     "an independent model",
-                    f"the interval meets {expected} ± {half}",
+                    f"the interval overlaps {expected} ± {half}",
                     end,
                     meets(end, expected, half),
                     "of the box",
                     f"After {self.decisions:,} decisions, {self.units} units.",
                 ),
                 positive(
-                    f"The later half of the units is of use too, where {wanted} is wanted.",
+                    f"The second half of the units is useful, too, if the orbit should be {wanted}.",
                     "our own expectation",
                     f"with {self.units} units {'wider' if sign > 0 else 'narrower'} than with {self.units // 2}: "
                     "difference above 0",

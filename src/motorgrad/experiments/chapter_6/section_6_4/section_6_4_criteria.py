@@ -7,13 +7,12 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, negative, positive, share_of
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowingStudy, learning_phase
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.tasks import FallingParticle
 
-END = 0.05  # of the decisions, the last, over which the end is averaged
-QUIET = 0.1  # of the decisions, the last, without an addition: then growth has stopped
+END = 0.05  # share of the decisions, the last, over which the end is averaged
+QUIET = 0.1  # growth has stopped if this share of the decisions, the last, passes without an addition
 WAYS: dict[str, dict[str, Any]] = {
     "clock": {},
     "first": {"growth": "plateau", "growth_patience": 1},
@@ -22,23 +21,23 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 WORDS = {
     "clock": "by the clock, every 10,000 decisions",
-    "first": "at a plateau; stops at the first unit that brings nothing",
+    "first": "at a plateau; stops at the first unit without improvement",
     "plateau": "at a plateau; stops after three in a row (the default)",
     "short": "at a plateau of 2,000 decisions; stops after six in a row",
 }
-LEAST = 5  # seeds, for a mean over those that had so many units
+LEAST = 5  # seeds required for a mean over those with this many units
 
 
 @experiment("sec-6.4-criteria", "when to add a unit, and when to stop", "section 6.4")
 class Criteria(GrowingStudy):
-    """When the next unit is added, and when none is added any more: by the clock, or once the reward no longer rises by
-    more than its interval. Every learner has the same number of decisions, in the layouts R3 and R1: its reward over
-    decisions and against its units, how many units it ends with, and when the last of them came.
+    """When to add the next unit, and when to stop: by the clock, or once the reward no longer rises by more than its
+    interval. All learners have the same number of decisions, in the layouts R3 and R1: their reward over decisions and
+    against units, the final number of units, and the time of the last addition.
 
     **Arguments:**
 
     - `units`: of the pool; growth by the clock fills it.
-    - `seeds`: learners by each criterion.
+    - `seeds`: learners with each criterion.
     - `layouts`: of rewards, by name.
     """
 
@@ -71,9 +70,9 @@ class Criteria(GrowingStudy):
         naive = mean_of(ends["first"] - ends["clock"])
         made = [
             negative(
-                f"To stop once a unit brings no improvement is naive: it stops too early ({layout}).",
+                f"Stopping once a unit brings no improvement is naive: it stops too early ({layout}).",
                 "section 6.4.3",
-                "less reward at the end than by the clock: difference below 0",
+                "final reward minus that by the clock: below 0",
                 naive,
                 "reward per decision",
                 f"{median_of(sizes['first'])} units; {ends['first'].mean():.3f} and {ends['clock'].mean():.3f}.",
@@ -84,39 +83,40 @@ class Criteria(GrowingStudy):
             quiet = units[:, values["decision"] <= (1 - QUIET) * values["decision"][-1]][:, -1] == units[:, -1]
             stopped = share_of((sizes[way] < self.units) & quiet)
             lost, life = mean_of(ends[way] - ends["clock"]), mean_of(lives[way] - lives["clock"])
-            late = "Its window and patience were chosen by other seeds, 100 to 123. " if way == "short" else ""
+            late = "Window and patience were chosen on other seeds, 100 to 123. " if way == "short" else ""
             made += [
                 more_than_half(
-                    f"It stops by itself before the pool is full ({layout}; {WORDS[way]}).",
-                    "sections 6.4.1 and 6.4.3, which leave the criterion open; ours",
-                    f"fewer than {self.units} units, and none added in the last tenth of all decisions: in most seeds",
+                    f"Growth stops by itself before the pool is full ({layout}; {WORDS[way]}).",
+                    "sections 6.4.1 and 6.4.3, which leave the criterion open; our own",
+                    f"fewer than {self.units} units, and none added in the last tenth of the decisions: in most seeds",
                     stopped,
-                    note=f"{median_of(sizes[way])} units; the last came after {last_added(values, layout, way)} "
-                    "decisions.",
+                    note=f"{median_of(sizes[way])} units; the last was added after "
+                    f"{last_added(values, layout, way)} decisions.",
                 ),
                 above(
                     -0.02,
-                    f"With these it earns as much in the end ({layout}; {WORDS[way]}).",
+                    f"With these units, the final reward is as high ({layout}; {WORDS[way]}).",
                     "our own expectation",
-                    "the interval of the difference from the clock's reward is above −0.02",
+                    "final reward minus that by the clock: the whole interval above −0.02",
                     lost,
                     "reward per decision",
-                    f"{late}{ends[way].mean():.3f}, by the clock {ends['clock'].mean():.3f}.",
+                    f"{late}{ends[way].mean():.3f}; by the clock {ends['clock'].mean():.3f}.",
                 ),
                 positive(
-                    f"Over all its practice it earns more, as it is disturbed less ({layout}; {WORDS[way]}).",
+                    "Over the whole practice, the reward is higher, because disturbances are fewer "
+                    f"({layout}; {WORDS[way]}).",
                     "our own expectation",
-                    "more reward over all decisions than by the clock: difference above 0",
+                    "reward over all decisions minus that by the clock: above 0",
                     life,
                     "reward per decision",
-                    f"{late}{lives[way].mean():.3f}, by the clock {lives['clock'].mean():.3f}.",
+                    f"{late}{lives[way].mean():.3f}; by the clock {lives['clock'].mean():.3f}.",
                 ),
             ]
         return made
 
 
 def final_reward(values: Values, layout: str, way: str) -> np.ndarray:
-    """Mean reward over the last decisions, `(seeds,)`; by the clock these are after the last unit has settled."""
+    """Mean reward over the last decisions, `(seeds,)`; by the clock, those after the last unit has settled."""
     late = values["decision"] > (1 - END) * values["decision"][-1]
     if way == "clock":
         late = learning_phase(values["decision"], round(values["decision"][-1] / INTERVAL) - 1)
@@ -124,7 +124,7 @@ def final_reward(values: Values, layout: str, way: str) -> np.ndarray:
 
 
 def last_added(values: Values, layout: str, way: str) -> str:
-    """When the last unit was added, the median over seeds, in words."""
+    """When the last unit was added, median over seeds, in words."""
     units = values[f"{layout} {way} units"]
     return f"{np.median(values['decision'][(units == units[:, -1:]).argmax(1)]):,.0f}"
 
@@ -140,14 +140,14 @@ def draw_criteria(values: Values, layouts: Sequence[str], words: Mapping[str, st
     for row, layout in zip(axes, layouts, strict=True):
         for number, way in enumerate(words):
             reward, units = values[f"{layout} {way} reward"], values[f"{layout} {way} units"]
-            draw_band(row[0], thousands, reward, f"C{number}", words[way], span)
+            draw_band(row[0], thousands, reward, f"C{number}", words[way], records=span)
             draw_band(row[1], thousands, units, f"C{number}", words[way])
             _by_units(row[2], reward, units, f"C{number}", least=round(0.8 * span))
         row[0].set_ylabel(f"{layout}: reward, last {interval:,} decisions")
         row[1].set(ylabel="units", ylim=(0, None))
         row[2].set(ylabel="reward")
     axes[0, 1].set_title("units over time", fontsize=10)
-    axes[0, 2].set_title("reward at the end of so many units", fontsize=10)
+    axes[0, 2].set_title("reward at the end with this many units", fontsize=10)
     for each in axes[:, 1]:
         each.yaxis.set_major_locator(MaxNLocator(integer=True))
     for each, label in zip(axes[-1], ("thousand decisions", "thousand decisions", "units"), strict=True):
@@ -158,8 +158,8 @@ def draw_criteria(values: Values, layouts: Sequence[str], words: Mapping[str, st
 
 
 def _by_units(axes: Axes, reward: np.ndarray, units: np.ndarray, colour: str, least: int) -> None:
-    """The reward at the end of the time with so many units, mean and interval over the seeds that had so many for at
-    least so many records: longer than the newest took to shrink."""
+    """Reward at the end of the time with each number of units, mean and interval over the seeds that had it for at
+    least `least` records: longer than the newest unit takes to shrink."""
     count, found = [], []
     for number in range(1, int(units.max()) + 1):
         there = (units == number).sum(1) >= least
@@ -171,5 +171,4 @@ def _by_units(axes: Axes, reward: np.ndarray, units: np.ndarray, colour: str, le
         count.append(number)
         found.append(mean_of(last))
     if count:
-        error = [[each.value - each.low for each in found], [each.high - each.value for each in found]]
-        axes.errorbar(count, [each.value for each in found], error, fmt="o-", markersize=3, color=colour, linewidth=1)
+        draw_intervals(axes, count, found, fmt="o-", markersize=3, color=colour, linewidth=1)

@@ -1,4 +1,4 @@
-"""Section 6.4.3 and 6.5.4: where a new unit begins."""
+"""Sections 6.4.3 and 6.5.4: where a new unit starts."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, Self
@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, mean_of, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     GrowingStudy,
@@ -15,21 +15,21 @@ from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     grown_policies,
 )
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import at_own_interval
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.sim import draw_regions
 from motorgrad.tasks import FallingParticle
 
-PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "where the particle has been")}
+PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "at a visited place")}
 
 
-@experiment("sec-6.4-placement", "where a new unit begins", "section 6.4")
+@experiment("sec-6.4-placement", "where a new unit starts", "section 6.4")
 class Placement(GrowingStudy):
-    """Where a new unit begins: at the centre of the box, or at a place drawn from those that the particle has visited
-    of late. Units are added by the clock, in the layouts R3 and R1: the reward, and where units began and ended.
+    """Where a new unit starts: at the centre of the box, or at a random place among those that the particle visited
+    recently. Units are added by the clock, in the layouts R3 and R1: the reward, and the initial and final places of
+    units.
 
     **Arguments:**
 
-    - `units`: of the pool, which is full in the end.
+    - `units`: of the complete pool.
     - `seeds`: learners of each kind.
     - `layouts`: of rewards, by name.
     """
@@ -53,7 +53,7 @@ class Placement(GrowingStudy):
                     f"{layout} {place} after": after_units(decision, reward, self.units),
                 }
                 history = np.asarray(grown_policies(run, range(1, self.units + 1)).pool.centre)
-                # a record at an addition has the new unit's start
+                # a record at an addition contains the initial state of the new unit
                 starts = [history[unit - 1][:, unit] for unit in range(1, self.units)]
                 found[f"{layout} {place} starts"] = np.stack(starts, axis=1)
                 found[f"{layout} {place} ends"] = at_own_interval(history)[:, 1:]
@@ -66,7 +66,8 @@ class Placement(GrowingStudy):
         span = max(1, round(INTERVAL / values["decision"][0]))
         for row, layout in zip(axes, self.layouts, strict=True):
             for place, (colour, words) in PLACES.items():
-                draw_band(row[0], values["decision"] / 1e3, values[f"{layout} {place} reward"], colour, words, span)
+                thousands, reward = values["decision"] / 1e3, values[f"{layout} {place} reward"]
+                draw_band(row[0], thousands, reward, colour, words, records=span)
             row[0].set(ylabel=f"{layout}: reward, last {INTERVAL:,} decisions")
             for panel, (place, (colour, words)) in zip(row[1:], PLACES.items(), strict=True):
                 self._moves(panel, layout, values, place, colour)
@@ -76,7 +77,7 @@ class Placement(GrowingStudy):
         return figure
 
     def _moves(self, axes: Axes, layout: Any, values: Values, place: str, colour: str) -> None:
-        """Where all seeds' units began and where each was when the next came."""
+        """Initial places of all seeds' units, and their places when the next unit is added."""
         draw_regions(axes, FallingParticle(layout=layout).places)
         starts, ends = (values[f"{layout} {place} {when}"].reshape(-1, 2) for when in ("starts", "ends"))
         axes.plot(*starts.T, "+", color="black", markersize=5, alpha=0.7)
@@ -97,23 +98,23 @@ class Placement(GrowingStudy):
                 gain = mean_of(found["visited"] - found["centre"])
                 made.append(
                     positive(
-                        f"A unit that begins where the particle goes earns more ({layout}, {words}).",
-                        "section 6.5.4: local units only have an effect near the dynamics; ours",
-                        "more reward than with units that begin at the centre: difference above 0",
+                        f"Units that start where the particle goes lead to more reward ({layout}, {words}).",
+                        "section 6.5.4: local units only have an effect near the dynamics; our own",
+                        "reward minus that with units that start at the centre: above 0",
                         gain,
                         "reward per decision",
-                        f"{found['visited'].mean():.3f}, from the centre {found['centre'].mean():.3f}.",
+                        f"{found['visited'].mean():.3f}, for the centre {found['centre'].mean():.3f}.",
                     )
                 )
             shorter = mean_of(ways["visited"] - ways["centre"])
             made.append(
                 negative(
-                    f"It has less far to go to its place ({layout}).",
+                    f"They move less far to their places ({layout}).",
                     "our own expectation",
-                    "from its beginning to where it is when the next comes, less than from the centre: below 0",
+                    "distance moved until the next addition minus that from the centre: below 0",
                     shorter,
                     "of the box",
-                    f"{ways['visited'].mean():.3f}, from the centre {ways['centre'].mean():.3f}.",
+                    f"{ways['visited'].mean():.3f}, for the centre {ways['centre'].mean():.3f}.",
                 )
             )
         return made

@@ -9,9 +9,8 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.policies import Gated, Policy, split
 from motorgrad.sim import draw_paths, draw_reward
 from motorgrad.tasks import FallingParticle, Region
@@ -19,22 +18,23 @@ from motorgrad.training import AgentSettings, settings_for
 
 LEFT, RIGHT, NONE = (-0.4, 0.0), (0.4, 0.0), (0.0, 0.0)
 LINES: tuple[Region, ...] = ((1.0, 0.25, 0.65, 0.06, 0.15), (1.0, 0.75, 0.15, 0.06, 0.15))
-"""Two upright lines of reward, one above to the left and one below to the right: what to do depends on the height."""
+"""Two vertical lines of reward, one above on the left and one below on the right: the right action depends on the
+height."""
 
 RATES = {"centre": 2e-4, "log_width": 8e-4, "weights": 1.6e-2, "bias": 1.6e-2}
-END = 0.05  # of the decisions, the last, over which the end is averaged
+END = 0.05  # share of the decisions, the last, over which the end is averaged
 GRID = 61
 FORCES = {
     "ungated": (LEFT, RIGHT),
     "gated": (NONE,) * 2 + (LEFT, RIGHT) * 2,
     "deep": (NONE,) * 2 + ((NONE,) * 2 + (LEFT, RIGHT) * 2) * 2,
 }
-"""Of each unit, in the order of an action; gates push nowhere."""
+"""Force of each unit, in the order of an action; gates do not push."""
 
 WORDS = {
     "ungated": "two hyperplanes for the whole box",
     "gated": "two gates, two hyperplanes behind each",
-    "flat gated": "local units, as many parameters",
+    "flat gated": "local units, equally many parameters",
     "deep": "two gates behind each of two gates, two hyperplanes behind each",
     "flat deep": "local units, as many parameters as that",
 }
@@ -52,10 +52,10 @@ LEVELS = ("#222222", "#B07500")
 
 @experiment("sec-6.5.4-hierarchy", "sub-policies behind gates", "section 6.5.4")
 class Hierarchy(Experiment):
-    """A hierarchy: gates, local units in the plane of the falling particle, and behind each of them two hyperplane
-    units that push to the left and to the right only while the gate fires; and one with gates behind gates. All are
-    learnt together, in a layout in which different things are to be done above and below. Beside them are the same two
-    units without gates, and pools of local units with as many parameters.
+    """A hierarchy of gates, local units in the plane of the falling particle, each with two hyperplane units behind it
+    that push left and right only while the gate fires; and one with gates behind gates. All are learnt together, in a
+    layout that requires different actions above and below. For comparison, the same two units without gates, and pools
+    of local units with equally many parameters.
 
     **Arguments:**
 
@@ -120,17 +120,22 @@ class Hierarchy(Experiment):
         counts = dict(zip(WORDS, values["parameters"], strict=True))
         made = []
         for better, worse, statement, source in (
-            ("gated", "ungated", "Gates are of use: what to do is learnt in each region by itself.", "section 6.5.4"),
-            ("deep", "gated", "So are gates behind gates.", "section 6.5.4"),
-            ("gated", "flat gated", "A hierarchy learns better than as many parameters in one pool.", "section 6.5.4"),
-            ("deep", "flat deep", "So does one of two levels.", "section 6.5.4"),
+            ("gated", "ungated", "Gates are useful: actions are learnt separately in each region.", "section 6.5.4"),
+            ("deep", "gated", "Gates behind gates are useful, too.", "section 6.5.4"),
+            (
+                "gated",
+                "flat gated",
+                "A hierarchy learns better than one pool with equally many parameters.",
+                "section 6.5.4",
+            ),
+            ("deep", "flat deep", "So does a hierarchy of two levels.", "section 6.5.4"),
         ):
             gain = mean_of(ends[better] - ends[worse])
             made.append(
                 positive(
                     statement,
                     f"{source}, which proposes hierarchies",
-                    f"more reward at the end: {WORDS[better]}, against {WORDS[worse]}: difference above 0",
+                    f"final reward: {WORDS[better]}, minus {WORDS[worse]}: above 0",
                     gain,
                     "reward per decision",
                     f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
@@ -144,16 +149,15 @@ class Hierarchy(Experiment):
                 0.05,
                 "Gates are learnt: they move to their regions.",
                 "section 6.5.4",
-                "distance from where they began, the mean of both: above 0.05",
+                "mean distance moved: above 0.05",
                 moved,
                 "of the box",
             ),
             above(
                 0.1,
-                "Behind each gate something else is learnt.",
+                "Different actions are learnt behind each gate.",
                 "section 6.5.4",
-                "where the two pools behind the gates push, seen at the same places: mean difference above 0.1 of the "
-                "force",
+                "mean difference between the pushes of the two pools at the same places: above 0.1 of the force",
                 turned,
                 "of the force",
             ),
@@ -161,19 +165,19 @@ class Hierarchy(Experiment):
 
 
 def parameter_count(learner: tuple[FallingParticle, AgentSettings]) -> int:
-    """How many numbers a learner learns."""
+    """Number of learnt parameters."""
     policy: Any = learner[1].agent(learner[0]).policy
     return sum(leaf.size for leaf in jax.tree.leaves(split(policy)[0]))
 
 
 def push(branch: Policy, places: Any) -> np.ndarray:
-    """Where a pool of one unit to the left and one to the right pushes, from −1 to 1, `(places,)`."""
+    """Push of a pool with one unit to the left and one to the right, from −1 to 1, `(places,)`."""
     fires = np.asarray(jax.vmap(branch.prob)(jnp.asarray(places, jnp.float32)))
     return fires[:, 1] - fires[:, 0]
 
 
 def gate_difference(policies: Any) -> np.ndarray:
-    """How differently the two pools behind two gates push, the mean over the box, `(seeds,)`."""
+    """Mean difference over the box between the pushes of the two pools behind two gates, `(seeds,)`."""
     found = []
     for row in range(len(policies.gate.centre)):
         first, second = (push(branch, grid()) for branch in policy_at(policies, row).branches)
@@ -182,14 +186,14 @@ def gate_difference(policies: Any) -> np.ndarray:
 
 
 def grid() -> np.ndarray:
-    """Places all over the box, `(places, 2)`."""
+    """Places on a grid over the box, `(places, 2)`."""
     side = np.linspace(0, 1, GRID)
     return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 
 
 def gate_maps(policy: Gated) -> Values:
-    """For every pool of units at the end of a hierarchy: where its gates are open, and where it pushes then; and all
-    gates' centres and widths by level."""
+    """For every pool of units at the end of a hierarchy: how far its gates are open, and its push; and centres and
+    widths of all gates by level."""
     pools, gates = list(_leaves(policy, np.ones(GRID**2))), list(_gates(policy, 0))
     return {
         "open": np.stack([open_ for open_, _ in pools]).reshape(-1, GRID, GRID),
@@ -218,7 +222,8 @@ def _gates(policy: Any, level: int) -> Any:
 
 
 def draw_hierarchy(values: Values, tasks: Mapping[str, FallingParticle], words: Mapping[str, str]) -> Figure:
-    """For each hierarchy: its gates with paths, and where each pool at its end acts and pushes; the reward of all."""
+    """For each hierarchy: its gates with paths, and activity and push of each pool at its end; learning curves of all
+    policies."""
 
     figure = new_figure(11, 7.2)
     halves: Any = figure.subfigures(2, 1, height_ratios=[1.65, 1])
@@ -235,7 +240,7 @@ def draw_hierarchy(values: Values, tasks: Mapping[str, FallingParticle], words: 
                 continue
             shown = _draw_pool(panel, values[f"{name} open"][number], values[f"{name} push"][number])
             panel.set_title(f"pool {number + 1} of {pools}", fontsize=9)
-    above.colorbar(shown, ax=rows, shrink=0.6, label="push to the right,\ntimes how open")
+    above.colorbar(shown, ax=rows, shrink=0.6, label="push to the right ×\nopening of the gates")
     _draw_curves(below.subplots(), values, words)
     return figure
 
@@ -253,7 +258,7 @@ def _draw_gates(axes: Axes, values: Values, name: str, task: FallingParticle) ->
 
 
 def _draw_pool(axes: Axes, opened: np.ndarray, push: np.ndarray) -> Any:
-    """Where a pool pushes to the left (blue) and to the right (red), as much as its gates are open."""
+    """Push of a pool to the left (blue) and to the right (red), weighted by the opening of its gates."""
     shown = axes.imshow(opened * push, origin="lower", extent=(0, 1, 0, 1), cmap="RdBu_r", vmin=-1, vmax=1)
     axes.contour(
         opened, [0.25, 0.5, 0.75], extent=(0, 1, 0, 1), colors="0.3", linewidths=(0.6, 1.2, 0.6), linestyles="-"
@@ -268,6 +273,7 @@ def _draw_curves(axes: Axes, values: Values, words: Mapping[str, str]) -> None:
     counts = dict(zip(words, values["parameters"], strict=True))
     for name, (colour, line) in CURVES.items():
         label = f"{words[name]} ({counts[name]} parameters)"
-        draw_band(axes, values["decision"] / 1e3, values[f"{name} reward"], colour, label, SMOOTH, line)
+        thousands, look = values["decision"] / 1e3, {"records": SMOOTH, "linestyle": line}
+        draw_band(axes, thousands, values[f"{name} reward"], colour, label, **look)
     axes.set(xlabel="thousand decisions", ylabel="reward per decision")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)

@@ -1,4 +1,4 @@
-"""Section 6.5.4: local policies on a body: the hopper."""
+"""Section 6.5.4: local policies on a body, the hopper."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
@@ -9,20 +9,19 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice_heights
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import draw_band
 from motorgrad.policies import Policy
 from motorgrad.tasks import Hopper
 from motorgrad.training import AgentSettings, evaluate, settings_for
 
 WORDS = {
     "planes": "two hyperplanes",
-    "static": "local units, all there from the start",
+    "static": "local units, present from the start",
     "grown": "local units, added one by one",
     "knee planes": "two hyperplanes over the knee alone",
-    "knee static": "local units over the knee alone, all there from the start",
+    "knee static": "local units over the knee alone, present from the start",
     "knee grown": "local units over the knee alone, added one by one",
 }
 PICTURED = ("planes", "static", "knee planes", "knee static", "knee grown")
@@ -36,14 +35,14 @@ COMPARED = (
 STATIC_RATES = {"centre": 5e-5, "log_width": 2e-4}
 GROWN_RATES = {"centre": 1e-4, "log_width": 5e-4}
 GROWTH = {"growth_shrink": 0.999, "growth_centre": 0.0, "growth_width": 1.5, "growth_cutoff": 0.4}
-"""Wide enough at first for all that is observed; shrinks four times as fast as the particle's units, for a practice
-that has an eighth of the decisions."""
+"""Wide enough initially for the whole range of observations; units shrink four times as fast as the particle's, because
+practice has an eighth of the decisions."""
 
 PERIOD = 0.02  # s
-CELLS = 60  # of the pictures, along each side
+CELLS = 60  # along each side of a picture
 WATCHED = 1_000  # decisions
 PANELS = (("flexors", 0, 0), ("extensors", 0, 1), ("flexors", 1, 0), ("extensors", 1, 1))
-"""Muscles; on the ground (0) or in the air (1); which group."""
+"""Muscles; on the ground (0) or in the air (1); index of the group."""
 
 PLACES = ("on the ground", "in the air")
 STYLES = (("0.35", "-"), ("C0", "-"), ("C2", "-"), ("0.35", "--"), ("C0", "--"), ("C2", "--"))
@@ -52,17 +51,17 @@ SHOWN = 400  # states
 
 @experiment("sec-6.5.4-hopper", "local units for the hopper", "section 6.5.4")
 class LocalHopper(Experiment):
-    """Hoppers with local units over the knee's angle and velocity in place of hyperplanes, and with contact beside
-    these: 16 that are there from the start, in pairs, or 8 that are added one by one. Units drive flexors and extensors
-    in turn, and a pair of muscles is active while any of its units fires. The heights of the hops over the same
-    practice; and of the seed in the middle, in which states each muscle is active.
+    """Hoppers with local units instead of hyperplanes, over the angle and velocity of the knee, with and without
+    contact as a third input: 16 units present from the start, in pairs, or 8 added one by one. Units drive flexors and
+    extensors alternately, and a pair of muscles is active while any of its units fires. Heights of hops over equal
+    practice; and, for the median seed, the states in which each muscle is active.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hopper's practice.
     - `seeds`: hoppers of each kind.
-    - `static`: local units that are there from the start.
-    - `grown`: local units that are added, at even intervals.
+    - `static`: local units that are present from the start.
+    - `grown`: local units that are added at even intervals.
     """
 
     seconds: float = 500.0
@@ -85,7 +84,7 @@ class LocalHopper(Experiment):
         return round(self.seconds / PERIOD)
 
     def learner(self, name: str) -> tuple[Hopper, AgentSettings]:
-        """The task with so many units, and the learner; all with the thesis's decay."""
+        """The task with this many units, and the learner; all with the thesis's decay."""
         kind = name.removeprefix("knee ")
         units = {"planes": None, "static": self.static, "grown": self.grown}[kind]
         task = Hopper(paid="apex", action_period=PERIOD, units=units, observe_contact=kind == name)
@@ -132,15 +131,15 @@ class LocalHopper(Experiment):
             gained, high = mean_of(ends[name] - start), share_of(ends[name] > HIGH)
             made += [
                 positive(
-                    f"Local policies learn on a body: hoppers come to hop higher ({WORDS[name]}).",
+                    f"Local policies learn on a body: hops become higher ({WORDS[name]}).",
                     "section 6.5.4",
-                    "higher at the end than after a twentieth of the practice: difference above 0",
+                    "height at the end minus that after a twentieth of the practice: above 0",
                     gained,
                     "m",
-                    f"At the end {median_of(ends[name])} m.",
+                    f"Final height {median_of(ends[name])} m.",
                 ),
                 more_than_half(
-                    f"They hop higher than random firing does ({WORDS[name]}).",
+                    f"They hop higher than with random firing ({WORDS[name]}).",
                     "our own expectation",
                     f"above {HIGH:g} m at the end: in most seeds",
                     high,
@@ -153,7 +152,7 @@ class LocalHopper(Experiment):
                     -0.05,
                     f"{WORDS[one_][0].upper()}{WORDS[one_][1:]}, learn as well as {WORDS[other]}.",
                     "our own expectation",
-                    "height at the end of the same practice: the interval of the difference above −0.05 m",
+                    "difference of final heights: the whole interval above −0.05 m",
                     less,
                     "m",
                     f"{ends[one_].mean():.2f} m and {ends[other].mean():.2f} m.",
@@ -163,8 +162,8 @@ class LocalHopper(Experiment):
 
 
 def muscle_activity(policy: Policy, task: Hopper) -> np.ndarray:
-    """The probability that each pair of muscles is active, on the ground and in the air, over angle and velocity:
-    `(contacts, cells, cells, groups)`, velocity rising along the second axis and angle along the third."""
+    """Probability that each pair of muscles is active, on the ground and in the air, over angle and velocity:
+    `(contacts, cells, cells, groups)`, with velocity along the second axis and angle along the third."""
     *_, angle, velocity = task.observation_range
     sides = [np.linspace(*ends, CELLS, dtype=np.float32) for ends in (angle, velocity)]
     places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
@@ -195,8 +194,8 @@ def draw_local_hoppers(
     ranges: Sequence[tuple[float, float]],
     added: np.ndarray,
 ) -> Figure:
-    """Heights over practice; and of those that are `pictured`, where in angle and velocity each pair of muscles is
-    active, with states visited."""
+    """Heights over practice; and for the policies in `pictured`, activity of each pair of muscles over angle and
+    velocity, with visited states."""
 
     figure = new_figure(10.4, 13.4)
     halves: Any = figure.subfigures(2, 1, height_ratios=[1, 3.2])
@@ -204,7 +203,7 @@ def draw_local_hoppers(
     shown: Any = None
     axes = above.subplots()
     for (name, label), (colour, line) in zip(words.items(), STYLES, strict=True):
-        draw_band(axes, values["time"], values[f"{name} heights"], colour, label, line=line)
+        draw_band(axes, values["time"], values[f"{name} heights"], colour, label, linestyle=line)
     for time in added:
         axes.axvline(time, color="0.88", linewidth=0.7, zorder=0)
     axes.set(xlabel="simulated s of practice; lines: a unit is added", ylabel="mean height of hops, m", ylim=(0, None))
@@ -219,14 +218,14 @@ def draw_local_hoppers(
         )
     for axes in panels[-1]:
         axes.set_xlabel("knee angle, rad from 90°", fontsize=9)
-    below.colorbar(shown, ax=panels, shrink=0.5, label="probability that they are active")
+    below.colorbar(shown, ax=panels, shrink=0.5, label="probability of activity")
     return figure
 
 
 def _muscle(
     axes: Axes, values: Values, name: str, place: int, group: int, ranges: Sequence[tuple[float, float]]
 ) -> Any:
-    """When a pair of muscles is active, and the states in which the hopper was, on the ground or in the air."""
+    """Activity of a pair of muscles, and visited states, on the ground or in the air."""
     extent = (*ranges[1], *ranges[2])
     active = values[f"{name} active"][place, :, :, group]
     shown = axes.imshow(active, origin="lower", extent=extent, aspect="auto", cmap="viridis", vmin=0, vmax=1)

@@ -1,13 +1,13 @@
-"""Sections 6.5.2 and 6.5.4: local units beside global ones, and local units that learn how to push."""
+"""Sections 6.5.2 and 6.5.4: local units combined with global ones, and local units that learn their forces."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, more_than_half, moving_mean, positive, share_of
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     LayoutStudy,
     frozen_reward,
@@ -22,15 +22,15 @@ from motorgrad.sim import draw_paths, draw_regions, draw_units, trajectories
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 
-AS_WELL = 0.9  # of the plain tiling's reward
-DRAWN = 5  # paths: those that hover are long
+AS_WELL = 0.9  # fraction of the plain tiling's reward
+DRAWN = 5  # paths; those that hover are long
 LOCAL = {"centre": 2e-4, "log_width": 8e-4}
 RIGHT, UP = (0.4, 0.0), (0.0, 0.4)
 STRENGTH = {**LOCAL, "strength": 0.01, "log_deviation": 0.01 / 3}
 
 
 class Kind(NamedTuple):
-    """A kind of policy: in words, what the task has otherwise than usual, and the learner."""
+    """A kind of policy: description, changes to the task, and changes to the learner."""
 
     words: str
     task: Mapping[str, Any]
@@ -55,8 +55,8 @@ KINDS = {
         {"policy": "graded-tiles", "policy_settings": {"copies": 4}, "rates": STRENGTH},
     ),
 }
-"""The rates of what is new were chosen among three in the layout R3, by the reward at the end, for 24 other seeds; the
-last kind has those of the third."""
+"""New rates were chosen among three in the layout R3, by final reward over 24 other seeds; the last kind has those of
+the third."""
 
 
 AXES = (("graded", 0), ("plane", 0), ("plane", 1))
@@ -67,13 +67,13 @@ GRADED = [name for name, kind in KINDS.items() if "strength" in kind.changes.get
 
 @experiment("sec-6.5-mixtures", "mixtures, and learnt forces", "section 6.5")
 class Mixtures(LayoutStudy):
-    """Kinds of policies learn R1 and R2: local units that push to fixed sides; the same with two hyperplanes beside
-    them, which push wherever the particle is; local units that learn to which side they push and how hard; and two of
-    these for each, one across and one up and down, which together may push in any direction.
+    """Kinds of policies learn R1 and R2: local units that push to fixed sides; the same with two additional
+    hyperplanes, which push anywhere; local units that learn the side and strength of their push; and twice as many of
+    these, half of them horizontal and half vertical, which together may push in any direction.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
     """
@@ -100,14 +100,12 @@ class Mixtures(LayoutStudy):
 
         figure = new_figure(10.5, 3.0 * len(self.layouts))
         smooth = min(SMOOTH, len(values["decision"]))
-        thousand = values["decision"][smooth - 1 :] / 1000
+        thousand = values["decision"] / 1000
         rows = figure.subplots(len(self.layouts), 1 + len(GRADED), width_ratios=[1.25, 1, 1], squeeze=False)
         for (curves, *planes), layout in zip(rows, self.layouts, strict=True):
             for number, (name, kind) in enumerate(KINDS.items()):
-                curve = moving_mean(values[f"{layout} {name}"], smooth)
-                low, high = np.percentile(curve, [25, 75], axis=0)
-                curves.fill_between(thousand, low, high, color=f"C{number}", alpha=0.15, linewidth=0)
-                curves.plot(thousand, np.median(curve, axis=0), color=f"C{number}", label=kind.words)
+                reward, colour = values[f"{layout} {name}"], f"C{number}"
+                draw_band(curves, thousand, reward, colour, kind.words, records=smooth)
             curves.set(xlabel="thousand decisions", ylabel=f"{layout}: reward per decision")
             curves.legend(loc="lower right", fontsize=8)
             for axes, name in zip(planes, GRADED, strict=True):
@@ -132,16 +130,17 @@ class Mixtures(LayoutStudy):
                 share = mean_of(reward / plain.mean())
                 made += [
                     positive(
-                        f"They learn: {words} ({layout}).",
+                        f"This policy learns: {words} ({layout}).",
                         source,
-                        "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
+                        "reward in the last 200 of 2,000 episodes minus that before learning: above 0",
                         gain,
                         "per decision",
                     ),
                     Claim(
-                        f"They come as far as the plain tiling: {words} ({layout}).",
+                        f"It reaches the reward of the plain tiling: {words} ({layout}).",
                         "our own expectation",
-                        f"by the mean reward of {KINDS['plain'].words}: at least {AS_WELL:g} with the interval",
+                        f"relative to the mean reward of {KINDS['plain'].words}: the whole interval at least "
+                        f"{AS_WELL:g}",
                         share,
                         share.low >= AS_WELL,
                         note=f"{reward.mean():.3f} and {plain.mean():.3f}.",
@@ -152,21 +151,21 @@ class Mixtures(LayoutStudy):
 
     @staticmethod
     def _sides(values: Values, layout: str, name: str, axis: int) -> Claim:
-        """Whether the units along an axis come to push both ways."""
+        """Whether the units along an axis learn to push both ways."""
         strength = values[f"{layout} {name} strength"][:, axis :: len(KINDS[name].task["forces"])]
         both = share_of((strength > 0).any(1) & (strength < 0).any(1))
         ways = ("left", "right") if axis == 0 else ("down", "up")
         return more_than_half(
             f"Units learn to push {ways[0]} or {ways[1]} ({layout}, {KINDS[name].words}).",
             "section 6.5.4",
-            f"all begin without a side, and in the end some push {ways[0]} and some {ways[1]}: in most seeds",
+            f"all start neutral, and in the end some push {ways[0]} and some {ways[1]}: in most seeds",
             both,
             note=f"Mean size of the strengths {np.abs(strength).mean():.2f}; a fixed force has 1.",
         )
 
 
 def _forces(task: FallingParticle, run: Run) -> Values:
-    """The strengths that all seeds have learnt, their units, and the paths of a typical one."""
+    """Learnt strengths of all seeds, their units, and the paths of the median one."""
     policies: Any = run.policies
     assert isinstance(policies, GradedPool)
     pool: Any = policies.pool

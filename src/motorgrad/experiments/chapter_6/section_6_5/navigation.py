@@ -1,4 +1,4 @@
-"""Section 6.5.4: a flow field that is learnt leads round an obstacle to a goal."""
+"""Section 6.5.4: a learnt flow field leads around an obstacle to a goal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
@@ -18,22 +18,22 @@ from motorgrad.training import Evaluation, Run, evaluate, settings_for
 
 RATES = {"own": None, "half": {"centre": 1e-4, "log_width": 4e-4}}
 WORDS = {"own": "the task's own step sizes", "half": "half of them"}
-ARRIVES = 0.9  # of the episodes: then a seed has found its way
+ARRIVES = 0.9  # a seed has found its way if this share of the episodes ends at the goal
 SMOOTH = 5  # records
-NOTHING = 1e-6  # a force below this is rounding
+NOTHING = 1e-6  # forces below this are rounding errors
 
 
 @experiment("sec-6.5.4-navigation", "a flow field for navigation", "section 6.5.4")
 class Navigation(Experiment):
-    """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, come
-    to a field of forces that leads it there. How many episodes end at the goal, how soon, and what the obstacle
-    takes; and the expected force of a typical seed over the plane, before and after.
+    """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, form
+    a field of forces that leads there. The share of episodes that end at the goal, the time they take, and the cost of
+    the obstacle; and the expected force of the median seed over the plane, before and after learning.
 
     **Arguments:**
 
     - `decisions`: of learning.
     - `seeds`: learners with each step size.
-    - `watched` (decisions): for which the frozen policies are watched.
+    - `watched` (decisions): for which the frozen policies are evaluated.
     - `drawn` (episodes): paths in each picture.
     """
 
@@ -53,7 +53,7 @@ class Navigation(Experiment):
         return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 
     def learnt(self, work: Workspace, name: str) -> Run:
-        """The runs with some step sizes."""
+        """The runs with these step sizes."""
         task = ParticleNavigation()
         settings = settings_for(task, **({} if RATES[name] is None else {"rates": RATES[name]}))
         return work.train(task, settings, self.decisions, self.seeds)
@@ -74,7 +74,7 @@ class Navigation(Experiment):
                 for when, policies in (("before", run.initial), ("after", run.policies)):
                     policy = policy_at(policies, row)
                     shown = {"flow": flow(policy, task, found.setdefault("places", flow_places()))}
-                    # before learning paths wander until they are cut, and a few hide all
+                    # before learning, paths wander until the time limit, and a few cover everything
                     count = self.drawn if when == "after" else min(self.drawn, 2)
                     found |= prefixed(when, shown | stored_paths(task, policy, count))
         return found
@@ -92,23 +92,23 @@ class Navigation(Experiment):
                 positive(
                     f"A flow field is learnt that leads to the goal ({words}).",
                     "section 6.5.4",
-                    "more episodes end at the goal than before learning: difference of shares above 0",
+                    "share of episodes that end at the goal minus that before learning: above 0",
                     more,
                     "of the episodes",
                     f"{before.mean():.0%} before, {after.mean():.0%} after.",
                 ),
                 Claim(
-                    f"It does so in every run ({words}).",
+                    f"This happens in every run ({words}).",
                     "our own expectation",
-                    f"seeds in which at least {ARRIVES:.0%} of the episodes end at the goal: all",
+                    f"at least {ARRIVES:.0%} of the episodes end at the goal: in all seeds",
                     found,
                     found.value == 1,
                     note=f"Seeds in which none does: {int((after == 0).sum())}.",
                 ),
                 negative(
-                    f"It leads past the obstacle ({words}).",
+                    f"The flow field leads past the obstacle ({words}).",
                     "section 6.5.4",
-                    "what the obstacle takes per decision is less than before learning: difference below 0",
+                    "cost of the obstacle per decision minus that before learning: below 0",
                     less,
                     "reward per decision",
                     f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
@@ -119,9 +119,9 @@ class Navigation(Experiment):
         sooner = mean_of(values["half arrival"] - values["before arrival"])
         made.append(
             negative(
-                "It leads there sooner.",
+                "The goal is reached sooner.",
                 "section 6.5.4",
-                "decisions to the goal, where it is reached, fewer than before learning (half step sizes): below 0",
+                "decisions to the goal, if it is reached, minus those before learning (half step sizes): below 0",
                 sooner,
                 "decisions",
                 f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
@@ -131,20 +131,20 @@ class Navigation(Experiment):
 
 
 def flow_places() -> np.ndarray:
-    """Where the flow is drawn, `(places, 2)`."""
+    """Places at which the flow is drawn, `(places, 2)`."""
     side = (np.arange(16) + 0.5) / 16
     return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
 
 
 def flow(policy: Policy, task: Any, at: np.ndarray) -> np.ndarray:
-    """The expected force at each place, `(places, 2)`."""
+    """Expected force at each place, `(places, 2)`."""
     fires = jax.vmap(policy.prob)(jnp.asarray(at, jnp.float32))
     return np.asarray(fires) @ np.asarray(task.dynamics.forces)
 
 
 def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
-    """Of the episodes that ended within each record, the share that ended at the goal, `(seeds, records)`; that of the
-    record before where none ended."""
+    """Share of the episodes ending within each record that end at the goal, `(seeds, records)`; that of the previous
+    record if none ended."""
     ended, arrived = (metrics[name].to_numpy().reshape(-1, seeds).T for name in ("episodes", "arrival_count"))
     share = np.where(ended > 0, arrived / np.maximum(ended, 1), np.nan)
     for record in range(1, share.shape[1]):
@@ -153,7 +153,8 @@ def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
 
 
 def frozen_outcome(outcome: Evaluation) -> Values:
-    """What was seen of frozen policies, of each seed; decisions to the goal are the time limit where none arrived."""
+    """Results of frozen policies for each seed; the number of decisions to the goal is the time limit
+    if none arrived."""
     ended, arrived = (outcome.metrics[name].to_numpy() for name in ("episodes", "arrival_count"))
     decisions = len(outcome.time)
     return {
@@ -166,7 +167,7 @@ def frozen_outcome(outcome: Evaluation) -> Values:
 
 
 def draw_navigation(values: Values, task: ParticleNavigation, words: Mapping[str, str]) -> Figure:
-    """The expected force and paths before and after learning, and the share of episodes that end at the goal."""
+    """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
 
     figure = new_figure(11, 4.1)
     axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])

@@ -1,4 +1,4 @@
-"""Section 6.5.4: units that take no part, and what becomes of the policy without them."""
+"""Section 6.5.4: units without a part in the policy, and the policy after pruning."""
 
 import functools
 from collections.abc import Sequence
@@ -10,32 +10,32 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, mean_of, share_of
-from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
 from motorgrad.experiments.chapter_6.figure_6_5 import JUNK
 from motorgrad.policies import LocalGaussians, Masked, activity, prune, reach
 from motorgrad.sim import trajectories
 from motorgrad.tasks import FallingParticle, Region, region_reward
 
-ROUND = 4096  # places
-KEPT = 0.005  # reward per decision that may be lost or won
+ROUND = 4096  # paths are padded to a multiple of this many places
+KEPT = 0.005  # tolerated change of the reward per decision
 SIDES = ((0.0, 1.0), (0.0, 1.0))  # of the box
 
 
 @experiment("sec-6.5.4-pruning", "pruning of junk units", "section 6.5.4")
 class Pruning(LayoutStudy):
-    """Of the policies that were learnt in R1 and R2, units that hardly ever fire on the learner's own paths are taken
-    away, and what is left acts from the same starts with the same random numbers. The bound is the expected number of
-    firings in an episode: without such a unit no more episodes than that, as a share, go otherwise.
+    """Units that hardly ever fire on the learner's own paths are removed from the policies learnt in R1 and R2, and the
+    remaining policy acts from the same starts with the same random numbers. The bound is the expected number of firings
+    per episode: removing such a unit changes at most that share of the episodes.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners of each layout.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `seeds`: learners in each layout.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
-    - `looks` (episodes): over which activity is averaged; other ones, as many, judge.
-    - `bounds`: expected firings in an episode below which units are taken away; the first is that of junk.
+    - `looks` (episodes): over which activity is averaged; as many others are used for the evaluation.
+    - `bounds`: expected firings per episode below which units are removed; the first is that of junk.
     """
 
     looks: int = 400
@@ -44,8 +44,7 @@ class Pruning(LayoutStudy):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.check_range(10, 10**6, "looks", unit=" episodes")
-        valid = len(self.bounds) > 0 and list(self.bounds) == sorted(set(self.bounds)) and self.bounds[0] > 0
-        check(valid, "bounds", self.bounds, "positive numbers, rising")
+        check(rising(self.bounds, above=0), "bounds", self.bounds, "positive numbers, rising")
 
     @classmethod
     def quick(cls) -> Self:
@@ -55,13 +54,13 @@ class Pruning(LayoutStudy):
         found: Values = {"bounds": np.array(self.bounds)}
         for layout in self.layouts:
             task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
-            work.say(f"prunes what was learnt in {layout}")
+            work.say(f"pruning the policies of {layout}")
             each = [self._pruned(task, policy_at(run.policies, row)) for row in range(self.seeds)]
             found |= {f"{layout} {name}": np.stack([made[name] for made in each]) for name in each[0]}
         return found
 
     def _pruned(self, task: FallingParticle, policy: LocalGaussians) -> Values:
-        """Of one policy: its units, and its reward with all of them and with those that each bound leaves."""
+        """For one policy: its units, and its reward with all of them and with those that each bound keeps."""
         whole = Masked(policy, jnp.ones(policy.outputs, bool))
         seen = trajectories(task, whole, self.looks, seed=1)
         at = np.concatenate([path[:-1] for path in seen])
@@ -89,15 +88,14 @@ class Pruning(LayoutStudy):
             units.plot(np.sort(firing.ravel()), np.arange(1, firing.size + 1) / len(firing), color=colour, label=layout)
             change = values[f"{layout} reward"][:, 1:] - values[f"{layout} reward"][:, :1]
             means = [mean_of(each) for each in change.T]
-            error = [[m.value - m.low for m in means], [m.high - m.value for m in means]]
-            kept.errorbar(values["bounds"], [m.value for m in means], error, fmt="o-", color=colour, label=layout)
+            draw_intervals(kept, values["bounds"], means, fmt="o-", color=colour, label=layout)
         units.axvline(values["bounds"][0], color="0.5", linewidth=0.8, linestyle="--")
         units.text(values["bounds"][0] * 0.9, 7.8, "junk", color="0.4", ha="right", va="top")
         units.set(xscale="log", xlim=(1e-4, 30), ylim=(0, 8.2))
-        units.set(xlabel="expected firings in an episode", ylabel="units that fire less often, of 8")
+        units.set(xlabel="expected firings per episode", ylabel="units that fire less often, of 8")
         units.legend(loc="center left")
         kept.axhline(0, color="0.7", linewidth=0.8)
-        kept.set(xscale="log", xlabel="pruned below so many firings in an episode", ylabel="change of reward")
+        kept.set(xscale="log", xlabel="bound for pruning: firings per episode", ylabel="change of reward")
         return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -112,40 +110,41 @@ class Pruning(LayoutStudy):
             useful = share_of(~junk[beyond]) if beyond.any() else share_of([False])
             made += [
                 Claim(
-                    f"Junk units can be pruned: the reward stays ({layout}).",
+                    f"Junk units can be pruned: the reward does not change ({layout}).",
                     "section 6.3.1",
-                    f"change of reward within {KEPT:g} with the interval",
+                    f"interval of the change of reward within ±{KEPT:g}",
                     change,
                     change.low >= -KEPT and change.high <= KEPT,
                     "per decision",
-                    f"Less than once in {1 / values['bounds'][0]:g} episodes fire {junk.sum(1).mean():.2f} of 8 units; "
+                    f"{junk.sum(1).mean():.2f} of 8 units fire less than once per "
+                    f"{1 / values['bounds'][0]:g} episodes; "
                     f"the reward is {reward[:, 0].mean():.3f}.",
                 ),
                 Claim(
-                    f"No more episodes go otherwise than their expected firings allow ({layout}).",
+                    f"No more episodes change than their expected firings allow ({layout}).",
                     "the bound on the page about pruning",
-                    "share of episodes that changed, less the expected firings of what was taken away: not above 0",
+                    "share of changed episodes minus the expected firings of the removed units: not above 0",
                     most,
                     most.low <= 0,
                 ),
                 below(
                     0.5,
-                    f"A unit beyond a wall takes no part ({layout}).",
+                    f"A unit beyond a wall has no part in the policy ({layout}).",
                     "section 6.3.1",
-                    "share of units with the centre out of the box that fire more often than junk: below one half",
+                    "share of units centred outside of the box that fire more often than junk: below one half",
                     useful,
-                    note=f"{beyond.sum(1).mean():.2f} of 8 units are out of the box; "
-                    f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} fire nowhere in it with a "
-                    f"probability of {values['bounds'][0]:g}.",
+                    note=f"{beyond.sum(1).mean():.2f} of 8 units are centred outside of the box; "
+                    f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} reach a probability of "
+                    f"{values['bounds'][0]:g} nowhere in it.",
                 ),
             ]
         return made
 
 
 def _reward(task: FallingParticle, paths: Sequence[np.ndarray]) -> float:
-    """Mean reward per decision along paths; the reward is a function of the place alone."""
+    """Mean reward per decision along paths; the reward is a function of the position."""
     places = np.concatenate([path[1:] for path in paths])
-    # of few different lengths, for which it is compiled
+    # padded to few different lengths, because each one is compiled
     padded = np.pad(places, ((0, -len(places) % ROUND), (0, 0)), constant_values=np.nan)
     return float(np.nanmean(_paid(task.places, padded)))
 

@@ -1,4 +1,4 @@
-"""Section 6.5.4: local units in a spatial index, of which a decision touches few."""
+"""Section 6.5.4: local units in a spatial index, of which a decision evaluates only few."""
 
 import time
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
 from motorgrad.experiments._figures import STYLE, Figure, new_figure
 from motorgrad.learning import SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import AgentSettings, settings_for, stepper_of
 
-OVERLAP = 0.64  # a unit's width in spacings: that of 32 units, two to a place, of the width 0.16
+OVERLAP = 0.64  # width of a unit in spacings, as for 32 units of width 0.16, two to a place
 KINDS = {"dense": "all units", "indexed": "those that can fire"}
 TIMES = 8.0
 SOURCE = "section 6.5.4"
@@ -26,18 +26,18 @@ SOURCE = "section 6.5.4"
 
 @experiment("sec-6.5.4-index", "a spatial index for local units", SOURCE)
 class Index(Experiment):
-    """What a decision costs with up to thousands of local units, where all of them are asked and where only those are
-    touched that can fire at the observation, and what both learn.
+    """The cost of a decision with up to thousands of local units, if all of them are evaluated, and if only those that
+    can fire at the observation are; and the learning of both.
 
-    The falling particle over the regions R1, with two units to a place, laid out evenly. Widths go with the spacing, so
-    that as many units can fire anywhere, however many there are, and step sizes of centres with the square of the
-    widths. The costs count everything: random draws, the tables, the particle. They are of stretches of one seed's
-    learning, the two learners in turn.
+    The falling particle in R1, with units on a regular grid, two to a place. Widths are proportional to the spacing, so
+    that equally many units can fire anywhere, regardless of their number, and step sizes of centres are proportional to
+    the square of the widths. Costs include everything: random draws, tables, the particle. They are measured over
+    stretches of learning of one seed, alternating between the two learners.
 
     **Arguments:**
 
     - `sizes` (units): of the pools whose cost is measured, rising.
-    - `pairs`: of stretches of each size, one of either learner.
+    - `pairs`: of stretches for each size, one of either learner.
     - `decisions`: of each stretch.
     - `units`: of the pools whose learning is compared.
     - `seeds`: of either learner.
@@ -52,8 +52,7 @@ class Index(Experiment):
     steps: int = 100_000
 
     def __post_init__(self) -> None:
-        rising = list(self.sizes) == sorted(set(self.sizes)) and min(self.sizes, default=0) >= 4
-        check(rising and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
+        check(rising(self.sizes, above=3) and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
         self.check_range(1, 20, "pairs")
         self.check_range(200, 10**7, "decisions")
         self.check_range(16, 8192, "units")
@@ -75,14 +74,14 @@ class Index(Experiment):
         return found
 
     def _costs(self) -> dict[str, Any]:
-        """Microseconds a decision, by learner, size and pair."""
+        """Microseconds per decision, by learner, size and pair."""
         cost = {kind: np.zeros((len(self.sizes), self.pairs)) for kind in KINDS}
         for row, size in enumerate(self.sizes):
             steppers = {}
             for kind in KINDS:
                 task, settings = _learner(size, kind)
                 steppers[kind] = stepper_of(task, settings.agent(task), [0])
-                steppers[kind].advance(self.decisions // 2)  # compiles, and leaves the start behind
+                steppers[kind].advance(self.decisions // 2)  # compile, and skip the start
             for pair in range(self.pairs):
                 for kind, stepper in steppers.items():
                     start = time.perf_counter()
@@ -105,10 +104,10 @@ class Index(Experiment):
                 low, high = np.quantile(reward, (0.25, 0.75), axis=0)
                 right.fill_between(decision, low, high, color=colour, alpha=0.25, lw=0)
                 right.plot(decision, np.median(reward, axis=0), color=colour, label=KINDS[kind])
-            left.set(xscale="log", yscale="log", xlabel="units", ylabel="µs a decision, one seed")
+            left.set(xscale="log", yscale="log", xlabel="units", ylabel="µs per decision, one seed")
             left.set_xticks(values["sizes"], [f"{size:,}" for size in values["sizes"]])
             left.minorticks_off()
-            left.legend(title="touched at a decision")
+            left.legend(title="evaluated per decision")
             right.set(xlabel="thousand decisions", ylabel="reward per decision", title=f"{self.units} units")
             right.legend()
             return figure
@@ -118,32 +117,33 @@ class Index(Experiment):
         ratio = median_of(values["dense_cost"][-1] / values["indexed_cost"][-1])
         made = [
             Claim(
-                f"With {most:,} units a decision costs less where only the units are touched that can fire.",
+                f"With {most:,} units, a decision costs less if only the units that can fire are evaluated.",
                 SOURCE,
-                f"by at least {TIMES:g} times, random draws and tables counted",
+                f"by a factor of at least {TIMES:g}, including random draws and tables",
                 ratio,
                 most >= 4096 and ratio.value >= TIMES,
                 "times",
-                "The ratio of each pair of stretches, one after the other on one machine.",
+                "Ratio of each pair of stretches, one after the other on one machine.",
             ),
             self._growth(values),
             *self._learning(values),
         ]
         worst, bound = float(values["worst"]), float(values["bound"])
-        note = f"In the mean {float(values['missed']):.2g} units a decision would have fired and could not."
+        note = f"On average, {float(values['missed']):.2g} units per decision would have fired and could not."
         said = (
-            "No unit fires with a greater probability than is neglected where it is not listed, wherever units moved."
+            "Wherever units have moved, no unit would fire with more than the neglected probability where "
+            "it is not listed."
         )
         made.append(Claim(said, SOURCE, f"at most {bound:g}", exact(worst), worst <= bound * (1 + 1e-4), note=note))
         return made
 
     def _growth(self, values: Values) -> Claim:
-        """From the size at which a place's neighbourhood is full."""
+        """From the size at which the neighbourhood of a place is full."""
         kept = values["sizes"] >= 256
         power = exact(np.nan)
         if kept.sum() > 1:
             power = median_of(np.polyfit(np.log(values["sizes"][kept]), np.log(values["indexed_cost"][kept]), 1)[0])
-        said = "The cost of a decision grows far more slowly than the number of units, from 256 on."
+        said = "From 256 units on, the cost of a decision grows far more slowly than the number of units."
         return Claim(said, SOURCE, "a power below 0.5", power, power.value < 0.5, "power")
 
     def _learning(self, values: Values) -> Sequence[Claim]:
@@ -154,8 +154,8 @@ class Index(Experiment):
         rise = mean_of(ends[0] - dense[:, first].mean(axis=1))
         difference = _difference(ends[1], ends[0])
         same = difference.low <= 0 <= difference.high and max(-difference.low, difference.high) <= 0.25 * rise.value
-        said = "The indexed learner ends with the reward of the one that asks all units."
-        wanted = "the interval of the difference holds 0, and reaches no farther than a quarter of what is learnt"
+        said = "The indexed learner reaches the same reward as the one that evaluates all units."
+        wanted = "the interval of the difference contains 0 and extends to at most a quarter of the learnt reward"
         return [
             positive("Reward is learnt.", SOURCE, "a rise above 0", rise, "reward"),
             Claim(said, SOURCE, wanted, difference, same, "reward"),
@@ -174,7 +174,7 @@ def _learner(units: int, kind: str) -> tuple[FallingParticle, AgentSettings]:
 
 
 def _difference(one: np.ndarray, other: np.ndarray) -> Measured:
-    """Of two means over as many seeds, with Welch's interval."""
+    """Difference of two means over equally many seeds, with Welch's interval."""
     from scipy import stats
 
     found = stats.ttest_ind(one, other, equal_var=False).confidence_interval(0.95)
@@ -182,8 +182,9 @@ def _difference(one: np.ndarray, other: np.ndarray) -> Measured:
 
 
 def _neglect(initial: Any, learnt: Any, looks: int = 20_000) -> dict[str, Any]:
-    """What units do where they are not listed, once they have moved from where the table was made, on the way to what
-    they learnt, as far as their margins let them: the greatest probability, and the mean number that would fire."""
+    """Firing of units where they are not listed, after they have moved from the places for which the table was made, on
+    the way to what they learnt, as far as their margins permit: the greatest probability, and the mean number that
+    would fire."""
     index, rng = SpatialIndex(), np.random.default_rng(0)
     worst, missed = 0.0, []
     for seed in range(len(learnt.centre)):
@@ -203,7 +204,7 @@ def _neglect(initial: Any, learnt: Any, looks: int = 20_000) -> dict[str, Any]:
 
 
 def _moved(index: SpatialIndex, before: LocalGaussians, after: LocalGaussians) -> LocalGaussians:
-    """Every unit on its way from one pool to another, as far as its margin lets it go, within a percent."""
+    """Every unit on its way from one pool to another, as far as its margin permits, to within one percent."""
     step = jax.tree.map(lambda new, old: new - old, trainable(after), trainable(before))
     part, pool = np.ones((len(before.centre), 1), np.float32), after
     for _ in range(1000):
