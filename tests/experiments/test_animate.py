@@ -13,7 +13,15 @@ from PIL import Image
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.experiments import EXPERIMENTS, Experiment, animate, course_of, recorded, reproduce, write_report
+from motorgrad.experiments import (
+    EXPERIMENTS,
+    Experiment,
+    animate,
+    course_of,
+    recorded_policies,
+    reproduce,
+    write_report,
+)
 from motorgrad.policies import Masked, tiles
 from motorgrad.sim import Course, film_learning
 from motorgrad.tasks import FallingParticle, ParticleOrbit
@@ -59,7 +67,7 @@ def growing(tmp_path_factory):
 @pytest.mark.slow
 def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
     for run in (falling, growing):
-        last = recorded(run, [-1])
+        last = recorded_policies(run, [-1])
         for stored, learnt in zip(jax.tree.leaves(last), jax.tree.leaves(run.policies), strict=True):
             np.testing.assert_array_equal(stored[0], np.asarray(learnt))
 
@@ -67,7 +75,7 @@ def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
     shorter = train(task, settings_for(task, **GROWING), 1_000, [4, 7], window=250, progress=False)
-    found = recorded(growing, [0, 3], seed=7)
+    found = recorded_policies(growing, [0, 3], seed=7)
     for stored, learnt in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
         np.testing.assert_allclose(stored[1], learnt, atol=1e-6)
     assert found.active.sum(-1).tolist() == [1, 3]
@@ -83,7 +91,7 @@ def test_units_are_switched_on_after_those_that_were_there():
     growth = Growth(Clock(400), shrink=0.99)
     agent = Agent(pool, Olgarb(0.9), sgd(1e-4), growth=growth)
     run = train(task, agent, 1_000, 1, window=100, progress=False)
-    found = recorded(run, [0, 4, 9], seed=0)
+    found = recorded_policies(run, [0, 4, 9], seed=0)
     assert found.active.astype(int).tolist() == [[1, 0, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]]
     np.testing.assert_array_equal(found.active[-1], run.policy().active)
 
@@ -226,7 +234,7 @@ def test_a_course_fits_together(falling, change, words):
 
 def test_records_that_are_not_there(falling):
     with pytest.raises(ValueError, match=r"records = \[10\]: must be among the 10 records of the run"):
-        recorded(falling, [10])
+        recorded_policies(falling, [10])
 
 
 # motorgrad plot

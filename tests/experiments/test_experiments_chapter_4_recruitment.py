@@ -196,9 +196,9 @@ def test_the_mean_field_is_told_where_it_is_known():
     found = learnt((2, 4, 8), 0.1, 0.1, 5.0)
     del found["mean field 8"]
     claims = EXPERIMENTS["fig-4.3"]().claims(found)
-    assert "takes 1.5 million decisions, the mean of 2 starts" in claims[0].note
+    assert "takes 1.5 million decisions (mean of 2 starts)" in claims[0].note
     assert "mean field" not in claims[2].note
-    assert claims[3].source == "the mean field: after 1.5 million decisions, the mean of 2 starts"
+    assert claims[3].source == "the mean field: after 1.5 million decisions (mean of 2 starts)"
 
 
 def test_the_mean_field_starts_where_the_pools_do(done):
@@ -253,7 +253,7 @@ def test_pools_that_never_are_count_with_all_decisions():
     never = performance(course(0.4, 0.15, 40), course(0.4, 0.1, 300))
     claim = EXPERIMENTS["fig-4.4"]().claims(never)[-1]
     assert claim.measured.value == pytest.approx((200_000 - 41_000) / 1e6)
-    assert "Of 24 pools each, 0 and 24 are not so" in claim.note
+    assert "0 and 24 of 24 pools never get there" in claim.note
 
 
 # figure 4.5

@@ -246,7 +246,7 @@ def test_the_claims_about_active_learning_can_come_out_either_way():
     assert [claim.holds for claim in judged(active(1.2, 0.2))] == [False] * 4
     never = active(0.5, 0.1) | {"plain queried from": np.full(24, np.inf)}
     assert [claim.holds for claim in judged(never)] == [False, True, True, True]
-    assert "24 with those asked for" in judged(never)[0].note
+    assert "24 with queried ones" in judged(never)[0].note
 
 
 @pytest.mark.slow

@@ -204,14 +204,14 @@ def test_learnt_gaits_are_judged_by_their_classes_speeds_and_distances():
     study = EXPERIMENTS["sec-5.3.4-gaits"]()
     pronking = learnt(study, (0.1, 0.9, 0.0, 0.0), 2.0, 1.0, 60.0)
     for claim in study.claims(pronking):
-        assert claim.holds == ("Without lag" not in claim.statement and "more seeds come" not in claim.statement)
+        assert claim.holds == ("Without lag" not in claim.statement and "more seeds learn" not in claim.statement)
     between = learnt(study, (0.0, 0.0, 0.5, 0.5), 0.4, 0.1, 600.0)
     assert not any(claim.holds for claim in study.claims(between))
     later = pronking | {"lag 0 sample gait": np.full(20, "intermediate")}
     held = {claim.statement: claim.holds for claim in study.claims(later)}
-    assert held["Without lag, seeds end between tripod and pronk."]
-    assert held["With observations late by 2, more seeds come to tripod or pronk than with 0."]
-    assert not held["The tripod gait is found."]
+    assert held["Without lag, gaits lie between tripod and pronk."]
+    assert held["With observations delayed by 2, more seeds learn tripod or pronk than with 0."]
+    assert not held["The tripod gait is learnt."]
     study.figure(between)
 
 
@@ -219,7 +219,7 @@ def test_a_seed_that_never_passes_the_controller_is_not_soon():
     study = EXPERIMENTS["sec-5.3.4-gaits"](seconds=20.0)
     values = learnt(study, (0.5, 0.5, 0.0, 0.0), 2.0, 1.0, 20.0) | {"time": np.array([10.0, 20.0])}
     for claim in study.claims(values):
-        assert not (claim.holds and "passes the fixed" in claim.statement)
+        assert not (claim.holds and "exceeds the fixed" in claim.statement)
 
 
 def test_the_clearest_seed_of_a_class_is_shown_and_none_of_another():
@@ -260,7 +260,7 @@ def test_the_two_gaits_claims_are_of_the_seeds_of_each_class():
     assert [claim.holds for claim in kind.claims(swapped)] == [False] * 4
     none = kind.claims(values | {"gait": np.full(24, "stalled")})
     assert [claim.holds for claim in none] == [False] * 4
-    assert all("No seed of 24" in claim.note for claim in none)
+    assert all("None of 24 seeds" in claim.note for claim in none)
 
 
 def test_the_biomimetic_claims_see_differences_on_the_same_ground():

@@ -85,7 +85,7 @@ def test_the_last_doubling_is_judged_by_itself():
 
 def test_the_best_step_at_the_end_of_those_tried_is_told():
     (claim,) = LargePools(pools=(2, 16, 64)).claims(values(without_3_rate=np.array(3e-4)))[-2:-1]
-    assert claim.note.endswith("is 0.0003, the last.")
+    assert claim.note.endswith("is 0.0003, at an end.")
 
 
 def test_the_figure_is_drawn_where_some_got_there_and_some_did_not():

@@ -16,11 +16,11 @@ from motorgrad.experiments import (
     EXPERIMENTS,
     Claim,
     Experiment,
-    chosen,
     exact,
     mean_of,
     median_of,
     reproduce,
+    select_experiments,
     share_of,
     write_report,
 )
@@ -291,10 +291,10 @@ def test_experiments_stand_in_the_order_of_the_source():
 
 
 def test_parts_and_all_choose_experiments():
-    assert chosen(["all"], EXPERIMENTS) == list(EXPERIMENTS)
-    assert chosen(["chapter-3", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-3.1", "sec-3.2.1"]
+    assert select_experiments(["all"], EXPERIMENTS) == list(EXPERIMENTS)
+    assert select_experiments(["chapter-3", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-3.1", "sec-3.2.1"]
     with pytest.raises(ValueError, match=r"unknown experiment 'fig-4.11': did you mean 'fig-4.1'\?"):
-        chosen(["fig-4.11"], EXPERIMENTS)
+        select_experiments(["fig-4.11"], EXPERIMENTS)
 
 
 # the command
