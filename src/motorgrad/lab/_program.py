@@ -24,7 +24,9 @@ def program(stacks: Stacks, seeds: np.ndarray, axes: dict[int, dict[str, int | N
     plan = stacks.plan
     swept = tuple((k, name) for k, names in axes.items() for name, axis in names.items() if axis is not None)
     blocks = tuple(_structure(placed) for placed in plan.blocks)
-    key = (plan.tick, plan.substeps, blocks, stacks.batches, stacks.rows, swept, len(seeds))
+    # `moving` is not implied by the blocks' settings and ticks: a source with `period == tick` is held within a tick,
+    # one without a period is evaluated again inside an RK4 step
+    key = (plan.tick, plan.substeps, blocks, plan.moving, stacks.batches, stacks.rows, swept, len(seeds))
     with _lock:
         if key not in _kept:
             on_host = any(isinstance(kind.block, HostBlock) for kind in stacks.kinds)
