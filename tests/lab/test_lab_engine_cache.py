@@ -25,8 +25,8 @@ from motorgrad.lab import (
     Step,
     Sum,
     UnitDelay,
-    _program,
 )
+from motorgrad.lab.compiler import _program
 from motorgrad.lab.editor._program import signature
 
 TICK = 0.01
