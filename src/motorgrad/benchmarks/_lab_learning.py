@@ -1,15 +1,15 @@
-"""Learning diagrams, of many seeds in one call, beside the library's own training."""
+"""Learning diagrams of many seeds in one call, compared with the library's own training."""
 
 from motorgrad.benchmarks._lab import rate
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.lab import Diagram, Run, Sink
 from motorgrad.lab.gallery import example
 from motorgrad.tasks import make
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 
 def learning_diagram_row(name: str, seeds: int, ticks: int, runs: int = 5, wanted: str = "") -> Row:
-    """Learning ticks per second in total of a diagram of the gallery, of so many seeds in one call."""
+    """Learning ticks per second of a diagram of the gallery, of all seeds together in one call."""
     run = Run(without_sinks(example(name)), seeds)
     run.advance(128)  # compiles
     return Row(
@@ -24,10 +24,10 @@ def learning_diagram_row(name: str, seeds: int, ticks: int, runs: int = 5, wante
 
 
 def beside_training_row(name: str, seeds: int, ticks: int, pairs: int = 5, wanted: str = "") -> Row:
-    """The same beside `motorgrad.train`'s loop on the task of that name, which has all of it in one piece."""
+    """The diagram's speed divided by that of `motorgrad.train`'s own loop on the task of that name."""
     run = Run(without_sinks(example(name)), seeds)
     task = make(name)
-    whole = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    whole = stepper_for(task, agent_for(task), range(seeds))
     run.advance(ticks)
     whole.advance(ticks)
     title = f"diagram {name} ÷ training, {seeds:,} seeds"
@@ -43,7 +43,7 @@ def beside_training_row(name: str, seeds: int, ticks: int, pairs: int = 5, wante
 
 
 def without_sinks(diagram: Diagram) -> Diagram:
-    """A diagram of which nothing is recorded."""
+    """The diagram without its sinks, so that nothing is recorded."""
     for name in [name for name, node in diagram.nodes.items() if isinstance(node.block, Sink)]:
         diagram.remove(name)
     return diagram

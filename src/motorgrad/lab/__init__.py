@@ -60,6 +60,8 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
   depends on an input at once, declare so: then a tick is one compiled call.
 """
 
+from typing import Any
+
 from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
 from motorgrad.lab._diagram import Diagram, Node
 from motorgrad.lab._edit import edit
@@ -110,38 +112,31 @@ from motorgrad.lab.blocks._vectors import Join, Reduce, Select
 from motorgrad.lab.blocks._viewer import Viewer
 from motorgrad.lab.blocks._waves import Chirp, Pulse, Sine
 from motorgrad.lab.blocks.learning import (
-    Adam,
-    AdvantageScale,
-    Ascent,
-    ConstantBaseline,
-    Critic,
-    EligibilityTrace,
-    EpisodicTrace,
-    FixedStepBaseline,
+    PART_BLOCKS,
     Gaussians,
     GradientMean,
     GradientSample,
     GrowingGaussians,
     Hyperplanes,
-    LaggedTrace,
     Learner,
-    MeanBaseline,
     Motoneurons,
     NamedPolicy,
     Softmax,
     WeightDecay,
-    WindowTrace,
 )
 from motorgrad.lab.blocks.worlds import Body, Environment, MujocoModel, MuscleLaw, World
 from motorgrad.lab.gallery import GALLERY, example
+
+
+def __getattr__(title: str) -> Any:
+    """The block of a registered part of a learner by the name of its class, such as `EligibilityTrace`."""
+    return PART_BLOCKS.by_title(title)
+
 
 __all__ = [
     "BLOCKS",
     "GALLERY",
     "PID",
-    "Adam",
-    "AdvantageScale",
-    "Ascent",
     "Backlash",
     "Block",
     "Body",
@@ -149,9 +144,7 @@ __all__ = [
     "Chirp",
     "Compare",
     "Constant",
-    "ConstantBaseline",
     "Counter",
-    "Critic",
     "DataFile",
     "DeadZone",
     "Delay",
@@ -164,11 +157,8 @@ __all__ = [
     "DiscretePID",
     "DiscreteStateSpace",
     "DiscreteTransferFunction",
-    "EligibilityTrace",
     "Environment",
-    "EpisodicTrace",
     "Expression",
-    "FixedStepBaseline",
     "Function",
     "Gain",
     "Gaussians",
@@ -185,14 +175,12 @@ __all__ = [
     "Interpreter",
     "Join",
     "Lag",
-    "LaggedTrace",
     "Learner",
     "Linear",
     "Logic",
     "LookUp",
     "LookUp2D",
     "MatrixGain",
-    "MeanBaseline",
     "Moment",
     "Motoneurons",
     "MujocoModel",
@@ -240,7 +228,6 @@ __all__ = [
     "UnitDelay",
     "Viewer",
     "WeightDecay",
-    "WindowTrace",
     "World",
     "cut",
     "dumps",

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 
 from motorgrad._errors import check, choice
-from motorgrad.lab._parameter import Setting, nested, parameters_of, settings_of
+from motorgrad.lab._parameter import Parameter, Setting, nested, parameters_of, settings_of
 from motorgrad.lab._port import Port, checked_shape
 
 Timing = Literal["continuous", "discrete", "inherited"]
@@ -151,9 +151,27 @@ class Block:
         """How many ticks of `tick` seconds lie between evaluations. **Raises** `ValueError` if that is not whole."""
         return self.every if self.period is None else whole_ticks("period", self.period, tick)
 
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that are present, by name. Settings may add parameters to those of the type; such names may
+        have dots."""
+        declared = parameters_of(type(self))
+        return {name: part for name, part in declared.items() if getattr(self, name) is not None}
+
+    @property
+    def structure(self) -> Any:
+        """What, beside their type and the shapes of their parameters, blocks have in common that are compiled as one;
+        it can be hashed."""
+        settings = (name for name in settings_of(type(self)) if name not in ("every", "period"))
+        return tuple((name, repr(getattr(self, name))) for name in settings)
+
+    def retuned(self, values: Mapping[str, Any]) -> Self:
+        """The block with other values of some parameters or settings, by name, checked as a new one is."""
+        return dataclasses.replace(self, **values)
+
     def values(self) -> dict[str, np.ndarray]:
-        """The parameters by name, as arrays."""
-        return {name: part.array(getattr(self, name)) for name, part in parameters_of(type(self)).items()}
+        """The parameters that are present by name, as arrays."""
+        return {name: part.array(getattr(self, name)) for name, part in self.parameters.items()}
 
     def bound(self, values: Mapping[str, Any]) -> Self:
         """The block with these arrays in place of its parameters, unchecked: what the functions see as `self`."""

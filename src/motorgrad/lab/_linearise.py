@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, unknown
 from motorgrad.lab._host import HostBlock
-from motorgrad.lab._parameter import parameters_of
 from motorgrad.lab._run import Run
 from motorgrad.lab._step import Carry, Step
 from motorgrad.lab._streams import SPAN
@@ -125,9 +124,9 @@ class _States:
 
 def _parameter(step: Step, address: str) -> tuple[int, int, str]:
     """Where a parameter is, which has been found by the run already: kind, row, name."""
-    path, _, name = address.rpartition(".")
+    path, _, name = address.partition(".")
     k, row = step.stacks.rows[next(i for i, placed in enumerate(step.plan.blocks) if placed.path == path)]
-    declared = parameters_of(type(step.kinds[k].block))[name]
+    declared = step.kinds[k].block.parameters[name]
     check(declared.kind == "float", "inputs", address, f"real numbers; {address} takes {declared.allowed()}")
     return k, row, name
 

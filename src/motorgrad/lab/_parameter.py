@@ -20,7 +20,8 @@ class Parameter:
     """Declares a number, or an array of them, that may change while a diagram runs.
 
     **Arguments:** what it is, in a few words of `help`; its `unit`; the range from `low` to `high` of every number in
-    it, whose ends are left out if it is `open`; and its `kind`.
+    it, whose ends are left out if it is `open`; its `kind`; and whether it is `optional`: `None` then stands for an
+    absent parameter. Presence is structure: a running diagram cannot change it.
     """
 
     help: str = ""
@@ -29,12 +30,15 @@ class Parameter:
     high: float = np.inf
     kind: Kind = "float"
     open: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         choice("kind", self.kind, KINDS)
 
     def plain(self, name: str, value: Any) -> Any:
         """A value as nested tuples of plain numbers. **Raises** `ValueError` for what is not allowed."""
+        if value is None and self.optional:
+            return None
         try:
             given = np.asarray(value)
         except (TypeError, ValueError, OverflowError):  # lists of different lengths
@@ -64,7 +68,8 @@ class Parameter:
         bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
         bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
         numbers = f"{'whole' if self.kind == 'int' else 'finite'} numbers"
-        return ", ".join([f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])])
+        words = [f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])]
+        return ", ".join([*words, *(["or none"] if self.optional else [])])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""The types of blocks by name. A new block is one new file and one line here."""
+"""The types of blocks by name. A new block is one new file and one line here. Blocks of registered parts of learners
+need no line."""
+
+from collections import ChainMap
+from collections.abc import MutableMapping
 
 from motorgrad.lab._block import Block
 from motorgrad.lab.blocks import learning, worlds
@@ -32,7 +36,7 @@ from motorgrad.lab.blocks._unit_delay import UnitDelay
 from motorgrad.lab.blocks._vectors import Join, Reduce, Select
 from motorgrad.lab.blocks._waves import Chirp, Pulse, Sine
 
-BLOCKS: dict[str, type[Block]] = {
+_OWN: dict[str, type[Block]] = {
     kind.name: kind
     for kind in (
         Backlash,
@@ -93,4 +97,5 @@ BLOCKS: dict[str, type[Block]] = {
         *worlds.BLOCKS,
     )
 }
+BLOCKS: MutableMapping[str, type[Block]] = ChainMap(_OWN, learning.PART_BLOCKS)  # type: ignore[arg-type]
 """The class of every type of block, by name; a block of your own may be added."""

@@ -11,7 +11,6 @@ import numpy as np
 from motorgrad.lab._block import Block, Moment
 from motorgrad.lab._flat import Placed
 from motorgrad.lab._host import HostBlock
-from motorgrad.lab._parameter import settings_of
 from motorgrad.lab._port import Port
 from motorgrad.lab._problems import Problem
 
@@ -20,11 +19,8 @@ Shape = jax.ShapeDtypeStruct
 
 def kind_of(block: Block) -> tuple[Any, ...]:
     """What blocks must have in common to be evaluated as one: their type, settings and the shapes of parameters."""
-    settings = [
-        (name, repr(getattr(block, name))) for name in settings_of(type(block)) if name not in ("every", "period")
-    ]
     shapes = [(name, np.shape(value)) for name, value in block.values().items()]
-    return type(block), tuple(settings), tuple(shapes), jnp.result_type(float).name
+    return type(block), block.structure, tuple(shapes), jnp.result_type(float).name
 
 
 def verify(placed: Placed) -> list[Problem]:

@@ -6,14 +6,12 @@ import inspect
 import typing
 from typing import Any
 
-import numpy as np
-
 from motorgrad.lab import gallery
 from motorgrad.lab._block import Block
 from motorgrad.lab._files import SCHEDULE, SUBSYSTEM
 from motorgrad.lab._parameter import parameters_of, settings_of
 from motorgrad.lab._registry import BLOCKS
-from motorgrad.lab.editor._views import ports
+from motorgrad.lab.editor._views import parameter_field, ports
 
 
 def declarations() -> dict[str, Any]:
@@ -38,9 +36,7 @@ def declaration(cls: type[Block]) -> dict[str, Any]:
             continue
         own: dict[str, Any] = {"name": field.name, "type": _words(hints[field.name]), "required": _required(field)}
         if field.name in parameters:
-            declared = parameters[field.name]
-            own |= dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
-            own |= {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
+            own |= parameter_field(parameters[field.name])
         elif field.name in settings:
             own |= dataclasses.asdict(settings[field.name]) | {"role": "setting"}
         fields.append(own)

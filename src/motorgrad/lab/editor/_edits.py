@@ -52,11 +52,11 @@ def shallow(diagram: Diagram) -> Diagram:
 
 def with_fields(block: Block, fields: dict[str, Any]) -> Block:
     """A block with other values of its fields."""
-    names = [field.name for field in dataclasses.fields(block) if field.init]
+    names = dict.fromkeys(field.name for field in dataclasses.fields(block) if field.init) | dict(block.parameters)
     for name in fields:
         if name not in names:
             raise unknown(f"setting of {block.name}", name, names)
-    return dataclasses.replace(block, **fields)
+    return block.retuned(fields)
 
 
 @functools.singledispatch
@@ -250,10 +250,10 @@ def _box(box: Any) -> list[float]:
 
 def retuned(document: Diagram, address: str, value: Any) -> Diagram:
     """The document with another value of the parameter at an address."""
-    path, _, name = address.rpartition(".")
+    path, _, name = address.partition(".")
     *at, block = path.split("/")
     node = _node(opened(document, at)[-1], block)
-    known = () if isinstance(node.block, Diagram) else parameters_of(type(node.block))
+    known = {} if isinstance(node.block, Diagram) else {**parameters_of(type(node.block)), **node.block.parameters}
     if name not in known:
         raise unknown(f"parameter of {path}:", name, known)
     return edited(document, ask.Set(at, block, name, value))

@@ -8,7 +8,6 @@ import numpy as np
 
 from motorgrad.lab._diagram import Diagram
 from motorgrad.lab._files import dumps
-from motorgrad.lab._parameter import parameters_of
 from motorgrad.lab._plan import Plan, plan
 from motorgrad.lab._run import Run
 from motorgrad.lab._sink import Sink
@@ -63,9 +62,7 @@ def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
 def parameters(diagram: Diagram) -> Values:
     """All parameters by address."""
     return {
-        f"{path}.{name}": getattr(block, name)
-        for path, block in leaves(diagram).items()
-        for name in parameters_of(type(block))
+        f"{path}.{name}": getattr(block, name) for path, block in leaves(diagram).items() for name in block.parameters
     }
 
 

@@ -7,16 +7,20 @@ to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `co
 A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs`, which are lists of ports, and its
 `position`, `null` where it was never put anywhere; a subsystem, of type `"diagram"`, has the view of its diagram as
 `inner`. A sink that draws has the way in which it does as `drawing`. What learns and can be frozen has `frozen`, one
-truth value; or one for each unit, where units can be frozen singly.
+truth value; or one for each unit, where units can be frozen singly. A block whose settings bring parameters beyond
+those of its type has their fields as `parameters`.
 """
 
 import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from motorgrad.lab._block import Block
 from motorgrad.lab._diagram import Diagram, Node
 from motorgrad.lab._files import HEAD, SUBSYSTEM
+from motorgrad.lab._parameter import Parameter
 
 View = dict[str, Any]
 
@@ -57,10 +61,24 @@ def _subsystem(diagram: Diagram, inner: bool) -> View:
 
 def _block(block: Block) -> View:
     fields = {field.name: getattr(block, field.name) for field in dataclasses.fields(block) if field.init}
-    own = {"type": block.name, "category": block.category, "fields": fields}
+    more = {name: declared for name, declared in block.parameters.items() if name not in fields}
+    fields |= {name: getattr(block, name) for name in more}
+    own: View = {"type": block.name, "category": block.category, "fields": fields}
+    if more:
+        usual = {"type": "float", "required": False}
+        own["parameters"] = [
+            {"name": name, **usual, **parameter_field(declared), "default": fields[name]}
+            for name, declared in more.items()
+        ]
     drawing = getattr(type(block), "drawing", None)
     own |= {} if drawing is None else {"drawing": drawing}
     return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
+
+
+def parameter_field(declared: Parameter) -> View:
+    """A parameter's declaration as data."""
+    own = dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
+    return own | {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
 
 
 def ports(declared: Any) -> list[View]:

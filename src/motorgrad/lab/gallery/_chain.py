@@ -18,6 +18,6 @@ def chain() -> Diagram:
     )
     world = World("chain")
     policy = Softmax(world.made.action_size, world.made.observation_size)
-    learner(diagram, policy, world, decay=0.9, rate=0.05)
+    learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
     smoothed(diagram, "world.reward", over=100.0)
     return diagram

@@ -17,7 +17,7 @@ def hopper() -> Diagram:
         "lands. Hops begin after some hundred seconds of the hopper's time. Try the thesis's decay of 0.98 in 'trace': "
         "it forgets the push before the landing pays. Then change the body, 'body.load_mass = 3.0', and see it adapt.",
     )
-    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, rate=5e-4)
+    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, learning_rate=5e-4)
     smoothed(diagram, "world.apex", over=5.0)
     smoothed(diagram, "world.reward", over=20.0)
     return diagram

@@ -54,7 +54,7 @@ def leg_controller() -> Diagram:
     paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
     diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, rate=0.02)
+    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, learning_rate=0.02)
     connect(
         diagram,
         ("legs.turn", "lateral.u"),

@@ -16,6 +16,6 @@ def linear_recruitment() -> Diagram:
         "strength, or a muscle that tires: 'drift.amount = -0.3'. With 1,000 seeds in one run "
         "the band of the error is narrow.",
     )
-    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, learning_rate=2e-4)
     smoothed(diagram, "world.error", over=200.0)
     return diagram

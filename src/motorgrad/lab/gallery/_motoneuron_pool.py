@@ -19,7 +19,7 @@ def motoneuron_pool() -> Diagram:
         comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What "
         "is paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
         "pool's. Watch the gains grow from 0 and the thresholds move apart. Change the numbers of 'paid', the wanted "
-        "slope and intercept, while it runs: the pool learns anew. Freeze 'ascent' and it does not.",
+        "slope and intercept, while it runs: the pool learns anew. Freeze 'optimizer' and it does not.",
     )
     diagram.add("load", UniformNoise(low=0.0, high=1.0, shape=(1,)))
     diagram.add("force", Reduce("sum", (UNITS,)))
@@ -27,7 +27,7 @@ def motoneuron_pool() -> Diagram:
     wanted = f"{UNITS} * (slope * load + intercept)"
     diagram.add("paid", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, learning_rate=2e-4)
     connect(
         diagram,
         ("load", "policy.observation"),

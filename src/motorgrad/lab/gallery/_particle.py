@@ -46,8 +46,8 @@ def constructive_pool() -> Diagram:
         title="Constructive pool",
         comment="The orbit again, learnt by a pool that gets its units one by one (section 6.4.3 of the thesis). A new "
         "unit starts wide in the middle and shrinks; the others wait. Watch the ellipses come in the map. Try "
-        "'plateau' for 'grows' in the policy: a unit then comes once the reward no longer rises; or let units start "
-        "where the particle has been, 'placed = visited'.",
+        "'plateau' for 'criterion' in the policy: a unit then comes once the reward no longer rises. Or let units "
+        "start where the particle has been, 'placement = visited'.",
     )
     units = 8
     policy = GrowingGaussians(units, 2, height=0.5, limits=None)
@@ -60,6 +60,6 @@ def constructive_pool() -> Diagram:
 
 
 def _learn(diagram: Diagram, policy: Block, world: Block, decay: float, rates: tuple[float, float]) -> None:
-    """Local units have one step size for their centres and one for their widths."""
+    """Wire local units, with one learning rate for their centres and one for their widths."""
     half = policy.outputs["parameters"].shape[0] // 2
-    learner(diagram, policy, world, decay, rate=rates, groups=(half, half))
+    learner(diagram, policy, world, decay, learning_rate=rates, groups=(half, half))
