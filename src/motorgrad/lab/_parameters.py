@@ -96,9 +96,9 @@ class Parameters:
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
     def _find(self, address: str) -> tuple[int, str]:
-        path, _, name = str(address).partition(".")
-        if path not in self._paths:
-            raise unknown("block", path or address, self._paths)
+        path, dot, name = str(address).partition(".")  # names of parameters may have dots, those of blocks have none
+        if not dot or path not in self._paths:
+            raise unknown("block", path, self._paths)
         i = self._paths[path]
         known = self._blocks[i].parameters
         if name not in known:

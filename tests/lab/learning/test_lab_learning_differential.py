@@ -188,10 +188,10 @@ CHANCE = ("hexapod-stride",)
 def test_any_body_leads_a_learner_to_where_training_does(name):
     task = mg.make(name)
     policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
-    settings = {"kind": "dense", "policy": policy, "decay": 0.9, "baseline": "none", "optimizer": {"kind": "sgd"}}
-    settings["optimizer"]["learning_rate"] = 1e-3
+    settings = {"policy": policy, "decay": 0.9, "baseline": "none", "learning_rate": 1e-3}
     assert task.uniforms == task.init_uniforms == 0
-    theirs = stepper(task, mg.agent_for(task, settings))
+    initial = mg.training.NamedPolicy(task, policy)
+    theirs = stepper(task, mg.Agent(initial, learning.olpomdp(0.9), learning.SGD(1e-3)))
     theirs.advance(40)
     made = lab.Diagram(tick=task.period)
     made.add("world", lab.Body(name))

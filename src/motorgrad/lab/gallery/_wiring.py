@@ -35,13 +35,13 @@ def learner(
     default the mean reward; the `optimizer`, by default SGD with these settings.
     """
     size = units.outputs["parameters"].shape[0]
-    baseline = baseline or MeanBaseline()
-    splits = "newest" in baseline.outputs
+    compared: Block = MeanBaseline() if baseline is None else baseline
+    splits = "newest" in compared.outputs
     if world is not None:
         diagram.add("world", world)
     diagram.add("policy", units)
     diagram.add("trace", EligibilityTrace(decay, size=size, newest=splits))
-    diagram.add("baseline", baseline)
+    diagram.add("baseline", compared)
     diagram.add("gradient", GradientSample(size))
     diagram.add("optimizer", optimizer or SGD(size=size, **settings))
     connect(
@@ -65,7 +65,7 @@ def learner(
             ("world.valid", "optimizer.due"),
         )
         seen = ("observation", "next_observation", "terminated", "ended")
-        connect(diagram, *((f"world.{port}", f"baseline.{port}") for port in seen if port in baseline.inputs))
+        connect(diagram, *((f"world.{port}", f"baseline.{port}") for port in seen if port in compared.inputs))
 
 
 def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> None:

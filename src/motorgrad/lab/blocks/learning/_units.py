@@ -326,10 +326,10 @@ class Sizes(Task):
     def action_size(self) -> int:
         return self.acted
 
-    def observe(self, *_: Any) -> Any:
+    def observe(self, memory: Any, state: Any, uniforms: Any) -> Any:
         raise NotImplementedError("the diagram observes")
 
-    def reward(self, *_: Any) -> Any:
+    def reward(self, memory: Any, state: Any, action: Any) -> Any:
         raise NotImplementedError("the diagram rewards")
 
 
