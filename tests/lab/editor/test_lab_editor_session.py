@@ -90,7 +90,7 @@ def test_declarations_have_all_that_forms_and_palettes_need(start):
     told = client.wait(lambda event: event["event"] == "declarations")
     assert set(told["blocks"]) == {*lab.BLOCKS, "diagram"}
     assert {name for names in told["categories"].values() for name in names} == set(told["blocks"])
-    rate = next(field for field in told["blocks"]["ascent"]["fields"] if field["name"] == "rate")
+    rate = next(field for field in told["blocks"]["sgd"]["fields"] if field["name"] == "learning_rate")
     assert (rate["role"], rate["low"], rate["high"], rate["default"]) == ("parameter", 0.0, None, 1e-3)
     assert all(block["help"] for block in told["blocks"].values())
     assert {entry["name"] for entry in told["gallery"]} == set(gallery.GALLERY)

@@ -20,6 +20,7 @@ from motorgrad.lab.diagram._declarations import (
     Setting,
     checked_shape,
     dtype_of,
+    nested,
     parameters_of,
     settings_of,
 )
@@ -86,6 +87,7 @@ __all__ = [
     "loads",
     "make_block",
     "numbered_names",
+    "nested",
     "parameters_of",
     "required_fields",
     "sampled",

@@ -81,6 +81,7 @@ class Parameter:
     - `unit`: its unit.
     - `low`, `high`: the range of every element; `open` excludes the ends.
     - `kind`: the kind of its numbers.
+    - `optional`: whether `None` may stand for an absent parameter. Presence is structure: a run cannot change it.
     """
 
     help: str = ""
@@ -89,12 +90,15 @@ class Parameter:
     high: float = np.inf
     kind: Kind = "float"
     open: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         choice("kind", self.kind, KINDS)
 
     def plain(self, name: str, value: Any) -> Any:
         """A value as nested tuples of plain numbers. **Raises** `ValueError` for a value that is not allowed."""
+        if value is None and self.optional:
+            return None
         try:
             given = np.asarray(value)
         except (TypeError, ValueError, OverflowError):  # ragged lists
@@ -124,7 +128,8 @@ class Parameter:
         bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
         bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
         numbers = f"{'whole' if self.kind == 'int' else 'finite'} numbers"
-        return ", ".join([f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])])
+        words = [f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])]
+        return ", ".join([*words, *(["or none"] if self.optional else [])])
 
 
 @dataclasses.dataclass(frozen=True)

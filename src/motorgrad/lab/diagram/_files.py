@@ -162,8 +162,8 @@ def make_block(kind: Any, fields: Mapping[str, Any]) -> Block:
 
 def with_fields(block: Block, fields: Mapping[str, Any]) -> Block:
     """A block with other values of some fields. **Raises** `ValueError` for an unknown or invalid field."""
-    _check_keys(block.name, fields, fields_of(type(block)))
-    return dataclasses.replace(block, **fields)
+    _check_keys(block.name, fields, {**fields_of(type(block)), **block.parameters})
+    return block.retuned(fields)
 
 
 def required_fields(cls: type[Block]) -> list[str]:

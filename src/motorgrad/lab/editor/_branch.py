@@ -104,12 +104,12 @@ class Branch:
     def set_parameters(self, values: Values) -> None:
         """Set parameters from now on; of blocks that do not run, such as inlets with a wire, nothing is set."""
         for address, value in values.items():
-            if address.rpartition(".")[0] in self._paths:
+            if address.partition(".")[0] in self._paths:
                 self.timeline[address] = value
 
     def overrides(self, values: Values) -> Values:
         """Those of its parameters that are not these values, to single precision."""
-        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self._paths}
+        there = {address: self.run[address] for address in values if address.partition(".")[0] in self._paths}
         return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
     def switch_program(self, program: Program) -> None:

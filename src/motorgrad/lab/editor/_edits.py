@@ -247,10 +247,11 @@ class SetParameter(Change, op="parameter"):
     value: Any
 
     def apply(self, document: Diagram) -> Diagram:
-        path, _, name = self.address.rpartition(".")
+        path, _, name = self.address.partition(".")
         *at, block = path.split("/")
         node = _node(opened(document, at)[-1], block)
-        known = () if isinstance(node.block, Diagram) else parameters_of(type(node.block))
+        block_type = type(node.block)
+        known = {} if isinstance(node.block, Diagram) else {**parameters_of(block_type), **node.block.parameters}
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
         return Set(tuple(at), block, name, self.value).apply(document)

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from motorgrad.lab.compiler import Plan, plan
-from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of, parameters_of
+from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of
 from motorgrad.lab.engine import Run, State
 
 Values = dict[str, Any]
@@ -57,9 +57,7 @@ def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
 def parameters(diagram: Diagram) -> Values:
     """All parameters by address."""
     return {
-        f"{path}.{name}": getattr(block, name)
-        for path, block in leaves(diagram).items()
-        for name in parameters_of(type(block))
+        f"{path}.{name}": getattr(block, name) for path, block in leaves(diagram).items() for name in block.parameters
     }
 
 

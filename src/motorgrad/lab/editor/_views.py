@@ -18,6 +18,7 @@ from motorgrad.lab.diagram import (
     Block,
     Diagram,
     Node,
+    Parameter,
     parameters_of,
     required_fields,
     settings_of,
@@ -63,10 +64,24 @@ def _subsystem(diagram: Diagram, inner: bool) -> View:
 
 def _block(block: Block) -> View:
     fields = {name: getattr(block, name) for name in fields_of(type(block))}
-    own = {"type": block.name, "category": block.category, "fields": fields}
+    more = {name: declared for name, declared in block.parameters.items() if name not in fields}
+    fields |= {name: getattr(block, name) for name in more}
+    own: View = {"type": block.name, "category": block.category, "fields": fields}
+    if more:  # parameters that settings add to those of the type
+        usual = {"type": "float", "required": False}
+        own["parameters"] = [
+            {"name": name, **usual, **_parameter_field(declared), "default": fields[name]}
+            for name, declared in more.items()
+        ]
     drawing = getattr(type(block), "drawing", None)
     own |= {} if drawing is None else {"drawing": drawing}
     return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
+
+
+def _parameter_field(declared: Parameter) -> View:
+    """A parameter's declaration as data."""
+    own = dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
+    return own | {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
 
 
 def ports(declared: Any) -> list[View]:
@@ -133,9 +148,7 @@ def declaration(cls: type[Block]) -> dict[str, Any]:
     for name in sorted(fields_of(cls), key=SCHEDULE.__contains__):  # the schedule comes last
         own: dict[str, Any] = {"name": name, "type": _hint_text(hints[name]), "required": name in required}
         if name in parameters:
-            declared = parameters[name]
-            own |= dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
-            own |= {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
+            own |= _parameter_field(parameters[name])
         elif name in settings:
             own |= dataclasses.asdict(settings[name]) | {"role": "setting"}
         fields.append(own)

@@ -26,7 +26,7 @@ def motoneuron_pool() -> Diagram:
         comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What "
         "is paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
         "pool's. Watch the gains grow from 0 and the thresholds move apart. Change the numbers of 'paid', the wanted "
-        "slope and intercept, while it runs: the pool learns anew. Freeze 'ascent' and it does not.",
+        "slope and intercept, while it runs: the pool learns anew. Freeze 'optimizer' and it does not.",
     )
     diagram.add("load", UniformNoise(low=0.0, high=1.0, shape=(1,)))
     diagram.add("force", Reduce("sum", (UNITS,)))
@@ -34,7 +34,7 @@ def motoneuron_pool() -> Diagram:
     wanted = f"{UNITS} * (slope * load + intercept)"
     diagram.add("paid", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, learning_rate=2e-4)
     connect(
         diagram,
         ("load", "policy.observation"),
@@ -93,7 +93,7 @@ def leg_controller() -> Diagram:
     paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
     diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, rate=0.02)
+    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, learning_rate=0.02)
     connect(
         diagram,
         ("legs.turn", "lateral.u"),

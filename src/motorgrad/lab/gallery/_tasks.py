@@ -16,7 +16,7 @@ def linear_recruitment() -> Diagram:
         "strength, or a muscle that tires: 'drift.amount = -0.3'. With 1,000 seeds in one run "
         "the band of the error is narrow.",
     )
-    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, learning_rate=2e-4)
     smoothed(diagram, "world.error", over=200.0)
     return diagram
 
@@ -59,8 +59,8 @@ def constructive_pool() -> Diagram:
         title="Constructive pool",
         comment="The orbit again, learnt by a pool that gets its units one by one (section 6.4.3 of the thesis). A new "
         "unit starts wide in the middle and shrinks; the others wait. Watch the ellipses come in the map. Try "
-        "'plateau' for 'grows' in the policy: a unit then comes once the reward no longer rises; or let units start "
-        "where the particle has been, 'placed = visited'.",
+        "'plateau' for 'criterion' in the policy: a unit then comes once the reward no longer rises. Or let units "
+        "start where the particle has been, 'placement = visited'.",
     )
     units = 8
     policy = GrowingGaussians(units, 2, height=0.5, limits=None)
@@ -75,7 +75,7 @@ def constructive_pool() -> Diagram:
 def _learn(diagram: Diagram, policy: Block, world: Block, decay: float, rates: tuple[float, float]) -> None:
     """Local units have one step size for their centres and one for their widths."""
     half = policy.outputs["parameters"].shape[0] // 2
-    learner(diagram, policy, world, decay, rate=rates, groups=(half, half))
+    learner(diagram, policy, world, decay, learning_rate=rates, groups=(half, half))
 
 
 def chain() -> Diagram:
@@ -90,7 +90,7 @@ def chain() -> Diagram:
     )
     world = World("chain")
     policy = Softmax(world.made.action_size, world.made.observation_size)
-    learner(diagram, policy, world, decay=0.9, rate=0.05)
+    learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
     smoothed(diagram, "world.reward", over=100.0)
     return diagram
 
@@ -105,7 +105,7 @@ def hopper() -> Diagram:
         "lands. Hops begin after some hundred seconds of the hopper's time. Try the thesis's decay of 0.98 in 'trace': "
         "it forgets the push before the landing pays. Then change the body, 'body.load_mass = 3.0', and see it adapt.",
     )
-    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, rate=5e-4)
+    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, learning_rate=5e-4)
     smoothed(diagram, "world.apex", over=5.0)
     smoothed(diagram, "world.reward", over=20.0)
     return diagram

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from motorgrad.lab.blocks import Ascent, DiscreteLag, EligibilityTrace, GradientSample, MeanBaseline, Scope
+from motorgrad.lab.blocks import DiscreteLag, GradientSample, Scope
 from motorgrad.lab.blocks._policy_map import PolicyMap
+from motorgrad.lab.blocks.learning import SGD, EligibilityTrace, MeanBaseline
 from motorgrad.lab.diagram import Block, Diagram
 
 
@@ -19,34 +20,38 @@ def learner(
     world: Block | None,
     decay: float,
     baseline: Block | None = None,
-    ascent: Block | None = None,
-    **rule: Any,
+    optimizer: Block | None = None,
+    **settings: Any,
 ) -> None:
-    """Put units into a diagram, and around them what lets them learn: trace, baseline, gradient sample and ascent.
+    """Add units to a diagram with what lets them learn: trace, baseline, gradient sample and optimizer.
 
     With a world they are wired to it, and the two are called `policy` and `world`, which gives them the random numbers
     that they have in training. Without one, `policy.observation`, `policy.action` and `baseline.reward` are left open;
-    what is led there as a reward is of the actions *before* this tick.
+    a reward is for the actions *before* its tick.
 
-    **Arguments:** the diagram; the units; the world, or `None`; the `decay` of the trace; the `baseline`, by default
-    the mean reward; the `ascent`, by default steepest, with these settings.
+    **Arguments:** the diagram; the units; the world, or `None`; the `decay` of the trace; the `baseline` or critic, by
+    default the mean reward; the `optimizer`, by default SGD with these settings.
     """
     size = units.outputs["parameters"].shape[0]
+    compared: Block = MeanBaseline() if baseline is None else baseline
+    splits = "newest" in compared.outputs
     if world is not None:
         diagram.add("world", world)
     diagram.add("policy", units)
-    diagram.add("trace", EligibilityTrace(decay, size=size))
-    diagram.add("baseline", baseline or MeanBaseline())
+    diagram.add("trace", EligibilityTrace(decay, size=size, newest=splits))
+    diagram.add("baseline", compared)
     diagram.add("gradient", GradientSample(size))
-    diagram.add("ascent", ascent or Ascent(size=size, **rule))
+    diagram.add("optimizer", optimizer or SGD(size=size, **settings))
     connect(
         diagram,
         ("policy.score", "trace.score"),
         ("baseline.error", "gradient.error"),
         ("trace.trace", "gradient.trace"),
-        ("gradient.gradient", "ascent.gradient"),
-        ("ascent.step", "policy.step"),
+        ("gradient.gradient", "optimizer.gradient"),
+        ("optimizer.step", "policy.step"),
     )
+    if splits:
+        connect(diagram, ("baseline.newest", "gradient.newest_error"), ("trace.newest", "gradient.newest_score"))
     if world is not None:
         connect(
             diagram,
@@ -55,8 +60,10 @@ def learner(
             ("world.ended", "trace.ended"),
             ("world.reward", "baseline.reward"),
             ("world.valid", "baseline.valid"),
-            ("world.valid", "ascent.due"),
+            ("world.valid", "optimizer.due"),
         )
+        seen = ("observation", "next_observation", "terminated", "ended")
+        connect(diagram, *((f"world.{port}", f"baseline.{port}") for port in seen if port in compared.inputs))
 
 
 def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> None:
