@@ -1,7 +1,7 @@
 """Learners of worlds beside hand-written compiled loops of the same learner."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -68,11 +68,8 @@ def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
     task = LinearRecruitment(units=16)
     natural = settings_for(task, metric="fisher", dampings={"threshold": 0.05}, rate=1e-4)
     learners = [stepper_of(task, settings.agent(task), range(seeds)) for settings in (natural, settings_for(task))]
-    for learner in learners:
-        learner.advance(decisions)  # compiles
-    ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"linear recruitment of {task.units}, natural ÷ plain step, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(name, "updates/s", decisions * seeds, ours, other, pairs=pairs)
+    name = f"linear recruitment of {task.units}, natural ÷ plain step"
+    return _compare(name, "updates/s", learners, seeds, decisions, pairs)
 
 
 EPISODE = 24.5  # decisions on average, for the initial policy
@@ -113,7 +110,7 @@ def local_learning_row(seeds: int, episodes: int, wanted: str) -> Row:
     learner.advance(round(episodes * EPISODE))
     took = time.perf_counter() - start
     name = f"particle, {seeds} seeds × {episodes:,} episodes, with compilation"
-    return Row(name, took, None, "s", None, None, wanted)
+    return Row(name, took, None, "s", wanted=wanted)
 
 
 WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere does not depend on their total number
@@ -129,8 +126,16 @@ def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: st
         stepper_of(task, settings_for(task, policy_settings=policy, rates=rates, index=index).agent(task), range(seeds))
         for index in (True, False)
     ]
+    name = f"falling particle of {units:,} units, indexed ÷ all"
+    return _compare(name, "decisions/s", learners, seeds, decisions, pairs, wanted)
+
+
+def _compare(
+    name: str, unit: str, learners: Sequence[Any], seeds: int, decisions: int, pairs: int, wanted: str = ""
+) -> Row:
+    """The rate of the first of two learners, against the second's."""
     for learner in learners:
         learner.advance(decisions)  # compiles
     ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"falling particle of {units:,} units, indexed ÷ all, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(name, "decisions/s", decisions * seeds, ours, other, pairs=pairs, wanted=wanted)
+    name = f"{name}, {seeds:,} seed{'s' * (seeds > 1)}"
+    return in_turn(name, unit, decisions * seeds, ours, other, pairs=pairs, wanted=wanted)
