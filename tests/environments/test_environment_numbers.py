@@ -5,14 +5,14 @@ import pytest
 
 from motorgrad.environments import TaskEnv
 from motorgrad.tasks import CallAdmission, Chain, Hopper
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 
 @pytest.mark.representatives("landing")
 @pytest.mark.parametrize("paid", ["landing", "apex"])
 def test_the_hopper_of_training_is_the_environments(paid):
     task = Hopper(paid=paid, time_limit=3.0)
-    stepper = stepper_of(task, settings_for(task).agent(task), [4])
+    stepper = stepper_for(task, agent_for(task), [4])
     environment = TaskEnv(task)
     observation, _ = environment.reset()
     paid_sometimes = apexes = 0
@@ -38,7 +38,7 @@ def test_the_hopper_of_training_is_the_environments(paid):
 
 def test_the_chain_of_training_is_the_environments():
     task = Chain(length=3)
-    stepper = stepper_of(task, settings_for(task).agent(task), [4])
+    stepper = stepper_for(task, agent_for(task), [4])
     environment = TaskEnv(task)
     environment.reset()
     total = 0.0
