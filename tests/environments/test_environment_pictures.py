@@ -65,11 +65,11 @@ def test_pictures_are_made_by_one_renderer_that_stays_open():
     environment = gymnasium.make(HOPPER, render_mode="rgb_array", **SMALL)
     environment.reset(seed=0)
     environment.render()
-    brush = environment.unwrapped._picture._painter._brush
+    backend = environment.unwrapped._picture._painter._backend
     for decision in range(10):
         environment.step(hopping(decision))
         environment.render()
-    assert environment.unwrapped._picture._painter._brush is brush
+    assert environment.unwrapped._picture._painter._backend is backend
     environment.close()
     with pytest.raises(gymnasium.error.ClosedEnvironmentError):
         environment.render()

@@ -13,7 +13,15 @@ from PIL import Image
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.experiments import EXPERIMENTS, Experiment, animate, course_of, recorded, reproduce, write_report
+from motorgrad.experiments import (
+    EXPERIMENTS,
+    Experiment,
+    animate,
+    course_of,
+    recorded_policies,
+    reproduce,
+    write_report,
+)
 from motorgrad.policies import Masked, tiles
 from motorgrad.sim import Course, film_learning
 from motorgrad.tasks import FallingParticle, ParticleOrbit
@@ -59,7 +67,7 @@ def growing(tmp_path_factory):
 @pytest.mark.slow
 def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
     for run in (falling, growing):
-        last = recorded(run, [-1])
+        last = recorded_policies(run, [-1])
         for stored, learnt in zip(jax.tree.leaves(last), jax.tree.leaves(run.policies), strict=True):
             np.testing.assert_array_equal(stored[0], np.asarray(learnt))
 
@@ -67,7 +75,7 @@ def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
     shorter = train(task, settings_for(task, **GROWING), 1_000, [4, 7], window=250, progress=False)
-    found = recorded(growing, [0, 3], seed=7)
+    found = recorded_policies(growing, [0, 3], seed=7)
     for stored, learnt in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
         np.testing.assert_allclose(stored[1], learnt, atol=1e-6)
     assert found.active.sum(-1).tolist() == [1, 3]
@@ -83,7 +91,7 @@ def test_units_are_switched_on_after_those_that_were_there():
     growth = Growth(Clock(400), shrink=0.99)
     agent = Agent(pool, Olgarb(0.9), sgd(1e-4), growth=growth)
     run = train(task, agent, 1_000, 1, window=100, progress=False)
-    found = recorded(run, [0, 4, 9], seed=0)
+    found = recorded_policies(run, [0, 4, 9], seed=0)
     assert found.active.astype(int).tolist() == [[1, 0, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]]
     np.testing.assert_array_equal(found.active[-1], run.policy().active)
 
@@ -195,7 +203,7 @@ def test_what_cannot_be_filmed(falling, tmp_path, change, words):
 def test_runs_that_cannot_be_filmed(tmp_path):
     chain = train("chain", steps=40, window=20, progress=False)
     known = "particle, particle-navigation, particle-orbit"
-    with pytest.raises(ValueError, match=f"task 'chain' cannot be animated: it must be one on a particle: {known}$"):
+    with pytest.raises(ValueError, match=f"task 'chain' cannot be filmed: it must be a task on a particle: {known}$"):
         animate(chain, tmp_path / "a.mp4")
     plain = train("particle", settings_for(FallingParticle(), policy="hyperplanes", policy_settings=None, rates=None),
                   40, window=20, progress=False)  # fmt: skip
@@ -225,8 +233,8 @@ def test_a_course_fits_together(falling, change, words):
 
 
 def test_records_that_are_not_there(falling):
-    with pytest.raises(ValueError, match=r"records = \[10\]: must be of the 10 that the run has"):
-        recorded(falling, [10])
+    with pytest.raises(ValueError, match=r"records = \[10\]: must be among the 10 records of the run"):
+        recorded_policies(falling, [10])
 
 
 # motorgrad plot
@@ -307,7 +315,7 @@ class Falling(Experiment):
 @pytest.fixture
 def quick_films(monkeypatch):
     """Films of a moment: how they look is seen above."""
-    monkeypatch.setattr("motorgrad.experiments._animate.SECONDS", 0.2)
+    monkeypatch.setattr("motorgrad.experiments._films.SECONDS", 0.2)
 
 
 @pytest.mark.slow
@@ -329,7 +337,7 @@ def test_reproduce_films_what_an_experiment_shows(tmp_path, quick_films):
 
 def test_an_experiment_without_learners_in_a_plane_says_so(status, quick_films, capsys):
     assert status("reproduce", "fig-2.1", "--quick", "--animate", "--out", "out") == 0
-    assert "fig-2.1: nothing of it can be filmed" in capsys.readouterr().err
+    assert "fig-2.1: nothing to film" in capsys.readouterr().err
 
 
 def test_the_command_films(status, quick_films, monkeypatch, capsys):

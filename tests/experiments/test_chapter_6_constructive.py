@@ -7,21 +7,21 @@ import pytest
 
 from motorgrad.experiments import EXPERIMENTS, mean_of, reproduce
 from motorgrad.experiments.appendix_a.figure_a_2 import Circular, force_at, orbit
-from motorgrad.experiments.chapter_6.further.section_6_5_4_hierarchy import (
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import after_units, disturbance, grown_policies
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import GrowingPolicy, at_own_interval, centre_shifts
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import INDEPENDENT, WITHIN, GrowingReward
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_9 import Orbits, meets
+from motorgrad.experiments.chapter_6.section_6_4.section_6_4_criteria import WAYS, Criteria
+from motorgrad.experiments.chapter_6.section_6_4.section_6_4_placement import Placement
+from motorgrad.experiments.chapter_6.section_6_5.hierarchy import (
     WORDS,
     Hierarchy,
-    apart,
-    parameters,
-    pictured,
+    gate_difference,
+    gate_maps,
+    parameter_count,
 )
-from motorgrad.experiments.chapter_6.further.section_6_5_4_hopper import LocalHopper, active
-from motorgrad.experiments.chapter_6.further.section_6_5_4_navigation import Navigation, flow, shares
-from motorgrad.experiments.chapter_6.growing._growing_study import after_units, disturbance, grown
-from motorgrad.experiments.chapter_6.growing.figure_6_7 import GrowingPolicy, moved, own
-from motorgrad.experiments.chapter_6.growing.figure_6_8 import INDEPENDENT, WITHIN, GrowingReward
-from motorgrad.experiments.chapter_6.growing.figure_6_9 import Orbits, meets
-from motorgrad.experiments.chapter_6.growing.section_6_4_criteria import WAYS, Criteria
-from motorgrad.experiments.chapter_6.growing.section_6_4_placement import Placement
+from motorgrad.experiments.chapter_6.section_6_5.local_hopper import LocalHopper, muscle_activity
+from motorgrad.experiments.chapter_6.section_6_5.navigation import Navigation, arrival_shares, flow
 from motorgrad.policies import Gated, Hyperplanes, LocalGaussians, tiles
 from motorgrad.tasks import Hopper, ParticleNavigation
 
@@ -109,10 +109,10 @@ def test_moves_are_those_of_the_new_unit_and_of_the_others():
     centre[1, :, 1] = (0.3, 0.4)  # the second unit goes half a box
     centre[2] = centre[1]
     centre[2, :, 0] = (0.2, 0.0)  # then the first goes 0.2, and the third stays
-    new, others = moved(centre)
+    new, others = centre_shifts(centre)
     np.testing.assert_allclose(new, 0.25)
     np.testing.assert_allclose(others, 0.05)
-    np.testing.assert_array_equal(own(centre)[:, 1], centre[1, :, 1])
+    np.testing.assert_array_equal(at_own_interval(centre)[:, 1], centre[1, :, 1])
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_grown_pools_leave_off_the_unit_that_was_just_added(out):
 
     study = GrowingPolicy.quick()
     run = mg.train(study.task, study.growing(study.task), study.decisions, 2, progress=False)
-    history = grown(run, range(1, study.units + 1))
+    history = grown_policies(run, range(1, study.units + 1))
     np.testing.assert_array_equal(history.active.sum(-1), np.repeat(np.arange(1, 5)[:, None], 2, axis=1))
     np.testing.assert_array_equal(history.pool.centre[-1], run.policies.pool.centre)
     np.testing.assert_array_equal(history.pool.centre[0, :, 1], 0.5)  # where the second unit is going to begin
@@ -237,7 +237,7 @@ def test_shares_of_arrivals_are_those_of_episodes_that_ended():
     import pyarrow as pa
 
     metrics = pa.table({"episodes": [2, 0, 0, 4, 5, 0], "arrival_count": [1, 0, 0, 4, 0, 0]})
-    np.testing.assert_allclose(shares(metrics, 2), [[0.5, 0.5, 0.0], [0.0, 1.0, 1.0]])
+    np.testing.assert_allclose(arrival_shares(metrics, 2), [[0.5, 0.5, 0.0], [0.0, 1.0, 1.0]])
 
 
 def navigation(share, cost, arrival):
@@ -260,7 +260,7 @@ def test_the_claims_about_navigation_can_come_out_either_way():
 
 def test_flat_pools_have_as_many_parameters():
     study = Hierarchy()
-    counts = {name: parameters(study.learner(name)) for name in WORDS}
+    counts = {name: parameter_count(study.learner(name)) for name in WORDS}
     assert counts == {"ungated": 6, "gated": 20, "flat gated": 20, "deep": 48, "flat deep": 48}
 
 
@@ -278,7 +278,7 @@ def test_gates_push_nowhere_and_what_is_behind_them_does():
 def test_a_pool_is_as_open_as_all_its_gates_together():
     near = LocalGaussians([[0.5, 0.5]], [[0.0, 0.0]], p_max=jnp.asarray(0.5))
     pushes = Hyperplanes(jnp.zeros((2, 2)), jnp.array([-50.0, 50.0]))  # never to the left, always to the right
-    shown = pictured(Gated(near, [Gated(near, [pushes])]))
+    shown = gate_maps(Gated(near, [Gated(near, [pushes])]))
     assert shown["open"].shape == (1, 61, 61)
     assert shown["open"][0, 30, 30] == pytest.approx(0.25)
     np.testing.assert_allclose(shown["push"], 1.0)
@@ -290,7 +290,7 @@ def test_pools_that_push_alike_are_not_apart():
     left, right = (Hyperplanes(jnp.zeros((2, 2)), jnp.array([sign, -sign])) for sign in (50.0, -50.0))
     alike, unlike = Gated(gates, [left, left]), Gated(gates, [left, right])
     seeds = jax.tree.map(lambda *leaves: jnp.stack(leaves), alike, unlike)
-    np.testing.assert_allclose(apart(seeds), [0.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(gate_difference(seeds), [0.0, 2.0], atol=1e-6)
 
 
 def hierarchy(gain, learnt):
@@ -317,7 +317,7 @@ def test_muscles_are_active_where_any_of_their_units_fires():
     middle = [np.mean(ends) for ends in task.observation_range]
     centre = np.array([[1.0, *middle[1:]]] * 2 + [[-1.0, *middle[1:]]] * 2)
     policy = LocalGaussians(centre, np.full((4, 3), -1.0), p_max=jnp.array([0.5, 0.25, 0.5, 0.25]))
-    found = active(policy, task)
+    found = muscle_activity(policy, task)
     near = np.exp(-0.5 * (2 / np.exp(-1.0)) ** 2)  # of a unit of the other contact
     expected = [1 - (1 - p) * (1 - p * near) for p in (0.5, 0.25)]
     np.testing.assert_allclose(found[0, 29:31, 29:31].mean((0, 1)), expected, rtol=0.02)
@@ -327,14 +327,14 @@ def test_muscles_are_active_where_any_of_their_units_fires():
 def test_without_contact_muscles_are_active_alike_on_the_ground_and_in_the_air():
     task = Hopper(units=2, observe_contact=False)
     policy = LocalGaussians([[-0.3, 0.2], [0.3, -0.2]], np.full((2, 2), -1.0), p_max=0.5)
-    found = active(policy, task)
+    found = muscle_activity(policy, task)
     np.testing.assert_allclose(found[0], found[1])
     assert found.max() > 0.49
 
 
-def hoppers(static, grown):
+def hoppers(static, grown_policies):
     chance = 0.01 * np.random.default_rng(7).random((20, 1))
-    ends = {"planes": 0.8, "static": static, "grown": grown}
+    ends = {"planes": 0.8, "static": static, "grown": grown_policies}
     ends |= {f"knee {name}": end for name, end in ends.items()}
     values = {f"{name} heights": np.linspace(0.1, end, 100) + chance for name, end in ends.items()}
     return values | {"time": np.arange(100)}

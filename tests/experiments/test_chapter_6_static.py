@@ -9,19 +9,24 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, Workspace, reproduce
-from motorgrad.experiments._curves import moving_mean
-from motorgrad.experiments.chapter_6._local_study import judged, late, middle, outside, visited
-from motorgrad.experiments.chapter_6._powers import Powers
+from motorgrad.experiments._claims import moving_mean
+from motorgrad.experiments.chapter_6._local_study import frozen_reward, late_reward, median_row, outside, visited
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_2 import Partition, change, fit, parts
 from motorgrad.experiments.chapter_6.figure_6_3 import motions
 from motorgrad.experiments.chapter_6.figure_6_4 import InitialPolicy
 from motorgrad.experiments.chapter_6.figure_6_5 import LocalPolicies
-from motorgrad.experiments.chapter_6.figure_6_6 import AnyUnitFires, acts, drawn
-from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import KINDS, Forgetting, gained, lost
-from motorgrad.experiments.chapter_6.section_6_3_noise import Noise, reached
-from motorgrad.experiments.chapter_6.section_6_5_4_pruning import Pruning
-from motorgrad.experiments.chapter_6.section_6_5_mixtures import Mixtures
+from motorgrad.experiments.chapter_6.figure_6_6 import AnyUnitFires, any_fires, sampled_firing
+from motorgrad.experiments.chapter_6.section_6_1_1_forgetting import (
+    KINDS,
+    Forgetting,
+    Powers,
+    reward_gained,
+    reward_lost,
+)
+from motorgrad.experiments.chapter_6.section_6_3_noise import Noise, decisions_to
+from motorgrad.experiments.chapter_6.section_6_5.mixtures import Mixtures
+from motorgrad.experiments.chapter_6.section_6_5.pruning import Pruning
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.tasks import FallingParticle, region_reward
 from motorgrad.training import settings_for
@@ -124,8 +129,10 @@ def test_late_is_the_last_tenth_of_the_episodes():
     run = mg.train(task, settings_for(task), 10_000, 3, progress=False)
     episodes, reward = run.curve("episodes")[1].cumsum(1), run.curve()[1]
     expected = [row[(count > 360) & (count <= 400)].mean() for row, count in zip(reward, episodes, strict=True)]
-    np.testing.assert_allclose(late(run, 400), expected, rtol=1e-6)
-    assert (late(run) == late(run, 10**6)).all()  # of fewer than 2,000 it is the last tenth of those there are
+    np.testing.assert_allclose(late_reward(run, 400), expected, rtol=1e-6)
+    assert (
+        late_reward(run) == late_reward(run, 10**6)
+    ).all()  # of fewer than 2,000 it is the last tenth of those there are
 
 
 def test_policies_are_judged_on_their_own_reward_by_others_numbers(work):
@@ -137,13 +144,13 @@ def test_policies_are_judged_on_their_own_reward_by_others_numbers(work):
     both = jax.tree.map(lambda a, b: jnp.stack([a, b]), left, right)
     plain = {"policy": "gaussians"}
     rates = {"centre": 2e-4, "log_width": 8e-4}
-    reward = judged(work, task, both, 1_000, policy_settings={}, rates=rates, **plain)
+    reward = frozen_reward(work, task, both, 1_000, policy_settings={}, rates=rates, **plain)
     assert reward[0] > 3 * max(reward[1], 0.01)
 
 
 def test_the_typical_seed_is_at_the_median():
-    assert middle(np.array([0.3, 0.1, 0.2])) == 2
-    assert middle(np.array([4.0, 1.0, 3.0, 2.0])) == 2
+    assert median_row(np.array([0.3, 0.1, 0.2])) == 2
+    assert median_row(np.array([4.0, 1.0, 3.0, 2.0])) == 2
 
 
 def test_outside_and_visited():
@@ -221,10 +228,10 @@ def test_some_unit_fires_as_often_as_it_is_drawn():
     task = FallingParticle()
     places = np.array([[0.25, 0.3], [0.5, 0.5], [0.9, 0.05]])
     policy = tiles(task, copies=2, p_max=0.6)
-    exact = acts(policy, places)
+    exact = any_fires(policy, places)
     p = np.asarray(jax.vmap(policy.prob)(jnp.asarray(places, jnp.float32)))
     np.testing.assert_allclose(exact, 1 - np.prod(1 - p, axis=1), rtol=1e-5)
-    np.testing.assert_allclose(drawn(policy, places), exact, atol=0.06)
+    np.testing.assert_allclose(sampled_firing(policy, places), exact, atol=0.06)
 
 
 def test_claims_of_where_it_acts():
@@ -272,8 +279,8 @@ def course(before, after_a, after_b, seeds=24):
 
 def test_what_is_gained_and_lost():
     values = {"0.2 local A": course(0.1, 0.3, 0.25)}
-    np.testing.assert_allclose(gained(values, 0.2, "local"), 0.2)
-    np.testing.assert_allclose(lost(values, 0.2, "local"), 0.05)
+    np.testing.assert_allclose(reward_gained(values, 0.2, "local"), 0.2)
+    np.testing.assert_allclose(reward_lost(values, 0.2, "local"), 0.05)
 
 
 @pytest.mark.parametrize(("local", "far", "holds"), [(0.299, 0.12, True), (0.12, 0.299, False)])
@@ -298,7 +305,7 @@ def test_a_level_is_reached_once_the_moving_mean_is_there():
     decision = np.arange(1, 31) * 100
     reward = np.stack([np.linspace(0, 1, 30), np.zeros(30)])
     # of the ten records until the nineteenth the mean is that of the middle: 13.5/29
-    np.testing.assert_allclose(reached(decision, reward, 13.5 / 29 - 1e-9), [1900, 3000])
+    np.testing.assert_allclose(decisions_to(decision, reward, 13.5 / 29 - 1e-9), [1900, 3000])
 
 
 def rise(end, pace, seeds=24, records=200):
@@ -343,7 +350,7 @@ def test_claims_about_pruning():
 
 
 def test_pruning_pays_what_the_task_pays():
-    from motorgrad.experiments.chapter_6.section_6_5_4_pruning import _reward
+    from motorgrad.experiments.chapter_6.section_6_5.pruning import _reward
 
     task = FallingParticle(layout="R2")
     path = rng.random((30, 2))
@@ -368,7 +375,7 @@ def test_claims_about_mixtures(share, sides, holds):
 @pytest.mark.parametrize(("layout", "expected", "deviation"), [("R1", 0.283, 0.024), ("R2", 0.329, 0.008)])
 def test_local_units_come_as_far_as_those_of_an_independent_model(layout, expected, deviation):
     task = FallingParticle(layout=layout)
-    reward = late(mg.train(task, settings_for(task), 50_000, 24, progress=False))
+    reward = late_reward(mg.train(task, settings_for(task), 50_000, 24, progress=False))
     error = np.hypot(reward.std(ddof=1) / np.sqrt(24), deviation / np.sqrt(20))
     assert abs(reward.mean() - expected) < 3.5 * error
 
@@ -380,5 +387,5 @@ def test_narrow_units_forget_less_than_quadratic_boundaries(work):
     for name in ("narrow", "quadratic"):
         found = study._learnt_in_turn(work, KINDS[name], 0.4)
         values |= {f"0.4 {name} {key}": value for key, value in found.items()}
-    more = lost(values, 0.4, "quadratic") - lost(values, 0.4, "narrow")
+    more = reward_lost(values, 0.4, "quadratic") - reward_lost(values, 0.4, "narrow")
     assert more.mean() > 3 * more.std(ddof=1) / np.sqrt(20)

@@ -10,7 +10,7 @@ import pytest
 import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.experiments import demo, motion_of
-from motorgrad.experiments.chapter_5._behaviour import behaviour_figure
+from motorgrad.experiments.chapter_5.figure_5_3 import behaviour_figure
 from motorgrad.training import evaluate
 
 

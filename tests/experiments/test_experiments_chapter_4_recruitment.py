@@ -9,13 +9,12 @@ import pytest
 
 from motorgrad.bodies import lift_table
 from motorgrad.experiments import EXPERIMENTS
-from motorgrad.experiments.chapter_4._linear_study import off_place, spaced_from
-from motorgrad.experiments.chapter_4._pool_drawing import count_chances, fires_at
+from motorgrad.experiments.chapter_4._pools import count_chances, equally_spaced_from, fires_at, spacing_deviation
 from motorgrad.experiments.chapter_4.figure_4_1 import AMPLIFIERS, POINTS, amplifier, graded, off_line
 from motorgrad.experiments.chapter_4.figure_4_3 import mean_field_times
 from motorgrad.experiments.chapter_4.figure_4_6 import CLOSE, LEVELS, LOADS
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
-from motorgrad.experiments.chapter_4.figure_4_8 import early, judged
+from motorgrad.experiments.chapter_4.figure_4_8 import pool_rewards, threshold_shifts
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import settings_for, train
@@ -152,7 +151,7 @@ def test_a_force_off_the_line_is_no_near_linear_one():
 def test_a_pool_with_a_negative_gain_is_not_equally_spaced():
     task = LinearRecruitment(units=2)
     ideal = np.tile(task.ideal_thresholds(), (2, 1))
-    off = off_place(ideal, np.array([[5.0, 5.0], [5.0, -5.0]]), task)
+    off = spacing_deviation(ideal, np.array([[5.0, 5.0], [5.0, -5.0]]), task)
     np.testing.assert_allclose(off, [0, np.inf], atol=1e-12)
 
 
@@ -197,9 +196,9 @@ def test_the_mean_field_is_told_where_it_is_known():
     found = learnt((2, 4, 8), 0.1, 0.1, 5.0)
     del found["mean field 8"]
     claims = EXPERIMENTS["fig-4.3"]().claims(found)
-    assert "takes 1.5 million decisions, the mean of 2 starts" in claims[0].note
+    assert "takes 1.5 million decisions (mean of 2 starts)" in claims[0].note
     assert "mean field" not in claims[2].note
-    assert claims[3].source == "the mean field: after 1.5 million decisions, the mean of 2 starts"
+    assert claims[3].source == "the mean field: after 1.5 million decisions (mean of 2 starts)"
 
 
 def test_the_mean_field_starts_where_the_pools_do(done):
@@ -247,14 +246,14 @@ def test_being_spaced_counts_from_when_it_is_for_good():
     off[3] = 0.0  # always
     off[4, 50:], off[4, 80] = 0.1, np.nan  # no number is not spaced
     off[5, 50:], off[5, 99] = 0.1, 0.25  # and not at the end
-    assert spaced_from(decision, off).tolist() == [np.inf, 510, np.inf, 10, 820, np.inf]
+    assert equally_spaced_from(decision, off).tolist() == [np.inf, 510, np.inf, 10, 820, np.inf]
 
 
 def test_pools_that_never_are_count_with_all_decisions():
     never = performance(course(0.4, 0.15, 40), course(0.4, 0.1, 300))
     claim = EXPERIMENTS["fig-4.4"]().claims(never)[-1]
     assert claim.measured.value == pytest.approx((200_000 - 41_000) / 1e6)
-    assert "Of 24 pools each, 0 and 24 are not so" in claim.note
+    assert "0 and 24 of 24 pools never get there" in claim.note
 
 
 # figure 4.5
@@ -331,7 +330,7 @@ def test_the_best_activation_just_takes_the_load_to_the_top():
 def test_pools_are_judged_by_their_exact_reward():
     task = ArmRecruitment(units=2)
     run = train(task, steps=400, seeds=2, progress=False)
-    found = judged(task, run)
+    found = pool_rewards(task, run)
     loads = found["load"]
     for row in range(2):
         exact = immediate_reward(run.policy(row), loads[:, None], np.full(len(loads), 1 / len(loads)), task.immediate)
@@ -360,14 +359,14 @@ def realistic(gain, reward, threshold):
 def test_units_that_are_worth_it_at_once_have_one_place():
     found = realistic(3.0, 5.8, [0.1, 0.1])
     found["best count 2"] = 2 * (found["load 2"] > 0)
-    np.testing.assert_allclose(early(found, 2).mean(), 0, atol=0.06)
+    np.testing.assert_allclose(threshold_shifts(found, 2).mean(), 0, atol=0.06)
 
 
 def test_realistic_policies_are_judged_by_reward_gain_and_place():
     experiment = EXPERIMENTS["fig-4.8"]()
     as_said = realistic(3.0, 5.8, [6.8, -0.3])
     assert [claim.holds for claim in experiment.claims(as_said)] == [True] * 3
-    np.testing.assert_allclose(early(as_said, 2).mean(), -0.3, atol=0.06)
+    np.testing.assert_allclose(threshold_shifts(as_said, 2).mean(), -0.3, atol=0.06)
     exact = realistic(3.0, 5.0, [0.1, 7.1])
     assert [claim.holds for claim in experiment.claims(exact)] == [False, True, False]
     caught = realistic([3.0, -0.1], 5.8, [0.0, 40.0])

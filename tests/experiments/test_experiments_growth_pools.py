@@ -6,20 +6,20 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments._curves import first_time
+from motorgrad.experiments._claims import first_time
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     NORMAL,
-    firing,
+    firing_probability,
     force_error,
     history,
     least_error,
-    with_another,
+    with_new_unit,
 )
-from motorgrad.experiments.chapter_4.figure_4_10 import LocalEffect, spread
-from motorgrad.experiments.chapter_4.section_4_4_1_active import ActiveLearning
-from motorgrad.experiments.chapter_4.section_4_4_1_rate import DAMPINGS, RateModulation
-from motorgrad.experiments.chapter_4.section_4_4_growth import Growth, ideal_move, new_thresholds
+from motorgrad.experiments.chapter_4.section_4_4.active_learning import ActiveLearning
+from motorgrad.experiments.chapter_4.section_4_4.figure_4_10 import LocalEffect, spread
+from motorgrad.experiments.chapter_4.section_4_4.growth import Growth, ideal_move, new_thresholds
+from motorgrad.experiments.chapter_4.section_4_4.rate_modulation import DAMPINGS, RateModulation
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import settings_for
@@ -92,12 +92,12 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
 def test_a_new_unit_of_gain_nought_pulls_every_activation_to_one_half():
     rng = np.random.default_rng(0)
     pools = jax.vmap(Motoneurons)(rng.random((3, 6)), np.full((3, 6), 30.0))
-    more = with_another(pools, 0.5)
+    more = with_new_unit(pools, 0.5)
     assert more.threshold.shape == (3, 7)
     np.testing.assert_array_equal(more.gain[:, 6], 0)
     np.testing.assert_array_equal(more.threshold[:, :6], np.float32(pools.threshold))
     loads = np.linspace(0, 1, 11)
-    before, after = firing(pools, loads).mean(-1), firing(more, loads).mean(-1)
+    before, after = firing_probability(pools, loads).mean(-1), firing_probability(more, loads).mean(-1)
     np.testing.assert_allclose(after - before, (0.5 - before) / 7, atol=1e-6)
 
 
@@ -132,7 +132,7 @@ def test_the_claims_of_figure_4_10_are_true_of_ideal_pools_and_false_of_effects_
 
 def test_new_units_have_gain_nought_and_thresholds_by_chance_that_are_the_same_each_time():
     pools = jax.vmap(Motoneurons)(np.zeros((20, 1)), np.ones((20, 1)))
-    first, again, other = (with_another(pools, new_thresholds(salt, 20)) for salt in (2, 2, 3))
+    first, again, other = (with_new_unit(pools, new_thresholds(salt, 20)) for salt in (2, 2, 3))
     np.testing.assert_array_equal(first.threshold, again.threshold)
     assert not np.array_equal(first.threshold, other.threshold)
     assert len(np.unique(first.threshold[:, 1])) == 20
@@ -246,7 +246,7 @@ def test_the_claims_about_active_learning_can_come_out_either_way():
     assert [claim.holds for claim in judged(active(1.2, 0.2))] == [False] * 4
     never = active(0.5, 0.1) | {"plain queried from": np.full(24, np.inf)}
     assert [claim.holds for claim in judged(never)] == [False, True, True, True]
-    assert "24 with those asked for" in judged(never)[0].note
+    assert "24 with queried ones" in judged(never)[0].note
 
 
 @pytest.mark.slow

@@ -14,11 +14,17 @@ from motorgrad.bodies import (
     walk,
 )
 from motorgrad.experiments import EXPERIMENTS
-from motorgrad.experiments.chapter_5.hexapod._body_drawing import Places
-from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
-from motorgrad.experiments.chapter_5.hexapod._synergy_study import GAITS
-from motorgrad.experiments.chapter_5.hexapod._variants import BEHIND, FRONT, slip, with_friction, with_low_front
+from motorgrad.experiments.chapter_5.hexapod._drawing import Places
+from motorgrad.experiments.chapter_5.hexapod._gait_study import GAITS
+from motorgrad.experiments.chapter_5.hexapod.figure_5_7 import draw_machine
 from motorgrad.experiments.chapter_5.hexapod.figure_5_8 import clearest, movement
+from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import (
+    FRONT_FEET,
+    HIND_FEET,
+    slip,
+    with_friction,
+    with_low_front,
+)
 
 CLAIMED = {"fig-5.6": 0, "fig-5.7": 5, "sec-5.3.3-terrain": 16, "fig-5.8": 4, "sec-5.3.4-gaits": 18, "fig-5.9": 6}
 
@@ -198,14 +204,14 @@ def test_learnt_gaits_are_judged_by_their_classes_speeds_and_distances():
     study = EXPERIMENTS["sec-5.3.4-gaits"]()
     pronking = learnt(study, (0.1, 0.9, 0.0, 0.0), 2.0, 1.0, 60.0)
     for claim in study.claims(pronking):
-        assert claim.holds == ("Without lag" not in claim.statement and "more seeds come" not in claim.statement)
+        assert claim.holds == ("Without lag" not in claim.statement and "more seeds learn" not in claim.statement)
     between = learnt(study, (0.0, 0.0, 0.5, 0.5), 0.4, 0.1, 600.0)
     assert not any(claim.holds for claim in study.claims(between))
     later = pronking | {"lag 0 sample gait": np.full(20, "intermediate")}
     held = {claim.statement: claim.holds for claim in study.claims(later)}
-    assert held["Without lag, seeds end between tripod and pronk."]
-    assert held["With observations late by 2, more seeds come to tripod or pronk than with 0."]
-    assert not held["The tripod gait is found."]
+    assert held["Without lag, gaits lie between tripod and pronk."]
+    assert held["With observations delayed by 2, more seeds learn tripod or pronk than with 0."]
+    assert not held["The tripod gait is learnt."]
     study.figure(between)
 
 
@@ -213,7 +219,7 @@ def test_a_seed_that_never_passes_the_controller_is_not_soon():
     study = EXPERIMENTS["sec-5.3.4-gaits"](seconds=20.0)
     values = learnt(study, (0.5, 0.5, 0.0, 0.0), 2.0, 1.0, 20.0) | {"time": np.array([10.0, 20.0])}
     for claim in study.claims(values):
-        assert not (claim.holds and "passes the fixed" in claim.statement)
+        assert not (claim.holds and "exceeds the fixed" in claim.statement)
 
 
 def test_the_clearest_seed_of_a_class_is_shown_and_none_of_another():
@@ -254,7 +260,7 @@ def test_the_two_gaits_claims_are_of_the_seeds_of_each_class():
     assert [claim.holds for claim in kind.claims(swapped)] == [False] * 4
     none = kind.claims(values | {"gait": np.full(24, "stalled")})
     assert [claim.holds for claim in none] == [False] * 4
-    assert all("No seed of 24" in claim.note for claim in none)
+    assert all("None of 24 seeds" in claim.note for claim in none)
 
 
 def test_the_biomimetic_claims_see_differences_on_the_same_ground():
@@ -299,6 +305,6 @@ def test_slippery_feet_slip_more():
     slides = []
     for friction in (0.1, 1.6):
         feet = with_friction(body, ("middle", "rear"), friction)
-        slides.append(slip(walk(feet, seconds=3.0), feet, BEHIND)[100:].mean())
+        slides.append(slip(walk(feet, seconds=3.0), feet, HIND_FEET)[100:].mean())
     assert slides[0] > 1.3 * slides[1]
-    assert sorted(FRONT + BEHIND) == list(range(6))
+    assert sorted(FRONT_FEET + HIND_FEET) == list(range(6))

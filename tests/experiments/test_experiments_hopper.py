@@ -7,11 +7,9 @@ import pytest
 
 from motorgrad.bodies import Hopper, compile_model
 from motorgrad.experiments import EXPERIMENTS, Workspace
-from motorgrad.experiments.appendix_a._wrapping_geometry import deviations, first_touch, measure
-from motorgrad.experiments.chapter_5._hopper_posture import posture
-from motorgrad.experiments.chapter_5._hopper_study import seconds_to
-from motorgrad.experiments.chapter_5._phase_portrait import moments, one_hop
-from motorgrad.experiments.chapter_5.figure_5_4 import firing_shares
+from motorgrad.experiments.appendix_a.figure_a_1 import deviations, first_touch, measure
+from motorgrad.experiments.chapter_5._hopper_study import posture, time_to_height
+from motorgrad.experiments.chapter_5.figure_5_4 import firing_shares, hop_events, median_hop
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod, behind_best
 from motorgrad.training import Evaluation
 
@@ -118,10 +116,10 @@ def test_one_hop_is_the_one_of_middle_height():
         contact[start : start + 10] = False
         height[start : start + 10] = top * np.sin(np.pi * np.linspace(0.05, 0.95, 10))[: 100 - start]
     contact[85:88], height[85:88] = False, 0.01  # no hop
-    hop = one_hop(contact, height, 0.03)
+    hop = median_hop(contact, height, 0.03)
     assert hop == (40, 50, 60)
     values = {"angle": np.linspace(40, 150, 100), "rate": np.zeros(100), "height": height}
-    told = moments(values, hop)
+    told = hop_events(values, hop)
     assert list(told) == sorted(told)
     assert told[40] == "landing"
     assert told[49] == "take-off"
@@ -129,13 +127,13 @@ def test_one_hop_is_the_one_of_middle_height():
 
 
 def test_a_record_without_hops_can_be_drawn():
-    assert one_hop(np.ones(20, bool), np.zeros(20), 0.03) == (0, 10, 20)
+    assert median_hop(np.ones(20, bool), np.zeros(20), 0.03) == (0, 10, 20)
 
 
 def test_the_time_to_a_height_leaves_out_the_first_seconds():
     time = np.arange(5.0, 105.0, 5.0)
     heights = np.stack([np.where(time > 50, 0.5, 0.1), np.full(20, 0.1), np.where(time < 11, 0.5, 0.1)])
-    np.testing.assert_array_equal(seconds_to(0.3, time, heights), [55.0, 100.0, 100.0])
+    np.testing.assert_array_equal(time_to_height(0.3, time, heights), [55.0, 100.0, 100.0])
 
 
 def test_the_best_period_is_chosen_by_the_other_seeds():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments.chapter_6.further.section_6_5_4_index import Index, _moved
+from motorgrad.experiments.chapter_6.section_6_5.spatial_index import Index, _moved
 from motorgrad.learning import SpatialIndex
 from motorgrad.policies import LocalGaussians
 

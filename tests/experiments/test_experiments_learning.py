@@ -15,13 +15,15 @@ from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
 from motorgrad.experiments.chapter_3._baseline_claims import ratio_of, shared_rewards, variances
 from motorgrad.experiments.chapter_3._estimates import (
     along,
+    biases,
     comparison_point,
     estimates,
     joint_quantile,
+    mixing_time,
     relative_error,
+    scores,
+    variance,
 )
-from motorgrad.experiments.chapter_3._mixing import biases, mixing_time
-from motorgrad.experiments.chapter_3._variance import scores, variance
 from motorgrad.experiments.chapter_3.figure_3_1 import Learner
 from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines, surprise
 from motorgrad.learning import Constant, MeanReward

@@ -10,27 +10,26 @@ from motorgrad._commands import reproduce as command
 from motorgrad.bodies import Hexapod, walk
 from motorgrad.cli import main
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments.chapter_5.morphology._body_space import (
+from motorgrad.experiments.chapter_5.extensions._body_space import (
+    MEASURES,
+    PAIRS,
     PITCH,
     SPACE,
     USUAL,
+    VARIANTS,
     WORDS,
     YAW,
     body_of,
-    jittered,
-    usual_numbers,
-)
-from motorgrad.experiments.chapter_5.morphology._morphology_claims import judge
-from motorgrad.experiments.chapter_5.morphology._observations import (
-    PAIRS,
-    VARIANTS,
-    chance_bodies,
     differences,
-    observe,
+    jittered,
+    random_bodies,
+    usual_numbers,
+    walk_in_batches,
+    walk_measures,
+    walk_variants,
 )
-from motorgrad.experiments.chapter_5.morphology._walking import MEASURES, walked, walked_in_turn
-from motorgrad.experiments.chapter_5.morphology.section_5_3_3_forces import Forces
-from motorgrad.experiments.chapter_5.morphology.section_5_3_3_morphology import Morphology
+from motorgrad.experiments.chapter_5.extensions.section_5_3_3_forces import Forces
+from motorgrad.experiments.chapter_5.extensions.section_5_3_3_morphology import Morphology, morphology_claims
 
 INSTALLED = importlib.util.find_spec("evosax") is not None
 needs_evosax = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[search]")
@@ -81,7 +80,7 @@ def test_any_body_within_the_bounds_can_be_built_and_driven_by_muscles():
 def test_a_body_that_cannot_be_is_no_error_but_has_no_speed():
     overlapping = {**usual_numbers(), "gap": -0.01}
     assert body_of(overlapping) is None
-    found = walked([usual_numbers(), overlapping, usual_numbers()], 3.0)
+    found = walk_measures([usual_numbers(), overlapping, usual_numbers()], 3.0)
     alone = walk(USUAL, seconds=3.0).gait(since=1.0)
     for name in MEASURES:
         np.testing.assert_array_equal(np.isnan(found[name]), [False, True, False])
@@ -89,7 +88,7 @@ def test_a_body_that_cannot_be_is_no_error_but_has_no_speed():
     assert found["speed"][0] == alone.net[0]
     assert found["duty"][0] == alone.duty[0]
     assert 0 < found["tilt"][0] < 10
-    assert np.isnan(walked([overlapping], 3.0)["speed"]).all()
+    assert np.isnan(walk_measures([overlapping], 3.0)["speed"]).all()
 
 
 def test_copies_differ_by_little_and_keep_their_axis():
@@ -109,11 +108,11 @@ def test_variants_differ_in_one_respect():
 
 
 def test_bodies_are_observed_in_all_variants():
-    bodies = chance_bodies(2, np.random.default_rng(0))
+    bodies = random_bodies(2, np.random.default_rng(0))
     assert all(body_of(each) is not None for each in bodies)
-    seen = observe(bodies, 2.0, 0)
+    seen = walk_variants(bodies, 2.0, 0)
     assert set(seen) == {f"{variant} {measure}" for variant in VARIANTS for measure in MEASURES}
-    wanted = walked_in_turn([VARIANTS["light"](each) for each in bodies], 2.0)
+    wanted = walk_in_batches([VARIANTS["light"](each) for each in bodies], 2.0)
     np.testing.assert_array_equal(seen["light speed"], wanted["speed"])
 
 
@@ -138,8 +137,8 @@ def made_up(truth=1.0, seed=0):
 
 
 def test_claims_on_bodies_follow_from_the_numbers():
-    assert [claim.holds for claim in judge(made_up(1.0), 240)] == [True] * 13
-    assert [claim.holds for claim in judge(made_up(-1.0), 240)] == [False] * 13
+    assert [claim.holds for claim in morphology_claims(made_up(1.0), 240)] == [True] * 13
+    assert [claim.holds for claim in morphology_claims(made_up(-1.0), 240)] == [False] * 13
 
 
 def test_walks_that_failed_are_left_out_of_pairs():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motorgrad.experiments import EXPERIMENTS
-from motorgrad.experiments.chapter_5.muscles._muscle_study import FULL, VARIANTS
-from motorgrad.experiments.chapter_5.muscles._muscles_claims import ablation_claims, muscle_claims
+from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS
+from motorgrad.experiments.chapter_5.extensions.beyond_5_3_4_muscles import ablation_claims, muscle_claims
 from motorgrad.tasks import Hexapod, synergy_matrix
 
 CLAIMED = {"beyond-5.3.4-muscles": 6, "beyond-5.4.1-synergies": 3}

@@ -9,12 +9,25 @@ from scipy import stats
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments._curves import final
-from motorgrad.experiments.chapter_4._pools import NATURAL, entropy, firing, least_error, numbers, parameters
-from motorgrad.experiments.chapter_4.section_4_4_1_baseline import OF
-from motorgrad.experiments.chapter_4.section_4_4_1_sizes import order, order_pay, orders_of, recruitment_loads
-from motorgrad.experiments.chapter_4.section_4_4_inputs import LOADS, LOWS, among, best_activation, stuck
-from motorgrad.experiments.chapter_4.section_4_4_loads import PAID, PROBABILITY, common_pay
+from motorgrad.experiments._claims import final
+from motorgrad.experiments.chapter_4._pools import (
+    NATURAL,
+    entropy,
+    firing_probability,
+    least_error,
+    parameter_history,
+    thresholds_and_gains,
+)
+from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import OF
+from motorgrad.experiments.chapter_4.section_4_4.large_loads import PAID, PROBABILITY, common_pay
+from motorgrad.experiments.chapter_4.section_4_4.negative_inputs import (
+    LOADS,
+    LOWS,
+    always_firing,
+    best_activation,
+    share_among,
+)
+from motorgrad.experiments.chapter_4.section_4_4.size_principle import order, order_pay, orders_of, recruitment_loads
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.worlds import immediate_reward
@@ -92,10 +105,10 @@ def run():
 
 
 def test_firing_is_the_sigmoid_of_each_unit(run):
-    threshold, gain = numbers(run.policies)
+    threshold, gain = thresholds_and_gains(run.policies)
     loads = np.array([0.0, 0.3, 1.0])
     expected = 1 / (1 + np.exp(-gain[:, None] * (loads[:, None] - threshold[:, None])))
-    np.testing.assert_allclose(firing(run.policies, loads), expected, atol=1e-6)
+    np.testing.assert_allclose(firing_probability(run.policies, loads), expected, atol=1e-6)
 
 
 def test_entropy_is_that_of_coins():
@@ -107,9 +120,9 @@ def test_entropy_is_that_of_coins():
 
 
 def test_parameters_are_those_of_the_records(run):
-    threshold, gain = parameters(run)
+    threshold, gain = parameter_history(run)
     assert threshold.shape == gain.shape == (3, 4, 4)
-    np.testing.assert_array_equal([threshold[:, -1], gain[:, -1]], numbers(run.policies))
+    np.testing.assert_array_equal([threshold[:, -1], gain[:, -1]], thresholds_and_gains(run.policies))
     np.testing.assert_allclose(final(run, "error", 0.5), run.curve("error")[1][:, 2:].mean(axis=1))
 
 
@@ -119,14 +132,14 @@ def test_parameters_are_those_of_the_records(run):
 def test_a_stuck_unit_fires_at_all_loads_of_0_and_below():
     threshold, gain = np.array([[-5.0, 15.0, -0.5, 5.0]]), np.array([[2.0, -2.0, 9.0, 2.0]])
     p = 1 / (1 + np.exp(-gain[:, None] * (LOADS[:, None] - threshold[:, None])))
-    np.testing.assert_array_equal(stuck({"load": LOADS, "firing": p[None]}), [[[True, True, False, False]]])
+    np.testing.assert_array_equal(always_firing({"load": LOADS, "firing": p[None]}), [[[True, True, False, False]]])
 
 
 def test_a_share_of_none_is_unknown():
-    none = among(np.ones(3, bool), np.zeros(3, bool))
+    none = share_among(np.ones(3, bool), np.zeros(3, bool))
     assert math.isnan(none.value)
     assert (none.low, none.high, none.count) == (0, 1, 0)
-    assert among(np.array([True, False, True]), np.array([True, True, False])).value == 0.5
+    assert share_among(np.array([True, False, True]), np.array([True, True, False])).value == 0.5
 
 
 def test_the_best_activation_pays_best():
@@ -304,8 +317,10 @@ def test_pools_learn_on_from_what_they_had_learnt(name, further, tmp_path):
     runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]
     going_on = [run for run in runs if "initial" in run.config["run"]]
     assert len(going_on) == further
-    starts = [numbers(run.policies) for run in runs if run not in going_on]
-    assert all(sum(np.array_equal(numbers(run.initial), start) for start in starts) == 1 for run in going_on)
+    starts = [thresholds_and_gains(run.policies) for run in runs if run not in going_on]
+    assert all(
+        sum(np.array_equal(thresholds_and_gains(run.initial), start) for start in starts) == 1 for run in going_on
+    )
 
 
 # sizes

@@ -7,9 +7,8 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments.chapter_4._linear_study import off_place, spaced_from
-from motorgrad.experiments.chapter_4._pools import NORMAL, parameters
-from motorgrad.experiments.chapter_4.natural_step import WITHOUT, LargePools
+from motorgrad.experiments.chapter_4._pools import NORMAL, equally_spaced_from, parameter_history, spacing_deviation
+from motorgrad.experiments.chapter_4.beyond_4_3_1_pools import WITHOUT, LargePools
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import settings_for
 
@@ -86,7 +85,7 @@ def test_the_last_doubling_is_judged_by_itself():
 
 def test_the_best_step_at_the_end_of_those_tried_is_told():
     (claim,) = LargePools(pools=(2, 16, 64)).claims(values(without_3_rate=np.array(3e-4)))[-2:-1]
-    assert claim.note.endswith("is 0.0003, the last.")
+    assert claim.note.endswith("is 0.0003, at an end.")
 
 
 def test_the_figure_is_drawn_where_some_got_there_and_some_did_not():
@@ -96,14 +95,16 @@ def test_the_figure_is_drawn_where_some_got_there_and_some_did_not():
 def test_a_pool_of_sixteen_is_equally_spaced_soon_and_stays_so():
     task = LinearRecruitment(units=16)
     run = mg.train(task, settings_for(task, **NORMAL), 150_000, 3, progress=False)
-    assert (spaced_from(run.curve()[0], off_place(*parameters(run), task)) <= 100_000).all()
+    assert (equally_spaced_from(run.curve()[0], spacing_deviation(*parameter_history(run), task)) <= 100_000).all()
 
 
 @pytest.mark.slow
 def test_a_pool_of_sixty_four_is_equally_spaced_in_a_few_hundred_thousand():
     task = LinearRecruitment(units=64)
     run = mg.train(task, settings_for(task, **NORMAL), 400_000, 20, progress=False)
-    assert np.isfinite(spaced_from(run.curve()[0], off_place(*parameters(run), task))).mean() > 0.85
+    assert (
+        np.isfinite(equally_spaced_from(run.curve()[0], spacing_deviation(*parameter_history(run), task))).mean() > 0.85
+    )
 
 
 @pytest.mark.parametrize(

@@ -16,15 +16,15 @@ from motorgrad.experiments import (
     EXPERIMENTS,
     Claim,
     Experiment,
-    chosen,
     exact,
     mean_of,
     median_of,
     reproduce,
+    select_experiments,
     share_of,
     write_report,
 )
-from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_rewards
+from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_reward_times
 from motorgrad.training import RunWarning
 from motorgrad.worlds import FiniteMDP, chain
 
@@ -203,7 +203,7 @@ def test_values_of_another_version_are_named(tmp_path):
 
 def test_other_settings_in_the_same_folder_are_refused_by_name(tmp_path):
     reproduce(Coin(), tmp_path, progress=False)
-    with pytest.raises(ValueError, match=r"coin with throws = 400, not 300: give another folder"):
+    with pytest.raises(ValueError, match=r"coin with throws = 400, not 300: use another folder"):
         reproduce(Coin(throws=300), tmp_path, progress=False)
     assert json.loads((tmp_path / "coin" / "record.json").read_text())["settings"]["throws"] == 400
 
@@ -254,7 +254,7 @@ def test_the_report_is_one_page_with_everything_in_it(tmp_path):
     assert "a coin & its faces" in text
     assert "Throw a coin <so> many times." in text
     assert "It always shows <heads>." in text
-    assert "A smoke size" in text
+    assert "A smoke test" in text
     assert [a["id"] for tag, a in page.found if tag == "section"] == ["fig-2.1", "coin"]
     pictures = [a for tag, a in page.found if tag == "img"]
     assert all(a["src"].startswith("data:image/svg+xml;base64,") and a["alt"] for a in pictures)
@@ -291,10 +291,10 @@ def test_experiments_stand_in_the_order_of_the_source():
 
 
 def test_parts_and_all_choose_experiments():
-    assert chosen(["all"], EXPERIMENTS) == list(EXPERIMENTS)
-    assert chosen(["chapter-3", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-3.1", "sec-3.2.1"]
+    assert select_experiments(["all"], EXPERIMENTS) == list(EXPERIMENTS)
+    assert select_experiments(["chapter-3", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-3.1", "sec-3.2.1"]
     with pytest.raises(ValueError, match=r"unknown experiment 'fig-4.11': did you mean 'fig-4.1'\?"):
-        chosen(["fig-4.11"], EXPERIMENTS)
+        select_experiments(["fig-4.11"], EXPERIMENTS)
 
 
 # the command
@@ -385,10 +385,10 @@ def test_the_formulas_are_those_of_the_chain(length):
 
 
 def test_no_first_reward_is_sooner_than_the_shortest_way():
-    waits = first_rewards(chain(5, "walk"), 500, seed=3)
+    waits = first_reward_times(chain(5, "walk"), 500, seed=3)
     assert waits.min() == 4
     assert np.all(waits % 2 == 0) or waits.max() > 4
-    cut = first_rewards(chain(5, "walk"), 500, seed=3, limit=4)
+    cut = first_reward_times(chain(5, "walk"), 500, seed=3, limit=4)
     assert np.all(cut % 4 == 0)
 
 

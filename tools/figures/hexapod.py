@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, biomimetic_hexapod, compile_model, walk
-from motorgrad.experiments.chapter_5.hexapod._body_drawing import draw_view
-from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH, draw_angles, draw_contacts, draw_states
+from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, draw_angles, draw_contacts, draw_states, draw_view
 from motorgrad.sim import draw
 from tools.figures._style import EXTENSOR, FAINT, FLEXOR, panels
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import motorgrad as mg
 from motorgrad.bodies import BodyState, compile_model
-from motorgrad.experiments.chapter_5._behaviour import behaviour_of, draw_behaviour
+from motorgrad.experiments.chapter_5.figure_5_3 import behaviour_of, draw_behaviour
 from motorgrad.sim import draw
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, learning_curves

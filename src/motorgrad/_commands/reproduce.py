@@ -11,7 +11,7 @@ from motorgrad._commands._configuration import Given, read, resolve
 from motorgrad._commands._shared import write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
-from motorgrad.experiments import EXPERIMENTS, Reproduction, chosen, reproduce, write_report
+from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce, select_experiments, write_report
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Reproduce:
     def validate(self) -> None:
         allowed = "the names of experiments, or all; motorgrad list has them"
         check(self.experiments, "experiments", self.experiments, allowed)
-        chosen(self.experiments, EXPERIMENTS)
+        select_experiments(self.experiments, EXPERIMENTS)
         check_writable("out", self.folder, folder=True)
 
     @property
@@ -70,7 +70,7 @@ def run(arguments: list[str]) -> int:
 def _possible(experiments: Sequence[str]) -> list[str]:
     """The experiments that are meant, but for those that need a package which is missing: of a chapter or of all these
     are left out aloud; one that is named is refused."""
-    names = chosen(experiments, EXPERIMENTS)
+    names = select_experiments(experiments, EXPERIMENTS)
     lacking = {name: lacks for name in names if (lacks := EXPERIMENTS[name].lacks())}
     for name, lacks in lacking.items():
         if name in map(str.lower, experiments):

@@ -1,48 +1,102 @@
-"""What an experiment is: settings, a run, a figure, claims."""
+"""Experiments: settings, a run, a figure and claims; and the workspace that keeps their finished parts."""
 
 import abc
 import dataclasses
+import hashlib
 import importlib.util
 import inspect
+import json
 import re
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.training import Run
+from motorgrad._errors import check
+from motorgrad._files import read_arrays, write_arrays
+from motorgrad._settings import table
+from motorgrad.experiments._claims import Claim
+from motorgrad.experiments._figures import Figure
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import Task
+from motorgrad.training import Run, agent_table, fingerprint, train
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+T = TypeVar("T", bound="Experiment")
 Values = dict[str, np.ndarray]
-"""What a run found, by name: all that the figure and the claims need, as arrays that can be stored."""
+"""Results of a run by name: everything that the figure and the claims need, as arrays that can be stored."""
+
+
+class Workspace:
+    """The folder of one experiment, and the trained runs that experiments share.
+
+    **Arguments:** `path`, the experiment's folder; `shared`, the folder of trained runs; `threads` for physics, 0 for
+    one per processor; `progress`, whether to show progress.
+    """
+
+    def __init__(self, path: Path, shared: Path, threads: int = 0, progress: bool = True):
+        self.path, self.shared, self.threads, self.progress = path, shared, threads, progress
+        self.trained: dict[str, float] = {}
+        """Seconds of training of every run that was requested, over all sessions."""
+
+    def train(self, task: Task, agent: Agent, steps: int, seeds: int, initial: Policy | None = None) -> Run:
+        """Train, or load the run if an experiment has already requested the same; `initial` as in `motorgrad.train`.
+
+        **Raises** `KeyboardInterrupt` if Ctrl-C stopped the training; what was trained is saved.
+        """
+        asked = {"task": table(task), "agent": agent_table(agent), "steps": steps, "seeds": seeds}
+        asked |= {} if initial is None else {"initial": fingerprint(initial)}
+        mark = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:8]
+        out = self.shared / f"{task.name}-{mark}"
+        run = train(task, agent, steps, seeds, out, threads=self.threads, progress=self.progress, initial=initial)
+        if not run.complete:
+            raise KeyboardInterrupt
+        self.trained[out.name] = float(run.metrics["wall_time"][-1].as_py())
+        return run
+
+    def part(self, name: str, make: Callable[[], Mapping[str, Any]]) -> dict[str, np.ndarray]:
+        """The arrays that `make` returns, computed once and stored under `name`.
+
+        `make` must depend on nothing but the experiment's settings, which are those of the folder.
+        """
+        file = self.path / "parts" / f"{name}.npz"
+        if file.exists():
+            return read_arrays(file)
+        self.say(name)
+        made = {key: np.asarray(value) for key, value in make().items()}
+        write_arrays(file, made)
+        return made
+
+    def say(self, what: str) -> None:
+        """Print a line of progress."""
+        if self.progress:
+            print(f"  {self.path.name}: {what}", file=sys.stderr, flush=True)
 
 
 @dataclasses.dataclass(frozen=True)
 class Experiment(abc.ABC):
-    """An experiment or a figure. Subclasses are frozen dataclasses whose fields are the settings; their docstring says
-    what is done and what can be seen."""
+    """Base class of experiments; `experiment` completes a subclass. Its fields are the settings, and its docstring says
+    what is done and what the figure shows."""
 
     name: ClassVar[str]
-    """As commands take it: `"fig-5.5"`."""
+    """Name on the command line, such as `"fig-5.5"`."""
     title: ClassVar[str]
-    """A few words."""
+    """A title of a few words."""
     source: ClassVar[str]
-    """Where it comes from: `"figure 5.5"`, `"section 5.2.2"`, of the thesis unless it says another."""
+    """Where it comes from: `"figure 5.5"`, `"section 5.2.2"`; in the thesis unless another source is named."""
     needs: ClassVar[tuple[str, str] | None] = None
-    """A package that the library itself does without, and the extra that has it: `("evosax", "search")`."""
+    """An optional package and the extra that installs it: `("evosax", "search")`."""
 
     @classmethod
     def quick(cls) -> Self:
-        """A smoke size: everything happens, and nothing is shown by it."""
+        """Settings of a smoke test: everything runs, and the numbers mean nothing."""
         return cls()
 
     @classmethod
     def lacks(cls) -> str:
-        """What is missing to run it, and how to get it; nothing where it can run."""
+        """The missing package and how to install it, or nothing if the experiment can run."""
         if cls.needs is None or importlib.util.find_spec(cls.needs[0]) is not None:
             return ""
         return f"{cls.name} needs the package {cls.needs[0]}: pip install 'motorgrad[{cls.needs[1]}]'"
@@ -56,24 +110,57 @@ class Experiment(abc.ABC):
 
     @property
     def summary(self) -> str:
-        """The first paragraph of its docstring, on one line."""
+        """The first paragraph of the docstring, on one line."""
         return " ".join((inspect.getdoc(type(self)) or "").partition("\n\n")[0].split())
 
     @abc.abstractmethod
     def run(self, work: Workspace) -> Values:
-        """Do it. What takes long goes through `work`, which keeps finished parts, so that a killed run goes on."""
+        """Run the experiment. Long computations go through `work`, which stores them, so that a killed run resumes."""
 
     @abc.abstractmethod
-    def figure(self, values: Values) -> "Figure":
-        """Draw what was found."""
+    def figure(self, values: Values) -> Figure:
+        """Draw the results."""
 
     def claims(self, values: Values) -> Sequence[Claim]:
-        """Hold what was found against what the source says. A mere drawing claims nothing."""
+        """Compare the results with what the source says. A mere drawing claims nothing."""
         del values
         return ()
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
-        """The runs whose learning can be filmed, by the names of the films: `{"animation": run}`, or
-        `{"animation-R1": run, …}`. They are those that `run` asked `work` for, which are finished. By default none."""
+        """Runs whose learning can be filmed, by film: `{"animation": run}`, or `{"animation-R1": run, …}`.
+
+        They are runs that `run` requested from `work`, and finished. By default there are none.
+        """
         del work
         return {}
+
+    def check_range(self, low: float, high: float, *names: str, unit: str = "") -> None:
+        """Refuse settings of these names outside of `low` … `high`; `unit` is appended to the range in the message."""
+        for name in names:
+            value = getattr(self, name)
+            check(low <= value <= high, name, value, f"in {low:,} … {high:,}{unit}")
+
+
+@dataclass_transform(frozen_default=True)
+def experiment(
+    name: str, title: str, source: str, needs: tuple[str, str] | None = None
+) -> Callable[[type[T]], type[T]]:
+    """Decorator that makes a subclass of `Experiment` a frozen dataclass with this name, title and source.
+
+    ```python
+    @experiment("fig-9.9", "a coin and its faces", "figure 9.9")
+    class Coin(Experiment):
+        throws: int = 400
+    ```
+    """
+
+    def complete(cls: type[T]) -> type[T]:
+        cls.name, cls.title, cls.source, cls.needs = name, title, source, needs
+        return dataclasses.dataclass(frozen=True)(cls)
+
+    return complete
+
+
+def rising(values: Sequence[float], least: int = 1, above: float = -np.inf) -> bool:
+    """Whether there are at least so many numbers, all greater than `above`, each greater than the one before."""
+    return len(values) >= least and min(values, default=0) > above and list(values) == sorted(set(values))

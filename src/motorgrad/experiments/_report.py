@@ -1,5 +1,4 @@
-"""The report: every experiment in a folder on one page, figures and claims and numbers, in one file of HTML; films
-lie beside it."""
+"""The report: one HTML file of all figures, claims and numbers in a folder, with the films beside it."""
 
 import base64
 import html
@@ -11,7 +10,7 @@ from motorgrad._files import read_json, write_atomically
 
 
 def write_report(out: Path | str, order: Iterable[str]) -> Path:
-    """Write `report.html` about every experiment reproduced in the folder `out`, those in `order` first; its path."""
+    """Write `report.html` about all experiments in the folder `out`, those in `order` first, and return its path."""
     out, names = Path(out), list(order)
     found = {file.parent.name: read_json(file) for file in sorted(out.glob("*/record.json"))}
     records = [found[name] for name in [*(n for n in names if n in found), *(n for n in found if n not in names)]]
@@ -21,13 +20,13 @@ def write_report(out: Path | str, order: Iterable[str]) -> Path:
 
 
 def page(records: list[dict[str, Any]], out: Path) -> str:
-    """The page about these records; figures are read from their folders in `out`, and become part of it."""
+    """The page about these records. Figures are read from their folders in `out` and embedded."""
     claims = [claim for record in records for claim in record["claims"]]
     held = sum(claim["holds"] for claim in claims)
     took = _time(sum(record["seconds"] for record in records))
     quick = any(record["quick"] for record in records)
     contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
-    warning = '<p class="quick">A smoke size: everything has run, and its numbers mean nothing.</p>' if quick else ""
+    warning = '<p class="quick">A smoke test: everything has run, but the numbers mean nothing.</p>' if quick else ""
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -40,7 +39,7 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
 <main>
 <h1>Experiments reproduced</h1>
 <p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {held} of {len(claims)} claims hold.
-Brackets are 95 % intervals over seeds, or over runs where there are no seeds. All took {took}.</p>
+Brackets hold 95 % intervals over seeds, or over runs if there are no seeds. Total time: {took}.</p>
 {warning}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}
@@ -64,7 +63,7 @@ def _section(record: dict[str, Any], out: Path) -> str:
 <details><summary>Settings, versions, time</summary>
 <p>Settings: {_text(settings)}.</p>
 <p>{_text(versions)}; {_text(record["processor"])}. {_text(_took(record))}</p>
-<p>Again, in another folder: <code>{_text(record["command"])} --out FOLDER</code></p>
+<p>To run it again in another folder: <code>{_text(record["command"])} --out FOLDER</code></p>
 </details>
 </section>"""
 
@@ -75,11 +74,11 @@ def _heading(record: dict[str, Any]) -> str:
 
 
 def _films(record: dict[str, Any]) -> str:
-    """Films are too large to be part of the page: they are shown from their folder beside it."""
+    """Films are too large to embed: the page plays them from their folder."""
     names = [f"{record['name']}/{Path(film).name}" for film in record.get("films", [])]
     return "".join(
         f'<figure><video controls muted loop preload="metadata" src="{_text(name)}"></video>'
-        f'<figcaption>How it is learnt: <a href="{_text(name)}">{_text(name)}</a></figcaption></figure>\n'
+        f'<figcaption>The course of learning: <a href="{_text(name)}">{_text(name)}</a></figcaption></figure>\n'
         for name in names
     )
 
@@ -106,7 +105,7 @@ def _row(claim: dict[str, Any], source: str) -> str:
 
 
 def in_words(claim: dict[str, Any]) -> str:
-    """What was measured, as text."""
+    """The measurement as text."""
     measured, unit = claim["measured"], f" {claim['unit']}" if claim["unit"] else ""
     value = _number(measured["value"])
     if not measured["count"]:
@@ -126,8 +125,8 @@ def _score(record: dict[str, Any]) -> str:
 
 def _took(record: dict[str, Any]) -> str:
     trained = record["trained"]
-    of = f"; the training that it rests on, shared with other experiments, took {_time(trained)}" if trained else ""
-    return f"It took {_time(record['seconds'])}{of}."
+    shared = f"; training, shared with other experiments: {_time(trained)}" if trained else ""
+    return f"Time: {_time(record['seconds'])}{shared}."
 
 
 def _time(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Reproducing: run an experiment or take up what is there, draw it, judge its claims, and leave a record."""
+"""Reproduce an experiment: run it or load what is stored, draw the figure, judge the claims, and leave a record."""
 
 import dataclasses
 import json
@@ -16,25 +16,24 @@ import tomli_w
 from motorgrad._errors import unknown
 from motorgrad._files import read_arrays, read_json, write_arrays, write_atomically
 from motorgrad._settings import table
-from motorgrad.experiments._animate import animate
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import STYLE
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim
+from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._figures import STYLE
+from motorgrad.experiments._films import animate
 from motorgrad.training import RunWarning, provenance, what_changed
 
-QUICK = 2.0  # seconds of film at a smoke size
+QUICK = 2.0  # seconds of film in a smoke test
 
 
 @dataclasses.dataclass(frozen=True)
 class Reproduction:
-    """What reproducing an experiment left.
+    """The outcome of reproducing an experiment.
 
-    - `experiment`, with its settings; `folder`, where everything is.
-    - `claims`: each judged.
-    - `sessions`: of the run, as `motorgrad.training.provenance` has them: versions, processor, command; `seconds`; and,
-      as `trained`, of every training run that was used, shared ones too, the seconds that it took.
-    - `quick`: whether this was a smoke size, whose claims mean nothing.
+    - `experiment`, with its settings; `folder`, which holds all files.
+    - `claims`, with their verdicts.
+    - `sessions`: one entry per session, as `motorgrad.training.provenance` returns it (versions, processor, command),
+      with its `seconds` and, as `trained`, the seconds of training behind every run that was used, shared or not.
+    - `quick`: whether this was a smoke test, whose claims mean nothing.
     """
 
     experiment: Experiment
@@ -45,34 +44,34 @@ class Reproduction:
 
     @property
     def seconds(self) -> float:
-        """That the sessions took together."""
+        """Total duration of the sessions."""
         return sum(session["seconds"] for session in self.sessions)
 
     @property
     def trained(self) -> float:
-        """Seconds of training in the runs that were used, in these sessions or in others."""
+        """Seconds of training behind all runs that were used, in these sessions or earlier."""
         return sum({name: took for session in self.sessions for name, took in session["trained"].items()}.values())
 
     @property
     def figure(self) -> Path:
-        """The figure; beside it lies the same as PNG."""
+        """The figure as SVG; a PNG of the same name lies beside it."""
         return self.folder / "figure.svg"
 
     @property
     def films(self) -> list[Path]:
-        """The films of learning that lie there."""
+        """The films of learning in the folder."""
         return sorted(self.folder.glob("animation*.mp4"))
 
     @property
     def command(self) -> str:
-        """What does it again."""
+        """The command that runs the experiment again."""
         kind = type(self.experiment)
         usual, settings = table(kind.quick() if self.quick else kind()), table(self.experiment)
         changed = [f" --settings.{key} {value}" for key, value in settings.items() if usual.get(key) != value]
         return "".join([f"motorgrad reproduce {kind.name}", " --quick" if self.quick else "", *changed])
 
     def record(self) -> dict[str, Any]:
-        """Everything as a plain table, without infinities, which JSON does not know."""
+        """Everything as a plain table, with infinities as `None`, which JSON requires."""
         about = self.experiment
         return {
             "name": about.name,
@@ -101,14 +100,14 @@ def reproduce(
     progress: bool = True,
     films: bool = False,
 ) -> Reproduction:
-    """Run an experiment in `out/NAME`; finished parts that lie there are not done again.
+    """Run an experiment in `out/NAME`, reusing the finished parts that are stored there.
 
-    **Arguments:** the experiment, with its settings; `out`, a folder; `quick`, whether to call it a smoke size;
-    `threads` for physics, 0 for one per processor; `progress`, whether to show it; `films`, whether to film the
-    learning too, where the experiment says what of.
+    **Arguments:** the experiment, with its settings; `out`, a folder; `quick`, whether to label it a smoke test;
+    `threads` for physics, 0 for one per processor; `progress`, whether to show progress; `films`, whether to film the
+    learning too, if the experiment has runs that can be filmed.
 
-    **Raises:** `ValueError` if the folder holds the experiment with other settings; `KeyboardInterrupt` where it was
-    stopped by Ctrl-C: the same call goes on.
+    **Raises:** `ValueError` if the folder holds the experiment with other settings; `KeyboardInterrupt` if Ctrl-C
+    stopped it: calling it again resumes.
     """
     folder = Path(out) / experiment.name
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,14 +120,14 @@ def reproduce(
 
 
 def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool, films: bool) -> Reproduction:
-    _settle(experiment, folder)
+    _check_settings(experiment, folder)
     stored, about = folder / "values.npz", folder / "provenance.json"
     sessions = read_json(about)["sessions"] if about.exists() else []
     if sessions and (changes := list(what_changed(sessions[-1], provenance()))):
-        warnings.warn(f"{folder}: goes on with what was made otherwise: {'; '.join(changes)}", RunWarning, stacklevel=4)
+        warnings.warn(f"{folder}: continues what was made differently: {'; '.join(changes)}", RunWarning, stacklevel=4)
     if not stored.exists():
         write_arrays(stored, _session(experiment, work, about, sessions))
-    # read back, so that a figure made now and one made later show the same
+    # read back, so that a figure drawn now and one drawn later are identical
     values = read_arrays(stored)
     try:
         _draw(experiment, values, folder)
@@ -143,7 +142,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
 
 
 def _session(experiment: Experiment, work: Workspace, about: Path, sessions: list[dict[str, Any]]) -> Values:
-    """Run the experiment, and note when, where, by which versions and for how long, also where it is stopped."""
+    """Run the experiment and record time, place, versions and duration, even if it is interrupted."""
     session, started = provenance(), time.monotonic()
     try:
         return experiment.run(work)
@@ -152,8 +151,8 @@ def _session(experiment: Experiment, work: Workspace, about: Path, sessions: lis
         write_atomically(about, json.dumps({"sessions": [*sessions, session]}, indent=2).encode())
 
 
-def _settle(experiment: Experiment, folder: Path) -> None:
-    """Make the folder that of these settings, or refuse it."""
+def _check_settings(experiment: Experiment, folder: Path) -> None:
+    """Record the settings in the folder, or refuse a folder that holds other settings."""
     file, settings = folder / "config.toml", table(experiment)
     if file.exists():
         before = tomllib.loads(file.read_text())
@@ -162,13 +161,13 @@ def _settle(experiment: Experiment, folder: Path) -> None:
             key = next(key for key in keys if before.get(key) != settings.get(key))
             raise ValueError(
                 f"{folder} holds {experiment.name} with {key} = {before.get(key)!r}, not {settings.get(key)!r}: "
-                "give another folder, or delete that one"
+                "use another folder, or delete that one"
             )
     write_atomically(file, tomli_w.dumps(settings).encode())
 
 
 def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
-    """The figure as SVG, the same bytes for the same values, and as PNG."""
+    """Write the figure as SVG, with the same bytes for the same values, and as PNG."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):
@@ -178,10 +177,10 @@ def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
 
 
 def _film(experiment: Experiment, work: Workspace, seconds: float | None) -> None:
-    """The films that are not there yet."""
+    """Make the films that are missing."""
     runs = experiment.films(work)
     if not runs:
-        work.say("nothing of it can be filmed")
+        work.say("nothing to film")
     for name, run in runs.items():
         path = work.path / f"{name}.mp4"
         if not path.exists():
@@ -189,7 +188,7 @@ def _film(experiment: Experiment, work: Workspace, seconds: float | None) -> Non
 
 
 def _every(versions: Sequence[dict[str, str]]) -> dict[str, str]:
-    """The versions of all sessions: of a library that changed, each."""
+    """Versions over all sessions, listing every version of a library that changed."""
     names = dict.fromkeys(name for each in versions for name in each)
     return {name: ", ".join(dict.fromkeys(each[name] for each in versions if name in each)) for name in names}
 
@@ -200,10 +199,10 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def chosen(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:
-    """The experiments that `names` mean, in the registry's order: names, `"chapter-5"`, `"appendix-a"`, `"all"`.
+def select_experiments(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:
+    """Experiments that `names` select, in the registry's order: names, `"chapter-5"`, `"appendix-a"`, `"all"`.
 
-    **Raises** `ValueError` for a name that is none of these, with the nearest.
+    **Raises** `ValueError` for any other name, with the nearest match.
     """
     parts: dict[str, list[str]] = {"all": list(registry)}
     for name, kind in registry.items():

@@ -1,4 +1,4 @@
-"""The demonstration: a body learns to hop, is watched before and after, and says what it learnt."""
+"""The demonstration: train hoppers, evaluate them before and after, film them, and report what they learnt."""
 
 import dataclasses
 import math
@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._motion import motion_of
-from motorgrad.experiments.chapter_5._behaviour import behaviour_figure
+from motorgrad.experiments._films import motion_of
+from motorgrad.experiments.chapter_5.figure_5_3 import behaviour_figure
 from motorgrad.sim import write_film
 from motorgrad.tasks import Hopper
-from motorgrad.training import Evaluation, Run, evaluate, settings_for, train
+from motorgrad.training import Evaluation, Run, agent_for, evaluate, train
 
 
 @dataclasses.dataclass(frozen=True)
 class Demonstration:
-    """What a demonstration made: the run, its evaluations before and after, and its files by name."""
+    """Results of a demonstration: the run, its evaluations before and after learning, and its files by name."""
 
     run: Run
     before: Evaluation
@@ -29,17 +29,17 @@ class Demonstration:
 
 
 def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_seconds: float = 8.0) -> Demonstration:
-    """Train hoppers for `seconds` of simulated time each, then write the learning curve, the behaviour before and after
-    (figure 5.3 of the thesis) and a film of both, into the run directory `out`. A run found there goes on."""
+    """Train hoppers for `seconds` of simulated time each. Write the learning curve, the behaviour before and after
+    (figure 5.3 of the thesis) and a film of both into the run directory `out`. A run found there is resumed."""
     started = time.monotonic()
     task = Hopper()
     check(task.period <= seconds < math.inf, "seconds", seconds, f"at least one decision, {task.period} s")
     steps = round(seconds / task.period)
-    run = train(task, settings_for(task), steps, seeds, out)
+    run = train(task, agent_for(task), steps, seeds, out)
     if not run.complete:
         raise KeyboardInterrupt
     before, after = (evaluate(run, 2000, untrained=untrained) for untrained in (True, False))
-    # The seed in the middle, not the best: a figure should show what to expect.
+    # the median seed, not the best: a figure should show what to expect
     order = np.argsort(np.nan_to_num(after.readings["apex"]))
     shown = run.seeds[int(order[len(order) // 2])]
     figures = Path(out) / "figures"

@@ -1,1 +1,1 @@
-"""Appendix A: the geometry of muscles."""
+"""Appendix A: the geometry of muscles, and the circular force field."""

@@ -1,44 +1,36 @@
-"""Figure A.2: the circular field of force."""
+"""Figure A.2: the circular force field."""
 
-import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Callable, Sequence
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.appendix_a._circular_drawing import draw_field, draw_limits
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.sim import draw_paths, draw_regions
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 FREE = Walls(left=-50.0, right=50.0, bottom=-50.0, top=50.0)
-PLACES = 400  # at random, where the force is checked
+PLACES = 400  # random places at which the force is checked
 STARTS = ((0.55, 0.5), (0.5, 0.98), (0.1, 0.2), (0.9, 0.9))
-CLOSE = 1e-3  # single precision, over thousands of steps
+CLOSE = 1e-3  # tolerance: single precision over thousands of steps
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-a.2", "the circular field of force", "figure A.2")
 class Circular(Experiment):
-    """A force that drives a particle clockwise round a centre and, like a spring, towards a radius r*; the paths that
-    it gives, and the orbit that they end on. With drag the orbit is wider than r*: k₂ r*/(k₂ − k₁²) for a mass and a
-    drag of 1, and there is none unless k₂ is above k₁².
+    """A force field that drives a particle clockwise round a centre and, like a spring, towards a radius r*; paths in
+    this field, and the orbit on which they end. With drag the orbit is wider than r*: its radius is k₂ r*/(k₂ − k₁²)
+    for a mass and a drag of 1, and it exists only if k₂ exceeds k₁².
 
     **Arguments:**
 
-    - `tangential` (1/s²): k₁, as drawn.
-    - `radial` (1/s²): k₂, as drawn.
-    - `radius`: r*, as drawn.
-    - `seconds` (simulated s): for which a particle moves before its orbit is measured.
+    - `tangential` (1/s²): k₁ in the drawing.
+    - `radial` (1/s²): k₂ in the drawing.
+    - `radius`: r* in the drawing.
+    - `seconds` (simulated s): duration of a motion before its orbit is measured.
     """
-
-    name: ClassVar[str] = "fig-a.2"
-    title: ClassVar[str] = "the circular field of force"
-    source: ClassVar[str] = "figure A.2"
 
     tangential: float = 0.5
     radial: float = 1.0
@@ -60,7 +52,7 @@ class Circular(Experiment):
 
     def run(self, work: Workspace) -> Values:
         physics = self.physics(self.tangential, self.radial)
-        # tangential, radial, mass, drag: as drawn, less and more tangential, and other particles
+        # tangential, radial, mass, drag: several tangential parts, then other masses and drags
         share = np.array([0.0, 0.3, 0.6, 0.8, 0.9])
         cases = [(s * np.sqrt(self.radial), self.radial, 1.0, 1.0) for s in share]
         cases += [(self.tangential, self.radial, 0.5, 1.0), (self.tangential, self.radial, 1.0, 1.5)]
@@ -77,10 +69,9 @@ class Circular(Experiment):
             "paths": np.stack([path(physics, start, 20.0) for start in STARTS]),
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(11, 3.9), layout="constrained")
+        figure = new_figure(11, 3.9)
         axes = figure.subplots(1, 3, width_ratios=[1, 1, 1.15])
         physics = self.physics(self.tangential, self.radial)
         draw_field(axes[0], physics, force_at, ())
@@ -106,19 +97,20 @@ class Circular(Experiment):
                 "no difference: at most 1e-6",
                 exact(off),
                 off <= 1e-6,
-                note=f"The greatest at {len(away)} places. As printed, the first part turns anticlockwise.",
+                note=f"The greatest difference at {len(away)} places. As printed, the first part turns anticlockwise.",
             ),
             Claim(
-                "Without pushes the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
+                "Without actions the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
                 "appendix A.3, solved for a steady circle",
-                f"ratio of measured and expected: at most {CLOSE:g} from 1",
+                f"ratio of measured to expected radius: within {CLOSE:g} of 1",
                 exact(float(radius.max())),
                 radius.max() <= CLOSE,
-                note=f"The greatest of {len(radius)} fields and particles, masses {mass.min():g} and {mass.max():g}, "
+                note=f"The greatest deviation over {len(radius)} fields and particles, masses {mass.min():g} "
+                f"and {mass.max():g}, "
                 f"drags {drag.min():g} and {drag.max():g}.",
             ),
             Claim(
-                "It is gone round clockwise, k₁/k_d radians in a second.",
+                "The particle goes round the orbit clockwise at k₁/k_d rad/s.",
                 "appendix A.3, solved for a steady circle",
                 f"no difference: at most {CLOSE:g}",
                 exact(float(turning.max())),
@@ -128,14 +120,14 @@ class Circular(Experiment):
             Claim(
                 "Without the tangential part the particle comes to rest at r*.",
                 "appendix A.3",
-                f"radius / r*: at most {CLOSE:g} from 1",
+                f"radius / r*: within {CLOSE:g} of 1",
                 exact(float(values["measured"][0] / self.radius)),
                 abs(values["measured"][0] / self.radius - 1) <= CLOSE,
             ),
             Claim(
-                "There is no orbit unless k₂ is above k₁².",
+                "There is no orbit unless k₂ exceeds k₁².",
                 "appendix A.3, solved for a steady circle",
-                "a field with k₂ = k₁² is refused (1 where it is)",
+                "a field with k₂ = k₁² is refused (1 if it is)",
                 exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
                 refused(lambda: self.physics(np.sqrt(self.radial), self.radial)),
             ),
@@ -143,7 +135,7 @@ class Circular(Experiment):
 
 
 def refused(make: Any) -> bool:
-    """Whether something cannot be made."""
+    """Whether `make` raises `ValueError`."""
     try:
         make()
     except ValueError:
@@ -160,7 +152,7 @@ def force_at(field: CircularField, places: np.ndarray) -> np.ndarray:
 
 
 def path(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> np.ndarray:
-    """Positions at every time step of a particle that begins at rest, `(steps + 1, 2)`."""
+    """Positions at every time step of a particle that starts at rest, `(steps + 1, 2)`."""
     import jax
     import jax.numpy as jnp
 
@@ -176,9 +168,45 @@ def path(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -
 
 
 def orbit(physics: ParticlePhysics, start: tuple[float, float], seconds: float) -> tuple[float, float]:
-    """Radius and angular velocity (rad/s, anticlockwise) at the end of a path from rest: means over its last tenth."""
+    """Radius and angular velocity (rad/s, anticlockwise) of a path from rest: means over its last tenth."""
     away = path(physics, start, seconds) - 0.5
     last = away[-max(2, len(away) // 10) :]
     angle = np.unwrap(np.arctan2(last[:, 1], last[:, 0]))
     turning = (angle[-1] - angle[0]) / (physics.timestep * (len(angle) - 1))
     return float(np.linalg.norm(last, axis=1).mean()), float(turning)
+
+
+def draw_field(
+    axes: Axes, physics: ParticlePhysics, force: Callable[..., np.ndarray] | None, paths: Sequence[np.ndarray]
+) -> None:
+    """The unit square with arrows of the force, paths, the radius r* and the orbit."""
+    draw_regions(axes, ())
+    if force is not None:
+        side = np.linspace(0.04, 0.96, 15)
+        places = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        arrows = force(physics.field, places)
+        strength = np.linalg.norm(arrows, axis=1)
+        drawn: Any = axes.quiver(*places.T, *arrows.T, strength, cmap="viridis_r", width=0.006, scale=7)
+        axes.figure.colorbar(drawn, ax=axes, shrink=0.8, label="force")
+    draw_paths(axes, paths)
+    turn = np.linspace(0, 2 * np.pi, 181)
+    for radius, line, label in (
+        (physics.field.radius, ":", f"r* = {physics.field.radius:g}"),
+        (physics.orbit_radius, "-", f"orbit, {physics.orbit_radius:.3f}"),
+    ):
+        x, y = (c + radius * f(turn) for c, f in zip(physics.field.centre, (np.cos, np.sin), strict=True))
+        axes.plot(x, y, line, color="#CC3311", linewidth=1.6, label=label, zorder=3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=2, fontsize=8)
+    axes.set_title("the force" if force is not None else "paths from rest, no actions", fontsize=10)
+
+
+def draw_limits(axes: Axes, values: Values, radius: float) -> None:
+    """Radius of the orbit against the relative strength of the tangential part: formula and measurement."""
+    part = np.linspace(0, 0.93, 200)
+    axes.plot(part, 1 / (1 - part**2), color="0.3", label=r"$1/(1-k_1^2/k_2)$")
+    count = len(values["share"])
+    axes.plot(values["share"], values["measured"][:count] / radius, "o", color="#0061B0", label="measured")
+    axes.axvline(1, color="#CC3311", linestyle="--", linewidth=1, label="no orbit beyond")
+    axes.set(xlabel=r"$k_1/\sqrt{k_2}$", ylabel="radius of the orbit / r*", xlim=(0, 1.05), ylim=(0, 8))
+    axes.set_title("mass and drag 1", fontsize=10)
+    axes.legend(loc="upper left", fontsize=8)

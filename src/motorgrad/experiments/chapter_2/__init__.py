@@ -1,1 +1,1 @@
-"""Chapter 2: the decision process and policy search."""
+"""Chapter 2: the decision process, and hill climbing."""

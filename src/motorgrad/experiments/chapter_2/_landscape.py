@@ -1,4 +1,4 @@
-"""A one-dimensional problem whose reward is a sum of bumps and whose policy is a Gaussian: its objective is exact."""
+"""A one-dimensional problem with an exact objective: the reward is a sum of bumps, the policy a Gaussian."""
 
 import functools
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from motorgrad.learning import FixedStep
 
 Point = Float[Array, "2"]
-"""The policy's parameters: its mean and its standard deviation."""
+"""Parameters of the policy: mean and standard deviation."""
 
 
 class Bumps(NamedTuple):
@@ -23,9 +23,11 @@ class Bumps(NamedTuple):
 
 
 def objective(bumps: Bumps, point: Point) -> Float[Array, ""]:
-    r"""$\rho(\mu, \sigma) = \mathbb E\,r(x)$ for $x \sim \mathcal N(\mu, \sigma^2)$, which at $\sigma = 0$ is $r(\mu)$.
+    r"""$\rho(\mu, \sigma) = \mathbb E\,r(x)$ for $x \sim \mathcal N(\mu, \sigma^2)$, which equals $r(\mu)$ at $\sigma =
+    0$.
 
-    A Gaussian bump seen through Gaussian noise is a wider, lower one: its variance grows by $\sigma^2$, its area stays.
+    Convolving a Gaussian bump with Gaussian noise widens and lowers it: $\sigma^2$ adds to its variance, its area stays
+    the same.
     """
     wide = jnp.sqrt(bumps.width**2 + point[1] ** 2)
     height = bumps.height * bumps.width / wide
@@ -41,10 +43,11 @@ def surface(bumps: Bumps, points: Float[Array, "points 2"]) -> Float[Array, " po
 def climb(
     bumps: Bumps, starts: Float[np.ndarray, "starts 2"], steps: int, records: int = 1
 ) -> Float[np.ndarray, "starts records 2"]:
-    r"""Follow $\dot\theta = \nabla\rho(\theta)$ from each start, in Runge–Kutta steps of the fourth order.
+    r"""Integrate $\dot\theta = \nabla\rho(\theta)$ from each start by fourth-order Runge–Kutta steps.
 
-    **Arguments:** the reward; `starts`, means and standard deviations; how many `steps` of a quarter unit of time;
-    `records`, at how many times, evenly spaced, to look. **Returns** where it is then; the last is the end.
+    **Arguments:** the reward; `starts`, means and standard deviations; `steps`, each a quarter unit of time; `records`,
+    the number of evenly spaced times at which the point is recorded. **Returns** the recorded points; the last is the
+    end.
     """
     return np.asarray(_climb(bumps, jnp.asarray(starts, float), steps // records, records))
 
@@ -70,14 +73,14 @@ def _climb(bumps: Bumps, starts: Array, each: int, records: int) -> Array:
 def learn(
     bumps: Bumps, starts: Float[np.ndarray, "runs 2"], decisions: int, rate: float, records: int, seed: int
 ) -> Float[np.ndarray, "runs records 2"]:
-    r"""Climb by rewards alone: one $x \sim \mathcal N(\mu, \sigma^2)$ a decision, and
-    $\theta \leftarrow \theta + \alpha\sigma^2 (r - b)\,\nabla\log p(x)$.
+    r"""Hill climbing from rewards alone: each decision draws one $x \sim \mathcal N(\mu, \sigma^2)$ and sets $\theta
+    \leftarrow \theta + \alpha\sigma^2 (r - b)\,\nabla\log p(x)$.
 
-    The step size is $\alpha\sigma^2$ (Williams, 1992), for the score grows like $1/\sigma$; on average this changes how
-    quickly the path is followed, not the path.
+    The step size is $\alpha\sigma^2$ (Williams, 1992), because the score grows like $1/\sigma$. On average this changes
+    the speed along the path, not the path.
 
-    **Arguments:** the reward; `starts`, one for each run; `decisions` of each; `rate` $\alpha$; `records`, at how many
-    times, evenly spaced, to look; `seed`. **Returns** means and deviations at those times.
+    **Arguments:** the reward; `starts`, one for each run; `decisions` of each; `rate` $\alpha$; `records`, the number
+    of evenly spaced times at which the point is recorded; `seed`. **Returns** means and deviations at those times.
     """
     baseline, each = FixedStep(0.02), decisions // records
 
@@ -85,8 +88,8 @@ def learn(
         (mean, deviation), compared = state
         reward = objective(bumps, jnp.stack([mean + deviation * noise, jnp.zeros(())]))
         scaled = deviation * jnp.stack([noise, noise**2 - 1])  # σ² times the score
-        point = jnp.stack([mean, deviation]) + rate * (reward - baseline.value(compared)) * scaled
-        return (point, baseline.update(compared, reward)), None
+        point = jnp.stack([mean, deviation]) + rate * (reward - baseline.level(compared)) * scaled
+        return (point, baseline.learn(compared, reward)), None
 
     def run(start: Array, key: Array) -> Array:
         def look(state: tuple, block: Array) -> tuple[tuple, Array]:
@@ -94,7 +97,7 @@ def learn(
             state = jax.lax.scan(decide, state, noise)[0]
             return state, state[0]
 
-        # compared at first with what the start earns, so that the first steps teach already
+        # the baseline begins at the reward of the start, so that the first steps are informative
         begin = (start, objective(bumps, start))
         return jax.lax.scan(look, begin, jnp.arange(records))[1]
 
@@ -103,6 +106,6 @@ def learn(
 
 
 def greatest(bumps: Bumps, low: float, high: float) -> float:
-    """The greatest reward in an interval, on a grid of a thousandth of a unit."""
+    """The greatest reward in an interval, on a grid of spacing 0.001."""
     x = np.arange(low, high, 1e-3)
     return float(surface(bumps, jnp.stack([x, np.zeros_like(x)], axis=1)).max())

@@ -1,22 +1,13 @@
 """Figure 2.1: the partially observable Markov decision process as a diagram."""
 
-import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
 
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-Point = tuple[float, float]
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
 
 HIDDEN, SEEN, OURS = "#3b6fb6", "#c8452f", "#2e8b57"
 RADIUS = 0.33
-
-# name: (place, formula, colour)
+# name: (position, formula, colour)
 NODES: dict[str, tuple[Point, str, str]] = {
     "before": ((0.0, 2.0), r"$x_{t-1}$", HIDDEN),
     "state": ((2.6, 2.0), r"$x_t$", HIDDEN),
@@ -26,7 +17,7 @@ NODES: dict[str, tuple[Point, str, str]] = {
     "action": ((4.4, 0.5), r"$a_t$", SEEN),
     "parameters": ((4.4, -0.9), r"$\theta$", OURS),
 }
-# from, to: (distribution, its colour, where its formula stands relative to the arrow's middle)
+# from, to: (distribution, colour, offset of the formula from the middle of the arrow)
 ARROWS: dict[tuple[str, str], tuple[str, str, Point]] = {
     ("before", "state"): ("", HIDDEN, (0, 0)),
     ("state", "after"): (r"$p(x_{t+1} \mid x_t, a_t)$", HIDDEN, (0.0, 0.22)),
@@ -38,22 +29,17 @@ ARROWS: dict[tuple[str, str], tuple[str, str, Point]] = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-2.1", "the decision process", "figure 2.1")
 class Process(Experiment):
-    """What depends on what in a partially observable Markov decision process. The state evolves unseen; each state
-    gives an observation and a reward; the policy chooses the action on the observation alone."""
-
-    name: ClassVar[str] = "fig-2.1"
-    title: ClassVar[str] = "the decision process"
-    source: ClassVar[str] = "figure 2.1"
+    """Dependencies in a partially observable Markov decision process. The state evolves unseen; each state yields an
+    observation and a reward; the policy chooses the action from the observation alone."""
 
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 5), layout="constrained")
+        figure = new_figure(7, 5)
         axes = figure.subplots()
         for place, formula, colour in NODES.values():
             _node(axes, place, formula, colour)
@@ -71,21 +57,18 @@ class Process(Experiment):
         return figure
 
 
-def _node(axes: "Axes", place: Point, formula: str, colour: str) -> None:
+def _node(axes: Axes, place: Point, formula: str, colour: str) -> None:
     from matplotlib.patches import Circle
 
     axes.add_patch(Circle(place, RADIUS, facecolor=f"{colour}22", edgecolor=colour, linewidth=1.6))
     axes.text(*place, formula, ha="center", va="center", fontsize=13, color=colour)
 
 
-def _arrow(axes: "Axes", start: Point, end: Point, colour: str) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
+def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
     gap = (RADIUS + 0.06) / math.dist(start, end)
-    look: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 14, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-    axes.add_patch(FancyArrowPatch(_along(start, end, gap), _along(start, end, 1 - gap), color=colour, **look))
+    draw_arrow(axes, _along(start, end, gap), _along(start, end, 1 - gap), colour, size=14, width=1.4)
 
 
-def _along(start: Point, end: Point, part: float) -> Point:
-    """The point a `part` of the way."""
-    return start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])
+def _along(start: Point, end: Point, fraction: float) -> Point:
+    """The point at this fraction of the way."""
+    return start[0] + fraction * (end[0] - start[0]), start[1] + fraction * (end[1] - start[1])

@@ -1,30 +1,26 @@
 """Figure 2.2: hill climbing on the objective of a Gaussian policy."""
 
-import dataclasses
+import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, above, below, exact, mean_of, median_of, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
-from motorgrad.experiments.chapter_2._landscape_figure import draw_landscape
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SIDE = 4.0  # actions are rewarded between −SIDE and SIDE
 WIDE, NARROW = 3.0, 0.3  # initial standard deviations
-BIASED = 3.0  # an initial mean away from the middle
-NEAR = 0.01  # of the best: the optimum is reached
+BIASED = 3.0  # an initial mean off the centre
+NEAR = 0.01  # the optimum counts as reached within this distance of the best reward
 STEPS, RECORDS = 4000, 2000
 RATE = 0.005
-SHOWN = 4  # of the runs that learn from rewards alone, of each kind of start
+SHOWN = 4  # runs drawn for each kind of start, of those that learn from rewards alone
 DRAWN = Bumps(
     np.array([0.55, 0.6, 0.45, 1.0, 0.5]), np.array([-3.2, -1.6, 0.0, 1.4, 3.0]), np.array([0.4, 0.45, 0.4, 0.45, 0.45])
 )
@@ -32,29 +28,28 @@ SAMPLES = np.array(
     [(mean, 3.6) for mean in (-3.6, -1.2, 1.2, 3.6)]
     + [(mean, 0.6) for mean in (-3.7, -2.5, -0.75, -0.25, 0.6, 2.35, 3.7)]
 )
-"""Starts of the trajectories drawn, means and standard deviations."""
+"""Starts of the trajectories drawn: means and standard deviations."""
+
+COLOURS = "viridis"
+INK, NOISY = "#1a1a1a", "#ff7043"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-2.2", "hill climbing", "figure 2.2")
 class HillClimbing(Experiment):
-    """Policy search by hill climbing in one dimension: a policy that chooses x from a Gaussian, a reward r(x) with
-    several optima, and the objective as a surface over the Gaussian's mean and standard deviation, coloured by the
-    optimum to which climbing from there leads. Exact gradients, and learning from rewards alone. The reward drawn is
-    an example of ours; what is claimed of wide and narrow starts is counted over random rewards too.
+    """Policy search by hill climbing in one dimension: a policy that draws x from a Gaussian, a reward r(x) with
+    several optima, and the objective as a surface over the mean and standard deviation of the Gaussian. The colour of a
+    start is the optimum to which climbing leads from there, by exact gradients and from rewards alone. The reward drawn
+    is our own example; claims about wide and narrow starts are also checked over random rewards.
 
     **Arguments:**
 
-    - `columns`: starts in the grid of the surface along the Gaussian's mean.
-    - `rows`: starts in the grid of the surface along its standard deviation.
-    - `runs`: learners from rewards alone, of each kind of start.
+    - `columns`: of the grid of starts, along the Gaussian's mean.
+    - `rows`: of the grid of starts, along its standard deviation.
+    - `runs`: number of learners from rewards alone, for each kind of start.
     - `decisions`: for which each of these learners learns.
-    - `rewards`: random rewards over which wide and narrow starts are counted.
+    - `rewards`: number of random rewards over which wide and narrow starts are compared.
     - `seed`: of the learners and of the random rewards.
     """
-
-    name: ClassVar[str] = "fig-2.2"
-    title: ClassVar[str] = "hill climbing"
-    source: ClassVar[str] = "figure 2.2"
 
     columns: int = 201
     rows: int = 101
@@ -75,7 +70,7 @@ class HillClimbing(Experiment):
     def run(self, work: Workspace) -> Values:
         means, deviations = np.linspace(-SIDE, SIDE, self.columns), np.linspace(0, SIDE, self.rows)
         grid = np.stack(np.meshgrid(means, deviations), axis=-1).reshape(-1, 2)
-        # a policy without noise stays so: the edge of the surface is coloured as what lies beside it
+        # a policy without noise cannot leave σ = 0: the edge of the surface takes the colour of what lies beside it
         starts = np.column_stack([grid[:, 0], np.maximum(grid[:, 1], 0.02)])
         found: Values = {
             "means": means,
@@ -91,8 +86,8 @@ class HillClimbing(Experiment):
         return found | work.part("random", self._random)
 
     def _learnt(self, kind: str) -> Values:
-        """Learning from rewards alone, from a wide start in the middle or from narrow ones everywhere: where each run
-        ends, `(runs, 2)`, and the whole of some, `(SHOWN, 1 + records, 2)`."""
+        """Learning from rewards alone, from a wide start in the middle or from narrow starts everywhere: the end of
+        each run, `(runs, 2)`, and the trajectories of some, `(SHOWN, 1 + records, 2)`."""
         wide = kind == "wide"
         means = np.zeros(self.runs) if wide else np.linspace(-SIDE, SIDE, self.runs)
         starts = np.column_stack([means, np.full(self.runs, WIDE if wide else NARROW)])
@@ -103,7 +98,7 @@ class HillClimbing(Experiment):
 
     def _random(self) -> Values:
         """Whether climbing reaches the best optimum of random rewards, `(rewards, starts)`: from a wide start in the
-        middle, from wide ones at either side, from narrow ones everywhere."""
+        middle, from wide starts at either side, and from narrow starts everywhere."""
         numbers = np.random.default_rng(self.seed)
         starts = {
             "middle": [(0.0, WIDE)],
@@ -124,7 +119,7 @@ class HillClimbing(Experiment):
             "random left": np.array(left)
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_landscape(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -149,23 +144,23 @@ def _wide_claims(values: Values) -> list[Claim]:
     learnt = {name: share_of(_values(DRAWN, values[f"learnt {name}"]) > best) for name in ("wide", "narrow")}
     return [
         Claim(
-            f"Hill climbing from wide starts (σ = {WIDE:g}) reaches the best optimum from more initial means than from "
-            f"narrow ones (σ = {NARROW:g}).",
+            f"Hill climbing reaches the best optimum from more initial means if starts are wide (σ = {WIDE:g}) than if "
+            f"they are narrow (σ = {NARROW:g}).",
             "figure 2.2",
-            f"above {narrow:.3g}, from narrow starts",
+            f"above {narrow:.3g}, the share for narrow starts",
             exact(wide),
             wide > narrow,
             "of initial means",
-            "On the reward drawn, by exact gradients.",
+            "For the reward drawn, by exact gradients.",
         ),
-        Claim(
-            "Learning from rewards alone, it reaches it more often from a wide, unbiased start than from narrow ones.",
+        above(
+            learnt["narrow"].high,
+            "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
             "figure 2.2",
-            f"above {learnt['narrow'].high:.3g}, which the share from narrow starts may be",
+            f"above {learnt['narrow'].high:.3g}, the upper end of the interval for narrow starts",
             learnt["wide"],
-            learnt["wide"].low > learnt["narrow"].high,
             "of runs",
-            f"From narrow starts: {learnt['narrow']}. On the reward drawn.",
+            f"From narrow starts: {learnt['narrow']}. For the reward drawn.",
         ),
     ]
 
@@ -175,23 +170,22 @@ def _random_claims(values: Values) -> list[Claim]:
     made = []
     for statement, other, words in (
         (
-            "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow ones do",
+            "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow starts",
             narrow,
             "narrow",
         ),
-        ("A wide start is better unbiased, in the middle of where rewards can be, than at a side", sides, "biased"),
+        ("A wide start is better in the middle of the rewarded interval (unbiased) than at one side", sides, "biased"),
     ):
         more = mean_of(middle - other)
         made.append(
-            Claim(
+            positive(
                 f"{statement}.",
                 "figure 2.2",
                 "above 0",
                 more,
-                more.low > 0,
-                "more of starts",
-                f"{middle.mean():.3g} against {other.mean():.3g} from {words} ones; sums of five bumps of random "
-                "place, height and width, by exact gradients.",
+                "difference of the shares of starts",
+                f"{middle.mean():.3g} against {other.mean():.3g} from {words} starts; sums of five bumps of random "
+                "position, height and width, by exact gradients.",
             )
         )
     return made
@@ -207,16 +201,111 @@ def _noise_claims(values: Values) -> list[Claim]:
             "0, to 0.001",
             exact(left),
             left < 1e-3,
-            "is the greatest σ left",
-            "By exact gradients, on the reward drawn.",
+            "is the greatest remaining σ",
+            "By exact gradients, for the reward drawn.",
         ),
-        Claim(
+        below(
+            0.05,
             "So does learning from rewards alone.",
             "figure 2.2",
             "below 0.05",
             learnt,
-            learnt.high < 0.05,
-            "is the σ left",
-            "It falls like one over the square root of time, as the step size is proportional to σ².",
+            "is the remaining σ",
+            "It falls like the inverse square root of time, because the step size is proportional to σ².",
         ),
     ]
+
+
+def draw_landscape(values: Values) -> Figure:
+    """The objective as a surface, the same from above, and the reward beneath."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    figure = new_figure(13, 6.6, dpi=200)  # the surface is rasterised, also in an SVG
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.35, 1], height_ratios=[2.6, 1])
+    reached = values["reached"]
+    scale = Normalize(min(0.3, float(reached.min())), float(values["best"]))
+    colour = ScalarMappable(scale, COLOURS)
+    _surface(figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False), values, colour)
+    above = figure.add_subplot(grid[0, 1])
+    _above(above, values, colour)
+    _reward(figure.add_subplot(grid[1, 1], sharex=above), values, colour)
+    bar = figure.colorbar(colour, ax=figure.axes, location="bottom", fraction=0.035, pad=0.02, aspect=60)
+    bar.set_label("reward of the optimum to which hill climbing leads")
+    return figure
+
+
+def _surface(axes: Any, values: Values, colour: Any) -> None:
+    from matplotlib.colors import LightSource
+
+    mean, deviation = np.meshgrid(values["means"], values["deviations"])
+    light = LightSource(azdeg=-60, altdeg=50)
+    face = light.shade_rgb(
+        colour.to_rgba(values["reached"])[..., :3], values["objective"], blend_mode="soft", vert_exag=4
+    )
+    look = {"rcount": 101, "ccount": 201, "shade": False, "linewidth": 0, "antialiased": False}
+    drawn = axes.plot_surface(mean, deviation, values["objective"], facecolors=face, **look)
+    drawn.set_rasterized(True)
+    # the front edge is the reward itself
+    axes.plot(values["means"], 0 * values["means"], values["objective"][0], color=INK, linewidth=1.4)
+    for path in values["paths"]:
+        line = _thinned(path)
+        height = _height(values, line) + 0.012
+        axes.plot(line[:, 0], line[:, 1], height, color="white", linewidth=2.6)
+        axes.plot(line[:, 0], line[:, 1], height, color=INK, linewidth=1.3)
+        axes.plot(*line[0], height[0], "o", color=INK, markersize=4, markeredgecolor="white")
+    axes.set(
+        xlabel=r"mean $\theta_\mu$", ylabel=r"standard deviation $\theta_\sigma$", zlabel=r"objective $\rho(\theta)$"
+    )
+    axes.view_init(elev=40, azim=-72)
+    axes.set_box_aspect((1.5, 1.3, 0.8), zoom=1.18)
+    axes.set_title("the objective, and hill climbing on it", loc="left")
+
+
+def _thinned(path: np.ndarray) -> np.ndarray:
+    """A trajectory without points closer than 0.01 to the last one kept; its end is kept."""
+    kept = [0]
+    for at in range(1, len(path)):
+        if np.abs(path[at] - path[kept[-1]]).max() > 0.01:
+            kept.append(at)
+    return path[[*kept, len(path) - 1]]
+
+
+def _height(values: Values, points: np.ndarray) -> np.ndarray:
+    """The height of the drawn surface at these points."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    deviation, mean = values["deviations"], values["means"]
+    surface = RegularGridInterpolator((deviation, mean), values["objective"])
+    inside = np.clip(points[:, ::-1], (0, mean[0]), (deviation[-1], mean[-1]))
+    return surface(inside)
+
+
+def _above(axes: Axes, values: Values, colour: Any) -> None:
+    mean, deviation = values["means"], values["deviations"]
+    axes.pcolormesh(mean, deviation, values["reached"], norm=colour.norm, cmap=COLOURS, rasterized=True)
+    axes.contour(mean, deviation, values["objective"], levels=18, colors="white", linewidths=0.5, alpha=0.6)
+    for path in (*values["shown wide"], *values["shown narrow"]):
+        line = _thinned(path)
+        axes.plot(line[:, 0], line[:, 1], color="white", linewidth=1.6, alpha=0.7)
+        axes.plot(line[:, 0], line[:, 1], color=NOISY, linewidth=0.9)
+        axes.plot(*path[0], "o", color=NOISY, markersize=4, markeredgecolor="white", clip_on=False)
+    for path in values["paths"]:
+        axes.plot(*_thinned(path).T, color=INK, linewidth=1.2)
+        axes.plot(*path[0], "o", color=INK, markersize=4, markeredgecolor="white")
+    axes.plot([], [], color=INK, label="exact gradient")
+    axes.plot([], [], color=NOISY, label="from rewards alone")
+    axes.set(ylabel=r"standard deviation $\theta_\sigma$", xlim=(mean[0], mean[-1]), ylim=(0, deviation[-1]))
+    axes.tick_params(labelbottom=False)
+    axes.set_title("from above", loc="left")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.01, 0.99), ncols=2, fontsize=9)
+
+
+def _reward(axes: Axes, values: Values, colour: Any) -> None:
+    mean, reward, reached = values["means"], values["objective"][0], values["reached"][1]
+    ends = [0, *(np.flatnonzero(np.abs(np.diff(reached)) > 0.01) + 1), len(mean) - 1]
+    for left, right in itertools.pairwise(ends):
+        part = slice(left, right + 1)
+        axes.fill_between(mean[part], reward[part], color=colour.to_rgba(reached[left]), linewidth=0)
+    axes.plot(mean, reward, color=INK, linewidth=1.4)
+    axes.set(xlabel=r"mean $\theta_\mu$, or action $x$", ylabel="reward $r(x)$", ylim=(0, None))

@@ -1,1 +1,1 @@
-"""Chapter 3: the learner."""
+"""Chapter 3: the learner and its gradient estimates."""

@@ -1,18 +1,18 @@
-"""The claims of section 3.2.1, held against what was measured."""
+"""The claims of section 3.2.1, and the statistics that decide them."""
 
 import math
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, Measured, exact, mean_of
+from motorgrad.experiments._claims import Claim, Measured, above, exact, mean_of
 from motorgrad.experiments._experiment import Values
-from motorgrad.experiments.chapter_3._mixing import WORLDS
+from motorgrad.experiments.chapter_3._estimates import WORLDS
 
-GROUPS = 20  # of runs: the variance within each gives one number
+GROUPS = 20  # groups of runs, each of which yields one variance
 SOURCE = "section 3.2.1"
 FAR, NEAR = 8.0, 0.5  # reaches of a trace, in mixing times
 SMALL = 0.1  # a relative bias
-CLOSE = 0.01  # to the average reward, of rewards between 0 and 1
+CLOSE = 0.01  # distance from the average reward, for rewards between 0 and 1
 
 
 def all_claims(values: Values) -> list[Claim]:
@@ -20,12 +20,12 @@ def all_claims(values: Values) -> list[Claim]:
 
 
 def variances(found: np.ndarray, longest: int) -> np.ndarray:
-    """Total variance of `(runs, parameters)` estimates, times the decisions of each, in groups of runs, `(groups,)`."""
+    """Total variance of `(runs, parameters)` estimates, times the decisions of each, by group of runs: `(groups,)`."""
     return np.array([group.var(axis=0, ddof=1).sum() for group in np.array_split(found, GROUPS)]) * longest
 
 
 def ratio_of(above: np.ndarray, below: np.ndarray) -> Measured:
-    """The ratio of two sets of positive numbers, pair by pair: their geometric mean, with its interval."""
+    """Pairwise ratio of two sets of positive numbers: geometric mean with its interval."""
     logs = mean_of(np.log(above / below))
     return Measured(math.exp(logs.value), math.exp(logs.low), math.exp(logs.high), logs.count, "geometric mean")
 
@@ -37,14 +37,15 @@ def _variance_claims(values: Values) -> list[Claim]:
         ratio, shape = ratio_of(without, compared), values["parabola decay"][row]
         limit = _height(shape, 0.0) / _height(shape, float(values["average reward"]))
         made.append(
-            Claim(
+            above(
+                1,
                 f"A running-mean baseline reduces the variance of the estimate (β = {decay:g}).",
                 SOURCE,
                 "above 1",
                 ratio,
-                ratio.low > 1,
-                "times less",
-                f"Groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by linear algebra.",
+                "is the factor of reduction",
+                f"Over groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by "
+                "linear algebra.",
             )
         )
     return made
@@ -56,12 +57,12 @@ def _height(shape: np.ndarray, baseline: float) -> float:
 
 
 def shared_rewards(decay: float, lengths: np.ndarray) -> np.ndarray:
-    r"""The relative bias of the estimate with a running mean after each of these lengths $T$,
-    $-\frac1T \sum_{t<T} \frac{1}{t} \sum_{m=1}^{t} \beta^m$; in long runs about
-    $-\frac{\beta}{1-\beta}\,\frac{\ln((1-\beta)T) + \gamma}{T}$.
+    r"""Relative bias of the estimate with a running mean after each of these lengths $T$, $-\frac1T \sum_{t<T}
+    \frac{1}{t} \sum_{m=1}^{t} \beta^m$; in long runs about $-\frac{\beta}{1-\beta}\,\frac{\ln((1-\beta)T) +
+    \gamma}{T}$.
 
-    The mean of the first $t$ rewards contains what the actions still in the trace have earned. To first order: as if an
-    action told on its own reward only.
+    The mean of the first $t$ rewards contains the rewards of the actions that are still in the trace. First order: as
+    if an action affected its own reward only.
     """
     t = np.arange(1, int(max(lengths)))
     summed = np.concatenate([[0.0], np.cumsum(decay * (1 - decay**t) / (1 - decay) / t)])
@@ -69,7 +70,7 @@ def shared_rewards(decay: float, lengths: np.ndarray) -> np.ndarray:
 
 
 UNBIASED = 0.05
-"""A bias within this, of the gradient, counts as none; the whole interval must lie there."""
+"""A bias counts as none if its whole interval lies within this fraction of the gradient."""
 
 
 def _within(bias: Measured) -> bool:
@@ -85,33 +86,33 @@ def _bias_claims(values: Values) -> list[Claim]:
     unit, about = "of the gradient", f"β = {decay:g}, {int(length[thousand]):,} decisions"
     return [
         Claim(
-            f"A constant baseline leaves what the estimate averages to as it is ({about}).",
+            f"A constant baseline does not change the mean of the estimate ({about}).",
             SOURCE,
             f"between {-UNBIASED} and {UNBIASED}",
             constant,
             _within(constant),
             unit,
-            "The baseline is the average reward; pairs of estimates on the same trajectory, with it and without any.",
+            "The baseline is the average reward; pairs of estimates on the same trajectory, with and without it.",
         ),
         Claim(
-            f"The running mean leaves what the estimate averages to as it is ({about}).",
+            f"A running mean does not change the mean of the estimate ({about}).",
             SOURCE,
             f"between {-UNBIASED} and {UNBIASED}",
             early,
             _within(early),
             unit,
-            "Compared with the constant on the same trajectory. The running mean contains the rewards of the very "
-            "actions that the trace holds. To first order the estimate is smaller by the part "
+            "Compared with the constant on the same trajectory. The running mean contains the rewards of the "
+            "actions that are still in the trace. To first order, this reduces the estimate by the fraction "
             f"β/(1 − β) · (ln((1 − β)T) + 0.577)/T, here {-foretold[thousand]:.3g}.",
         ),
         Claim(
-            f"In long runs the running mean leaves it as it is (β = {decay:g}, {int(length[last]):,} decisions).",
+            f"In long runs, a running mean does not change it (β = {decay:g}, {int(length[last]):,} decisions).",
             SOURCE,
             f"between {-UNBIASED} and {UNBIASED}",
             late,
             _within(late),
             unit,
-            f"To first order {foretold[last]:.3g}; it vanishes like (ln T)/T.",
+            f"To first order {foretold[last]:.3g}; the bias vanishes like (ln T)/T.",
         ),
     ]
 
@@ -123,9 +124,9 @@ def _best(values: Values) -> list[Claim]:
         excess = _height(values["parabola decay"][row], eta) / least - 1
         made.append(
             Claim(
-                f"Of all constant baselines the average reward has the least variance (β = {decay:g}).",
+                f"Of all constant baselines, the average reward has the least variance (β = {decay:g}).",
                 f"{SOURCE}, after Weaver & Tao 2001",
-                f"{eta:.4g}, to {CLOSE:g}",
+                f"{eta:.4g} ± {CLOSE:g}",
                 exact(best),
                 abs(best - eta) <= CLOSE,
                 "is the best constant",
@@ -137,11 +138,11 @@ def _best(values: Values) -> list[Claim]:
         Claim(
             "As β tends to 1, the best constant baseline tends to the average reward.",
             "Weaver & Tao 2001",
-            f"{eta:.4g}, to {CLOSE:g}",
+            f"{eta:.4g} ± {CLOSE:g}",
             exact(nearest),
             off[-1] <= CLOSE and bool(np.all(np.diff(off) <= 0)),
             f"is the best constant at β = {values['limit'][-1]:g}",
-            "By linear algebra; the distance must shrink at every step of β as well.",
+            "By linear algebra; the distance must also shrink at every step of β.",
         )
     )
     return made
@@ -150,8 +151,8 @@ def _best(values: Values) -> list[Claim]:
 def _learning(values: Values) -> list[Claim]:
     made = []
     for name, words, falls in (
-        ("olgarb", "With a baseline the mean |δ| falls as learning proceeds, like a step size that is reduced", True),
-        ("olpomdp", "Without one it does not fall: it grows with the reward", False),
+        ("olgarb", "With a baseline, the mean |δ| falls during learning, like an annealed step size", True),
+        ("olpomdp", "Without one, it does not fall: it grows with the reward", False),
     ):
         surprise = values[f"surprise {name}"]
         tenth = max(1, surprise.shape[1] // 10)
@@ -163,8 +164,8 @@ def _learning(values: Values) -> list[Claim]:
                 "below 1" if falls else "1 or above",
                 ratio,
                 ratio.high < 1 if falls else ratio.low >= 1,
-                "of the first record's, in the last tenth of learning",
-                "Rewards are 0 or 1: a nearly certain reward surprises less. It is not a schedule that ends at 0."
+                "of the first record, in the last tenth of learning",
+                "Rewards are 0 or 1: the more certain a reward, the smaller |δ|. It does not anneal to 0."
                 if falls
                 else "",
             )
@@ -181,12 +182,12 @@ def _decay(values: Values) -> list[Claim]:
         for reach, slow in ((FAR, False), (NEAR, False), (FAR, True))
     )
     return [
-        Claim(
+        above(
+            1,
             f"The variance rises with the decay (running mean, β = {last:g} against {first:g}).",
             SOURCE,
             "above 1",
             variance,
-            variance.low > 1,
             "times the variance",
         ),
         Claim(
@@ -195,37 +196,37 @@ def _decay(values: Values) -> list[Claim]:
             "below 1",
             exact(bias[-1] / bias[0]),
             bool(np.all(np.diff(bias) <= 0) and bias[-1] < bias[0]),
-            "of the bias, at the longest reach against the shortest",
+            "is the ratio of the bias at the longest reach to that at the shortest",
         ),
         Claim(
-            f"The bias is small where 1/(1 − β) exceeds the mixing time: {FAR:g} times.",
-            f"{SOURCE}, read the right way round",
+            f"The bias is small if 1/(1 − β) is {FAR:g} times the mixing time.",
+            f"{SOURCE}, with the inequality reversed",
             f"below {SMALL:g}",
             exact(max(far.values())),
             max(far.values()) < SMALL,
-            "relative bias, the worst of the three states and of walks of 4 to 20",
+            "relative bias, the worst of the three-state MDP and walks of 4 to 20 states",
         ),
         Claim(
-            f"The mixing time should exceed 1/(1 − β), here {1 / NEAR:g} times.",
+            f"The mixing time should exceed 1/(1 − β), here by a factor of {1 / NEAR:g}.",
             f"{SOURCE}, as printed",
             f"below {SMALL:g}",
             exact(max(near.values())),
             max(near.values()) < SMALL,
             "relative bias, the worst of the same worlds",
-            "The printed rule is the wrong way round.",
+            "The printed inequality is reversed.",
         ),
         Claim(
-            f"The mixing time says how far a trace must reach: {FAR:g} times it is enough everywhere.",
+            f"The mixing time determines the reach that a trace needs: {FAR:g} times suffices in every world.",
             SOURCE,
             f"below {SMALL:g}",
             exact(max(reset.values())),
             max(reset.values()) < SMALL,
             "relative bias, the worst of chains in which a wrong move leads back to the start",
-            "Such a chain of N states mixes in 2 steps, and yet an action tells on a reward N − 1 decisions later.",
+            "Such a chain of N states mixes in 2 steps, and yet an action affects a reward N − 1 decisions later.",
         ),
     ]
 
 
 def _at(values: Values, name: str, reach: float) -> float:
-    """A world's bias where the trace reaches so many mixing times."""
+    """A world's bias for a trace that reaches so many mixing times."""
     return float(values[f"bias {name}"][np.flatnonzero(np.isclose(values[f"reach {name}"], reach))[0]])

@@ -1,59 +1,68 @@
 """Figure 3.1: the learner, and how good its gradient estimates are on the three-state MDP."""
 
-import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 import jax
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad._tree import numbers_of
+from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, joint_quantile, relative_error
-from motorgrad.experiments.chapter_3._estimates_figure import draw_estimates
-from motorgrad.learning import Constant, MeanReward, NoBaseline
+from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState
-from motorgrad.training import Run, settings_for
+from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SOURCE = "an independent computation on the MDP of Baxter & Bartlett 2001"
 ETA, GRADIENT = 0.29419747, (-0.03272585, -0.03524847, 0.03272585, 0.03524847)
 BIAS = {0.0: 0.0770765, 0.4: 0.0477171, 0.8: 0.0164283, 0.95: 0.0041583, 0.99: 0.00083444}  # by decay
-SHORT, LONG = 0.0, 0.95  # decays: the traces compared; the errors below are of the long one
+SHORT, LONG = 0.0, 0.95  # decays of the traces compared; the errors below belong to the long one
 ERROR_RUNS = 500
-ERRORS = {
-    "none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084},
-    "mean": {1_000: 0.217, 10_000: 0.066, 100_000: 0.021},
-}
-"""Mean relative errors of an independent simulation, over `ERROR_RUNS` runs, by baseline and decisions."""
+ERRORS = {"none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084}, "mean": {1_000: 0.217, 10_000: 0.066, 100_000: 0.021}}
+"""Mean relative errors of an independent simulation over `ERROR_RUNS` runs, by baseline and number of decisions."""
+
 GOOD = 0.799
 WORDS = {"none": "no baseline", "mean": "running-mean baseline"}
+# (indent, text, emphasis): figure 3.1 with its two misprints corrected
+LISTING = (
+    (0, r"given $\beta \in [0, 1)$, $\alpha$, $\theta_0$", "plain"),
+    (0, r"$z_0 = 0$,  $b_0 = 0$", "plain"),
+    (0, r"for $t = 0, 1, 2 \ldots$", "plain"),
+    (1, "act", "head"),
+    (2, r"observe $y_t$", "plain"),
+    (2, r"sample $a_t \sim \pi(\cdot \mid y_t, \theta_t)$", "plain"),
+    (2, r"$z_{t+1} = \beta\, z_t + \nabla_\theta \log \pi(a_t \mid y_t, \theta_t)$", "plain"),
+    (1, "reinforce", "head"),
+    (2, r"receive $r_{t+1}$", "plain"),
+    (2, r"$\delta_{t+1} = r_{t+1} - b_t$", "plain"),
+    (2, r"$b_{t+1} = b_t + \delta_{t+1} / (t + 1)$", "corrected"),
+    (1, "improve", "head"),
+    (2, r"$\theta_{t+1} = \theta_t + \alpha\, \delta_{t+1}\, z_{t+1}$", "corrected"),
+)
+LOOKS = {"none": ("--", "o", "none"), "mean": ("-", "o", None)}
+NAMES = {"none": "no baseline", "mean": "running mean"}
+HEAD, CORRECTED = "#3b6fb6", "#c8452f"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-3.1", "the learner and its estimates", "figure 3.1")
 class Learner(Experiment):
-    """The learner: act, reinforce, improve. How far its estimates at fixed parameters are from the exact gradient,
-    against the decay of the trace and the length of the run, with and without a baseline; and how it learns when it
-    moves at every decision (OLGARB).
+    """The learner: act, reinforce, improve. The error of its gradient estimates at fixed parameters against the decay
+    of the trace and the length of the run, with and without a baseline; and learning with an update at every decision
+    (OLGARB).
 
     **Arguments:**
 
     - `runs`: over which errors of estimates are averaged.
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `seeds`: learners that move at every decision.
+    - `seeds`: learners that update at every decision.
     - `steps` (decisions): for which each learner learns.
-    - `decays`: those of the traces, per decision, 0 and 0.95 among them.
+    - `decays`: of the traces, per decision, 0 and 0.95 among them.
     """
-
-    name: ClassVar[str] = "fig-3.1"
-    title: ClassVar[str] = "the learner and its estimates"
-    source: ClassVar[str] = "figure 3.1"
 
     runs: int = 1000
     longest: int = 100_000
@@ -62,12 +71,12 @@ class Learner(Experiment):
     decays: tuple[float, ...] = tuple(BIAS)
 
     def __post_init__(self) -> None:
-        check(2 <= self.runs <= 100_000, "runs", self.runs, "in 2 … 100,000")
-        check(1_000 <= self.longest <= 10**8, "longest", self.longest, "in 1,000 … 100,000,000 decisions")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        self.check_range(2, 100_000, "runs")
+        self.check_range(1_000, 10**8, "longest", unit=" decisions")
+        self.check_range(1, 10_000, "seeds")
         known = {SHORT, LONG} <= set(self.decays) <= set(BIAS)
         check(known, "decays", self.decays, f"{SHORT:g}, {LONG:g} and others of {', '.join(map(str, BIAS))}")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(200, 10**9, "steps")
 
     @classmethod
     def quick(cls) -> Self:
@@ -75,7 +84,7 @@ class Learner(Experiment):
 
     @property
     def lengths(self) -> list[int]:
-        """Decisions after which estimates are looked at: two a decade, from 100 to the longest."""
+        """Decisions after which estimates are recorded: two per decade, from 100 to the longest."""
         steps = range(int(2 * np.log10(self.longest / 100) + 1e-9) + 1)
         return [round(100 * 10 ** (step / 2)) for step in steps]
 
@@ -90,7 +99,7 @@ class Learner(Experiment):
             "gradient": truth,
             "exact bias": np.linalg.norm(biased - truth, axis=1) / np.linalg.norm(truth),
         }
-        for name, baseline in (("none", NoBaseline()), ("mean", MeanReward())):
+        for name, baseline in (("none", None), ("mean", MeanReward())):
             kept = [work.part(f"{name}-{d}", lambda d=d, b=baseline: self._errors(d, b, truth)) for d in self.decays]
             found[f"error {name}"] = np.stack([each["error"] for each in kept])
         kept = [
@@ -99,20 +108,20 @@ class Learner(Experiment):
         ]
         found["bias"] = np.stack([each["bias"] for each in kept])
         task = ThreeState()
-        run = work.train(task, settings_for(task), self.steps, self.seeds)
+        run = work.train(task, agent_for(task), self.steps, self.seeds)
         return found | work.part("learning", lambda: earned(run))
 
-    def _errors(self, decay: float, baseline: NoBaseline | MeanReward, truth: np.ndarray) -> Values:
+    def _errors(self, decay: float, baseline: MeanReward | None, truth: np.ndarray) -> Values:
         return {"error": relative_error(estimates(decay, baseline, self.lengths, self.runs), truth)}
 
     def _bias(self, decay: float, eta: float, truth: np.ndarray, biased: np.ndarray) -> np.ndarray:
-        """Each run's distance from the exact gradient in the direction of the exact bias, which averages to the bias.
-        The baseline is constant, for a running mean has a bias of its own in runs of finite length."""
+        """Component of each run's error along the exact bias, which averages to the bias. The baseline is constant,
+        because a running mean adds a bias of its own in finite runs."""
         way = (biased - truth) / np.linalg.norm(biased - truth)
         last = estimates(decay, Constant(eta), self.lengths[-1:], self.runs)[0]
         return (last - truth) @ way / np.linalg.norm(truth)
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_estimates(values, ERRORS, GOOD)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -126,8 +135,8 @@ class Learner(Experiment):
 
 
 def earned(run: Run) -> Values:
-    """What the policies of a run on the three-state MDP earn on average, exactly: `(seeds, records)`, at some
-    twenty-five of its records, denser at first; and the decisions made by then."""
+    """Exact average rewards of the policies of a run on the three-state MDP, `(seeds, records)`, at some twenty-five
+    records, denser at first; and the numbers of decisions made by then."""
     mdp, decision = ThreeState().dynamics, run.curve("reward")[0]
     picked = np.unique(np.round(np.geomspace(1, len(decision), 25)).astype(int)) - 1
     stored = np.stack(run.metrics["parameters"].to_pylist()).reshape(len(decision), len(run.seeds), 2, -1)[picked]
@@ -142,7 +151,7 @@ def _exact_claims(values: Values) -> list[Claim]:
     rounding = 5.01e-9  # the figures have eight digits
     return [
         Claim(
-            "At the point of comparison the three-state MDP pays 0.29419747 a decision.",
+            "At the point of comparison, the average reward of the three-state MDP is 0.29419747.",
             SOURCE,
             str(ETA),
             exact(eta),
@@ -154,7 +163,7 @@ def _exact_claims(values: Values) -> list[Claim]:
             "deviation 0",
             exact(off),
             off < rounding,
-            note="The largest deviation of a component from that figure; half of its last digit is allowed.",
+            note="The largest deviation of a component; half a unit of the last digit is allowed.",
         ),
     ]
 
@@ -168,20 +177,22 @@ def _bias_claims(values: Values) -> list[Claim]:
         holds = abs(measured.value - expected) <= joint_quantile(len(values["decay"])) * error
         made.append(
             Claim(
-                f"With a trace of decay {decay:g} the estimate's mean has a relative bias of {expected:g}.",
+                f"The mean estimate with a trace of decay {decay:g} has a relative bias of {expected:g}.",
                 SOURCE,
                 f"{expected:g}",
                 measured,
                 holds and bool(np.isclose(values["exact bias"][row], expected, rtol=1.5e-5)),
-                note=f"By linear algebra {values['exact bias'][row]:.6g}. It holds if this is the figure expected to "
-                "1.5e-5 of it, and the measured mean within an interval that covers all these decays jointly at 95 %.",
+                note=f"By linear algebra {values['exact bias'][row]:.6g}. The claim holds if this equals the "
+                "expected figure "
+                "to 1.5e-5, relative, and if the measured mean lies within intervals that cover all decays jointly at "
+                "95 %.",
             )
         )
     return made
 
 
 def _error_claims(values: Values) -> list[Claim]:
-    """Their mean is of 500 runs, and therefore itself uncertain, by the standard deviation that we measure."""
+    """The expected figures are means of 500 runs and therefore uncertain; we use our measured standard deviation."""
     made, row = [], list(values["decay"]).index(LONG)
     quantile = joint_quantile(sum(len(of) for of in ERRORS.values()))
     for name, figures in ERRORS.items():
@@ -193,14 +204,14 @@ def _error_claims(values: Values) -> list[Claim]:
             allowed = quantile * errors.std(ddof=1) * np.sqrt(1 / measured.count + 1 / ERROR_RUNS) + 0.0005
             made.append(
                 Claim(
-                    f"With {WORDS[name]} the mean relative error after {length:,} decisions is {expected:g} "
+                    f"With {WORDS[name]}, the mean relative error after {length:,} decisions is {expected:g} "
                     f"(β = {LONG:g}).",
                     SOURCE,
                     f"{expected:g}, mean of {ERROR_RUNS}",
                     measured,
                     abs(measured.value - expected) <= allowed,
-                    note=f"Two means, of {measured.count} and {ERROR_RUNS} runs of the same distribution, differ by at "
-                    f"most {allowed:.3g} with a confidence of 95 % for all six figures jointly.",
+                    note=f"Means of {measured.count} and {ERROR_RUNS} runs of the same distribution differ by at most "
+                    f"{allowed:.3g}, at a joint confidence of 95 % for all six figures.",
                 )
             )
     return made
@@ -211,8 +222,8 @@ def _trade_off(values: Values) -> list[Claim]:
     thousand = int(np.flatnonzero(values["length"] == 1_000)[0])
     made = []
     for name, at, statement, sign in (
-        ("none", thousand, "In a short run a trace that forgets at once errs less: variance outweighs bias", 1),
-        ("mean", last, "In a long run the longer trace errs less: bias outweighs variance", -1),
+        ("none", thousand, "In a short run, a trace without memory has the smaller error: variance outweighs bias", 1),
+        ("mean", last, "In a long run, the longer trace has the smaller error: bias outweighs variance", -1),
     ):
         errors = values[f"error {name}"][:, at]
         more = mean_of(errors[decays.index(LONG)] - errors[decays.index(SHORT)])
@@ -224,19 +235,129 @@ def _trade_off(values: Values) -> list[Claim]:
                 "above 0" if sign > 0 else "below 0",
                 more,
                 decided,
-                f"relative error at β = {LONG:g} less that at {SHORT:g}",
+                f"relative error at β = {LONG:g} minus that at {SHORT:g}",
             )
         )
     return made
 
 
 def _learnt(values: Values) -> Claim:
-    share, settings = share_of(values["earned"][:, -1] >= GOOD), settings_for(ThreeState())
+    share, numbers = share_of(values["earned"][:, -1] >= GOOD), numbers_of(agent_for(ThreeState()).hyperparameters)
     return Claim(
-        f"From θ = 0, OLGARB (β = {settings.decay:g}, α = {settings.rate:g}) comes to earn {GOOD} of the possible 0.8.",
+        f"From θ = 0, OLGARB (β = {numbers['estimator.trace.decay']:g}, α = {numbers['optimizer.learning_rate']:g}) reaches an average reward of {GOOD} of 0.8.",
         SOURCE,
         "every seed: 1",
         share,
         share.value == 1,
         f"of seeds, after {int(values['decision'][-1]):,} decisions",
     )
+
+
+def draw_estimates(values: Values, independent: Mapping[str, Mapping[int, float]], good: float) -> Figure:
+    """The listing and four panels: bias, error against the length of the run and against the decay, learning."""
+
+    figure = new_figure(12.5, 7)
+    panels = figure.subplot_mosaic(
+        [["listing", "bias", "length"], ["listing", "decay", "learning"]], width_ratios=[1, 1, 1]
+    )
+    _listing(panels["listing"])
+    _bias(panels["bias"], values)
+    _length(panels["length"], values, independent)
+    _decay(panels["decay"], values)
+    _learning(panels["learning"], values, good)
+    return figure
+
+
+def _listing(axes: Axes) -> None:
+    axes.set_axis_off()
+    axes.set(xlim=(0, 1), ylim=(-15.2, 1))
+    axes.set_title("the learner", loc="left")
+    for line, (indent, text, kind) in enumerate(LISTING):
+        colour = {"head": HEAD, "corrected": CORRECTED, "plain": "black"}[kind]
+        weight = "bold" if kind == "head" else "normal"
+        axes.text(0.09 * indent, -line, text, color=colour, fontweight=weight, fontsize=11, va="center")
+    words = (
+        "Red: corrections of the printed algorithm. It divides by\n"
+        "$t$, which begins at 0, and its last step uses $\\delta$ and $z$\n"
+        "from before the action. All three steps at every decision:\n"
+        "OLGARB; with $b = 0$: OLPOMDP; with $\\theta$ fixed and\n"
+        "$\\delta z$ averaged: GPOMDP, shown in the panels."
+    )
+    axes.text(0, -len(LISTING) + 0.2, words, fontsize=8.5, color="0.35", va="top", linespacing=1.5)
+
+
+def _reach(values: Values) -> np.ndarray:
+    return 1 / (1 - values["decay"])
+
+
+def _bias(axes: Axes, values: Values) -> None:
+    axes.plot(_reach(values), values["exact bias"], color="0.5", linewidth=1, label="exact")
+    _points(
+        axes,
+        _reach(values),
+        values["bias"],
+        label=f"measured, {values['bias'].shape[1]:,} runs",
+        color="C0",
+        marker="o",
+    )
+    axes.set(xscale="log", yscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="relative bias")
+    axes.set_title(r"bias of $\nabla_\beta$", loc="left")
+    axes.legend()
+
+
+def _length(axes: Axes, values: Values, independent: Mapping[str, Mapping[int, float]]) -> None:
+    row = list(values["decay"]).index(0.95)
+    for colour, (name, (line, marker, face)) in zip(("C1", "C0"), LOOKS.items(), strict=True):
+        errors = values[f"error {name}"][row]
+        _points(
+            axes,
+            values["length"],
+            errors,
+            color=colour,
+            marker=marker,
+            linestyle=line,
+            markerfacecolor=face,
+            label=NAMES[name],
+        )
+        axes.plot(
+            *zip(*independent[name].items(), strict=True),
+            "kx",
+            markersize=9,
+            label="independent" if name == "mean" else None,
+        )
+    axes.set(xscale="log", yscale="log", xlabel="decisions $T$", ylabel="mean relative error")
+    axes.set_title(r"error of the estimate, $\beta = 0.95$", loc="left")
+    axes.legend()
+
+
+def _decay(axes: Axes, values: Values) -> None:
+    decades = [at for at, length in enumerate(values["length"]) if length in (1_000, 10_000, 100_000)]
+    for colour, at in zip(("C3", "C2", "C0"), decades, strict=False):
+        for name, (line, marker, face) in LOOKS.items():
+            label = f"$T$ = {int(values['length'][at]):,}" if name == "mean" else None
+            errors = values[f"error {name}"][:, at]
+            look = {"color": colour, "linestyle": line, "marker": marker, "markerfacecolor": face}
+            _points(axes, _reach(values), errors, label=label, **look)
+    axes.plot(_reach(values), values["exact bias"], color="0.5", linewidth=1, label="bias only")
+    axes.set(
+        xscale="log", yscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="mean relative error"
+    )
+    axes.set_title("bias against variance (dashed: no baseline)", loc="left")
+    axes.legend(fontsize=8)
+
+
+def _learning(axes: Axes, values: Values, good: float) -> None:
+    decision, short = values["decision"][1:], 0.8 - values["earned"][:, 1:]
+    axes.plot(decision, short.T, color="C0", linewidth=0.5, alpha=0.25)
+    axes.plot(decision, np.median(short, axis=0), color="C0", linewidth=2, label=f"median of {len(short)} seeds")
+    axes.axhline(0.8 - good, color="0.4", linewidth=1, linestyle=":")
+    axes.annotate(rf"$\eta = {good}$", (decision[0], 0.8 - good), (0, 3), textcoords="offset points", color="0.4")
+    axes.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"distance from the best, $0.8 - \eta$")
+    axes.set_title(r"OLGARB from $\theta = 0$", loc="left")
+    axes.legend(loc="upper right")
+
+
+def _points(axes: Axes, where: np.ndarray, samples: np.ndarray, **look: Any) -> None:
+    """Means with their intervals of `samples`, (places, runs)."""
+    style = {"markersize": 4, "linewidth": 1, "linestyle": "none", **look}
+    draw_intervals(axes, where, [mean_of(each) for each in samples], **style)

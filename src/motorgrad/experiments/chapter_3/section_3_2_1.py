@@ -1,53 +1,51 @@
-"""Section 3.2.1: what a baseline does, and how far a trace must reach."""
+"""Section 3.2.1: the effect of a baseline, and the reach that a trace needs."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_3._baseline_claims import all_claims
-from motorgrad.experiments.chapter_3._baseline_figure import draw_baselines
-from motorgrad.experiments.chapter_3._estimates import along, comparison_point, estimates
-from motorgrad.experiments.chapter_3._mixing import WORLDS, biases, mixing_time
-from motorgrad.experiments.chapter_3._variance import variance
-from motorgrad.learning import Baseline, Constant, MeanReward, NoBaseline
+from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments.chapter_3._baseline_claims import all_claims, shared_rewards, variances
+from motorgrad.experiments.chapter_3._estimates import (
+    WORLDS,
+    along,
+    biases,
+    comparison_point,
+    estimates,
+    mixing_time,
+    variance,
+)
+from motorgrad.learning import Baseline, Constant, MeanReward
 from motorgrad.tasks import ThreeState
-from motorgrad.training import Run, settings_for
+from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-REACHES = 2.0 ** np.arange(-3, 7)  # of a trace, in mixing times
+REACHES = 2.0 ** np.arange(-3, 7)  # reaches of traces, in mixing times
 LIMIT = 1 - np.geomspace(1, 1e-3, 22)  # decays towards 1
 BIAS_DECAY = 0.95
+WITHOUT, WITH = "C1", "C0"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-3.2.1", "what a baseline does", "section 3.2.1")
 class Baselines(Experiment):
-    """What comparing rewards with a baseline does: to the variance of a gradient estimate, to what it averages to, and
-    to learning. Which constant is the best baseline. And how bias and variance depend on the decay of the trace, the
-    former by the time in which the world mixes.
+    """The effect of a baseline on the variance of a gradient estimate, on its mean, and on learning; the best constant
+    baseline; and bias and variance against the decay of the trace, the bias relative to the mixing time of the world.
 
     **Arguments:**
 
-    - `runs`: those at fixed parameters, over which estimates are averaged.
+    - `runs`: at fixed parameters, over which estimates are averaged.
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `decays`: those of the traces at fixed parameters, per decision, 0.95 among them.
-    - `constants`: baselines that are swept, in units of reward.
-    - `swept`: decays of the traces, per decision, for which the constants are swept.
+    - `decays`: of the traces at fixed parameters, per decision, 0.95 among them.
+    - `constants`: constant baselines to compare, in units of reward.
+    - `swept`: decays of the traces, per decision, for which the constants are compared.
     - `seeds`: learners with each estimator.
     - `steps` (decisions): for which each learner learns.
     """
-
-    name: ClassVar[str] = "sec-3.2.1"
-    title: ClassVar[str] = "what a baseline does"
-    source: ClassVar[str] = "section 3.2.1"
 
     runs: int = 2000
     longest: int = 10_000
@@ -58,15 +56,15 @@ class Baselines(Experiment):
     steps: int = 600_000
 
     def __post_init__(self) -> None:
-        check(40 <= self.runs <= 100_000, "runs", self.runs, "in 40 … 100,000")
-        check(1_000 <= self.longest <= 10**8, "longest", self.longest, "in 1,000 … 100,000,000 decisions")
+        self.check_range(40, 100_000, "runs")
+        self.check_range(1_000, 10**8, "longest", unit=" decisions")
         for name in ("decays", "constants", "swept"):
             given = getattr(self, name)
             check(list(given) == sorted(set(given)), name, given, "rising")
         enough = len(self.decays) > 1 and BIAS_DECAY in self.decays
         check(enough, "decays", self.decays, f"at least two, {BIAS_DECAY} among them")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000")
+        self.check_range(1, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
 
     @classmethod
     def quick(cls) -> Self:
@@ -74,7 +72,7 @@ class Baselines(Experiment):
 
     @property
     def lengths(self) -> list[int]:
-        """Decisions after which the bias is looked at: two a decade, from 30 to the longest."""
+        """Decisions after which the bias is measured: two per decade, from 30 to the longest."""
         return [
             length for power in range(1, 9) for length in (3 * 10**power, 10 ** (power + 1)) if length <= self.longest
         ]
@@ -89,10 +87,11 @@ class Baselines(Experiment):
         return found | self._measured(work) | exact_variances(self.decays, self.swept) | traces() | self._learning(work)
 
     def _measured(self, work: Workspace) -> Values:
-        """Estimates after the longest run, `(decays, runs, parameters)`, without a baseline, with a running mean, and
-        for every constant; and at the decay of the bias how much of the gradient a baseline adds, `(lengths, runs)`."""
+        """Estimates at the end of the longest run, `(decays, runs, parameters)`, without a baseline, with a running
+        mean, and for every constant; and, at the decay of the bias, how much of the gradient a baseline adds,
+        `(lengths, runs)`."""
         mdp, point = ThreeState().dynamics, comparison_point()
-        none = [self._estimates(work, "none", decay, NoBaseline()) for decay in self.decays]
+        none = [self._estimates(work, "none", decay, None) for decay in self.decays]
         mean = [self._estimates(work, "mean", decay, MeanReward()) for decay in self.decays]
         every = [[self._estimates(work, f"{c}", d, Constant(c))[-1] for c in self.constants] for d in self.swept]
         average = self._estimates(work, "average", BIAS_DECAY, Constant(oracle.average_reward(mdp, point)))
@@ -106,18 +105,18 @@ class Baselines(Experiment):
             "added by constant": along(average - none[at], truth),
         }
 
-    def _estimates(self, work: Workspace, name: str, decay: float, baseline: Baseline) -> np.ndarray:
+    def _estimates(self, work: Workspace, name: str, decay: float, baseline: Baseline | None) -> np.ndarray:
         made = work.part(f"{name}-{decay}", lambda: {"estimate": estimates(decay, baseline, self.lengths, self.runs)})
         return made["estimate"]
 
     def _learning(self, work: Workspace) -> Values:
         task, found = ThreeState(), {}
         for name in ("olgarb", "olpomdp"):
-            run = work.train(task, settings_for(task, estimator=name), self.steps, self.seeds)
+            run = work.train(task, agent_for(task, estimator=name), self.steps, self.seeds)
             found["decision"], found[f"surprise {name}"] = surprise(run)
         return found
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_baselines(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -125,8 +124,8 @@ class Baselines(Experiment):
 
 
 def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
-    """The variance of long runs as a parabola in the constant baseline, at these decays and as they tend to 1; and what
-    the average reward costs as a baseline."""
+    """Variance of long runs as a parabola in the constant baseline, at these decays and as they tend to 1; and the
+    excess variance of the average reward as a baseline."""
     mdp, point = ThreeState().dynamics, comparison_point()
     eta = oracle.average_reward(mdp, point)
     limit = [variance(mdp, point, decay) for decay in LIMIT]
@@ -141,7 +140,7 @@ def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
 
 
 def traces() -> Values:
-    """Of every world: its mixing time, reaches of a trace in mixing times, and the bias at each."""
+    """For every world: its mixing time, reaches of a trace in mixing times, and the bias at each."""
     found: Values = {}
     for name, (make, policy_for) in WORLDS.items():
         world = make()
@@ -154,13 +153,134 @@ def traces() -> Values:
 
 
 def surprise(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    r"""The mean $|\delta|$ in every record of a run whose rewards are 0 or 1: decisions, and `(seeds, records)`.
+    r"""Mean $|\delta|$ in every record of a run whose rewards are 0 or 1: decisions, and `(seeds, records)`.
 
-    A share $\bar r$ of rewards is $1 - b$ above the baseline and the others $b$ below it. The baseline is taken as the
-    mean of what it was at both ends of the record.
+    A share $\bar r$ of the rewards is $1 - b$ above the baseline, the others are $b$ below it. The baseline of a record
+    is the mean of its values at both ends.
     """
     decision, reward = run.curve("reward")
     ends = run.curve("baseline")[1]
     starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
     baseline = np.where(np.arange(len(decision)) == 0, ends, (starts + ends) / 2)
     return decision, reward * np.abs(1 - baseline) + (1 - reward) * np.abs(baseline)
+
+
+def draw_baselines(values: Values) -> Figure:
+    """Six panels: the best constant, its limit, variance, bias, learning, mixing."""
+    figure = new_figure(13, 7.4)
+    panels = (_constants, _best, _variances, _bias, _learning, _mixing)
+    for axes, draw in zip(figure.subplots(2, 3).flat, panels, strict=True):
+        draw(axes, values)
+    return figure
+
+
+def _constants(axes: Axes, values: Values) -> None:
+    if not len(values["swept"]):
+        axes.set_axis_off()
+        return
+    level, longest = np.linspace(-0.05, 0.95, 201), int(values["length"][-1])
+    for row, decay in enumerate(values["swept"]):
+        best, least, curvature = values["parabola swept"][row]
+        colour = f"C{row}"
+        axes.plot(level, (least + curvature * (level - best) ** 2) / least, color=colour, linewidth=1)
+        axes.plot(best, 1, "v", color=colour, markersize=7, zorder=3)
+        measured = [mean_of(variances(each, longest) / least) for each in values["estimate constant"][row]]
+        _points(axes, values["constant"], measured, color=colour, label=rf"$\beta$ = {decay:g}")
+    axes.axvline(float(values["average reward"]), color="0.4", linestyle=":", linewidth=1)
+    axes.text(
+        float(values["average reward"]) + 0.01,
+        0.97,
+        "average reward",
+        transform=axes.get_xaxis_transform(),
+        color="0.4",
+        va="top",
+        fontsize=8,
+    )
+    axes.set(yscale="log", xlabel="constant baseline $b$", ylabel="variance / least variance")
+    axes.set_title("the best constant (triangles)", loc="left")
+    axes.legend(fontsize=8, title="lines: exact", title_fontsize=8)
+
+
+def _best(axes: Axes, values: Values) -> None:
+    reach = 1 / (1 - values["limit"])
+    axes.plot(reach, values["limit best"], color="C0", label="best constant")
+    axes.axhline(float(values["average reward"]), color="0.4", linestyle=":", linewidth=1, label="average reward")
+    axes.set(xscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="baseline", ylim=(0.2, None))
+    axes.set_title("… and its limit", loc="left")
+    more = axes.twinx()
+    more.plot(reach, 100 * values["limit excess"], color="C3", linestyle="--", label="excess variance of the average")
+    more.spines["right"].set_visible(True)
+    more.set(ylabel="% above the least")
+    more.yaxis.label.set_color("C3")
+    lines = [*axes.get_lines(), *more.get_lines()]
+    axes.legend(lines, [str(line.get_label()) for line in lines], fontsize=8)
+
+
+def _variances(axes: Axes, values: Values) -> None:
+    reach, longest = 1 / (1 - values["decay"]), int(values["length"][-1])
+    best, least, curvature = values["parabola decay"].T
+    for name, level, colour, words in (
+        ("none", 0.0, WITHOUT, "no baseline"),
+        ("mean", float(values["average reward"]), WITH, "running mean"),
+    ):
+        axes.plot(reach, least + curvature * (level - best) ** 2, color=colour, linewidth=1)
+        _points(
+            axes,
+            reach,
+            [mean_of(variances(each, longest)) for each in values[f"estimate {name}"]],
+            color=colour,
+            label=words,
+        )
+    axes.set(
+        xscale="log", yscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="variance × decisions"
+    )
+    axes.set_title(f"variance over {values['estimate none'].shape[1]:,} runs", loc="left")
+    axes.legend(fontsize=8, title="lines: exact, long runs", title_fontsize=8)
+
+
+def _bias(axes: Axes, values: Values) -> None:
+    length, decay = values["length"], float(values["bias decay"])
+    fine = np.geomspace(length[0], length[-1], 100).round()
+    axes.axhline(0, color="0.8", linewidth=0.8)
+    axes.plot(
+        fine,
+        100 * shared_rewards(decay, fine),
+        color="0.5",
+        linestyle="--",
+        linewidth=1,
+        label="running mean, first order",
+    )
+    for name, colour, words in (("mean", WITH, "running mean"), ("constant", "C2", "constant, average reward")):
+        _points(axes, length, [mean_of(100 * each) for each in values[f"added by {name}"]], color=colour, label=words)
+    axes.set(xscale="log", xlabel="decisions $T$", ylabel="% of the gradient", ylim=(-110, 30))
+    axes.set_title(rf"bias that a baseline adds, $\beta$ = {decay:g}", loc="left")
+    axes.legend(fontsize=8, loc="lower right")
+
+
+def _learning(axes: Axes, values: Values) -> None:
+    decision = values["decision"]
+    for name, colour, words in (
+        ("olpomdp", WITHOUT, "no baseline: the reward itself"),
+        ("olgarb", WITH, "running mean"),
+    ):
+        draw_band(axes, decision, values[f"surprise {name}"], colour, words)
+    axes.set(xscale="log", xlabel="decisions", ylabel=r"mean $|\delta|$", ylim=(0, 1))
+    axes.set_title(f"surprise while learning, median of {len(values['surprise olgarb'])} seeds", loc="left")
+    axes.legend(fontsize=8)
+
+
+def _mixing(axes: Axes, values: Values) -> None:
+    for number, name in enumerate(WORLDS):
+        reset, mixes = name.startswith("reset"), int(values[f"mixing {name}"])
+        look = {"color": f"C{number}", "linestyle": "--" if reset else "-", "linewidth": 1.3}
+        axes.plot(values[f"reach {name}"], values[f"bias {name}"], label=f"{name} ({mixes})", **look)
+    axes.axvline(1, color="0.4", linestyle=":", linewidth=1)
+    axes.set(
+        xscale="log", yscale="log", xlabel=r"$1/(1-\beta)$ in mixing times", ylabel="relative bias", ylim=(1e-3, 1.3)
+    )
+    axes.set_title("reach and mixing time", loc="left")
+    axes.legend(fontsize=8, title="mixing time in brackets", title_fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
+
+
+def _points(axes: Axes, where: np.ndarray, found: list[Measured], **look: Any) -> None:
+    draw_intervals(axes, where, found, fmt="o", markersize=4, linewidth=1, **look)

@@ -1,1 +1,1 @@
-"""Chapter 4: recruitment, and what makes exploration slow."""
+"""Chapter 4: motoneuron recruitment; section 4.4 has its own folder."""

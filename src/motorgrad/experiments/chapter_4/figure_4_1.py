@@ -1,21 +1,15 @@
 """Figure 4.1: a smoothly graded force from a few sigmoid units."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._pool_drawing import fires_at
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import fires_at
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-CLOSE = 0.05  # of the full force: a response so near to the line is called near-linear
+CLOSE = 0.05  # fraction of the full force: a response this close to the line counts as near-linear
 STEEP = np.geomspace(0.5, 50, 61)  # gain times spacing
 NUMBERS = (5, 10, 20, 40, 80)  # units
 POINTS = np.linspace(0, 1, 2001)
@@ -26,27 +20,23 @@ AMPLIFIERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.1", "a graded force from a few units", "figure 4.1")
 class ForceGrading(Experiment):
-    """Sigmoid units with thresholds side by side, whose sum is a graded force. How near that is to a straight line,
-    what the gains have to do with it, and how the same units make other amplifiers.
+    """Sigmoid units with staggered thresholds, whose sum is a graded force: its deviation from a straight line, the
+    effect of the gains on it, and other amplifiers made of the same units.
 
     **Arguments:**
 
-    - `units`: of the same force, with thresholds spaced evenly over inputs from 0 to 1.
+    - `units`: of equal force, with thresholds spaced evenly over inputs from 0 to 1.
     - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
-
-    name: ClassVar[str] = "fig-4.1"
-    title: ClassVar[str] = "a graded force from a few units"
-    source: ClassVar[str] = "figure 4.1"
 
     units: int = 5
     steepness: float = 4.0
 
     def __post_init__(self) -> None:
-        check(2 <= self.units <= 100, "units", self.units, "in 2 … 100")
-        check(0.1 <= self.steepness <= 1000, "steepness", self.steepness, "in 0.1 … 1000")
+        self.check_range(2, 100, "units")
+        self.check_range(0.1, 1000, "steepness")
 
     def run(self, work: Workspace) -> Values:
         deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]
@@ -61,27 +51,26 @@ class ForceGrading(Experiment):
             found[f"deviation {name}"] = np.abs(found[name] - target(POINTS)).max(1)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8, 5.6), layout="constrained")
+        figure = new_figure(8, 5.6)
         ((single, total), (steep, others)) = figure.subplots(2, 2)
         force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units
         single.plot(POINTS, force, linewidth=1.4)
-        single.set(title=f"{self.units} units by themselves", ylabel="activation", xlabel="input")
+        single.set(title=f"{self.units} single units", ylabel="activation", xlabel="input")
         total.plot(POINTS, POINTS, color="0.5", linestyle=":", label="straight line")
-        total.plot(POINTS, force.mean(1), color="black", label="all together")
+        total.plot(POINTS, force.mean(1), color="black", label="mean")
         total.axvspan(low, high, color="0.93", zorder=0)
-        total.set(title=f"their mean: off the line by {values['deviation']:.1%}")
+        total.set(title=f"mean, off the line by {values['deviation']:.1%}")
         total.text(0.5, 0.02, "first … last threshold", ha="center", fontsize=8, color="0.45")
-        total.set(ylabel="force, of the full one", xlabel="input")
+        total.set(ylabel="force / full force", xlabel="input")
         total.legend(loc="upper left")
         steep.plot(STEEP, 100 * values["deviation by steepness"], color="black")
         steep.plot(self.steepness, 100 * values["deviation"], "o", color="#c0392b", label="drawn above")
         steep.set(xscale="log", yscale="log", xlabel="gain × spacing", ylabel="greatest deviation (%)")
         for axis in (steep.xaxis, steep.yaxis):
             axis.set_major_formatter("{x:g}")
-        steep.set_title("too flat, and too steep")
+        steep.set_title("too flat to too steep")
         steep.legend(loc="lower right")
         for colour, (name, target) in zip(("C0", "C1", "C2"), AMPLIFIERS.items(), strict=True):
             others.plot(POINTS, target(POINTS), color=colour, linestyle=":")
@@ -101,28 +90,29 @@ class ForceGrading(Experiment):
                 exact(off),
                 off <= CLOSE,
                 "of the full force",
-                f"For a gain of {self.steepness:g} by the spacing.",
+                f"For gain × spacing = {self.steepness:g}.",
             ),
             Claim(
-                "Such units can approximate any increasing amplifier of the input.",
+                "Such units can approximate any increasing function of the input.",
                 "figure 4.1, section 4.2",
-                "off by the force of one unit at most, for every number of units",
+                "deviation of at most the force of one unit, for every number of units",
                 exact(worth.max()),
                 worth.max() <= 1,
                 "units, the worst",
-                f"Three amplifiers ({', '.join(AMPLIFIERS)}), by {', '.join(map(str, NUMBERS))} units. Each threshold "
-                "lies where the target is half a unit further, each gain goes with the target's slope there.",
+                f"Three functions ({', '.join(AMPLIFIERS)}), by {', '.join(map(str, NUMBERS))} units. "
+                "Thresholds lie where "
+                "the target has risen by half a unit more; gains are proportional to the target's slope there.",
             ),
         ]
 
 
 def graded(units: int, steepness: float) -> np.ndarray:
-    """The activation of evenly spaced units over `POINTS`, `(points, units)`."""
+    """Activations of evenly spaced units over `POINTS`, `(points, units)`."""
     return amplifier(lambda y: y, units, steepness)
 
 
 def amplifier(target: Callable[[np.ndarray], np.ndarray], units: int, steepness: float) -> np.ndarray:
-    """Activations `(points, units)` over `POINTS`, of units whose mean follows an increasing `target` from 0 to 1."""
+    """Activations `(points, units)` over `POINTS` of units whose mean follows an increasing `target` from 0 to 1."""
     fine = np.linspace(0, 1, 200_001)
     thresholds = np.interp((np.arange(units) + 0.5) / units, target(fine), fine)
     step = 1e-6
@@ -131,7 +121,7 @@ def amplifier(target: Callable[[np.ndarray], np.ndarray], units: int, steepness:
 
 
 def off_line(activation: np.ndarray) -> float:
-    """The greatest deviation of the mean activation from the straight line, between the first and last threshold."""
+    """Greatest deviation of the mean activation from the straight line, between the first and the last threshold."""
     edge = 0.5 / activation.shape[1]
     inside = np.abs(POINTS - 0.5) <= 0.5 - edge
     return float(np.abs(activation.mean(1) - POINTS)[inside].max())

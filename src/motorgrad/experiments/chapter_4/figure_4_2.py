@@ -1,51 +1,37 @@
 """Figure 4.2: the recruitment task as a diagram."""
 
-import dataclasses
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
-from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import FLEXOR
-from motorgrad.experiments._workspace import Workspace
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-Point = tuple[float, float]
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import FLEXOR, Axes, Figure, Point, draw_arrow, new_figure
 
 NEURON, MUSCLE, SEEN, OURS = FLEXOR, "#a33b2e", "0.25", "#2e8b57"
-POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # where the columns stand
+POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # positions of the columns
 MIDDLE, BELOW = 2.0, -0.55
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.2", "the recruitment task", "figure 4.2")
 class RecruitmentTask(Experiment):
-    """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire make their motor
-    units pull; the units' forces add up. How good the force was comes back as one reward for all of them.
+    """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire activate their motor
+    units, whose forces add up. All of them receive the same reward, which depends on the force.
 
     **Arguments:**
 
-    - `units`: that are drawn.
+    - `units`: number of units drawn.
     """
-
-    name: ClassVar[str] = "fig-4.2"
-    title: ClassVar[str] = "the recruitment task"
-    source: ClassVar[str] = "figure 4.2"
 
     units: int = 4
 
     def __post_init__(self) -> None:
-        check(2 <= self.units <= 8, "units", self.units, "in 2 … 8")
+        self.check_range(2, 8, "units")
 
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
         from matplotlib.patches import FancyBboxPatch
 
-        figure = Figure(figsize=(8, 4.4), layout="constrained")
+        figure = new_figure(8, 4.4)
         axes = figure.subplots()
         gap = 3.2 / self.units
         heights = [MIDDLE + gap * ((self.units - 1) / 2 - unit) for unit in range(self.units)]
@@ -61,19 +47,19 @@ class RecruitmentTask(Experiment):
         for unit, height in enumerate(heights):
             _neuron(axes, (POOL, height), 0.34 * min(1, gap), unit, self.units)
             _fibre(axes, (UNITS, height), 0.5, 0.13 * min(1, gap))
-            _arrow(axes, (0.55, MIDDLE), (POOL - 0.4 * min(1, gap), height), SEEN)
-            _arrow(axes, (POOL + 0.4 * min(1, gap), height), (UNITS - 0.6, height), NEURON)
+            draw_arrow(axes, (0.55, MIDDLE), (POOL - 0.4 * min(1, gap), height), SEEN)
+            draw_arrow(axes, (POOL + 0.4 * min(1, gap), height), (UNITS - 0.6, height), NEURON)
             axes.text(middle, height + 0.1, rf"$a^{{({unit + 1})}}$", ha="center", fontsize=9, color=NEURON)
-            _arrow(axes, (UNITS + 0.6, height), (FORCE - 0.6, MIDDLE), MUSCLE)
+            draw_arrow(axes, (UNITS + 0.6, height), (FORCE - 0.6, MIDDLE), MUSCLE)
         for place, words, colour in (
             ((0.15, MIDDLE), "input\n$y$", SEEN), ((FORCE + 0.1, MIDDLE), "force\n$f(\\sum w^{(i)} a^{(i)})$", MUSCLE),
         ):  # fmt: skip
             axes.text(*place, words, ha="center", va="center", fontsize=11, color=colour)
         axes.text(middle, heights[-1] - 0.4, "0 or 1", ha="center", fontsize=8, color="0.45")
         _box(axes, (FORCE + 0.1, BELOW), "task: was that\nthe right force?", SEEN)
-        _arrow(axes, (FORCE + 0.1, MIDDLE - 0.42), (FORCE + 0.1, BELOW + 0.36), MUSCLE)
-        _arrow(axes, (FORCE - 0.8, BELOW), (POOL, BELOW), OURS, head=False)
-        _arrow(axes, (POOL, BELOW), (POOL, heights[-1] - gap / 2 - 0.17), OURS)
+        draw_arrow(axes, (FORCE + 0.1, MIDDLE - 0.42), (FORCE + 0.1, BELOW + 0.36), MUSCLE)
+        draw_arrow(axes, (FORCE - 0.8, BELOW), (POOL, BELOW), OURS, head=False)
+        draw_arrow(axes, (POOL, BELOW), (POOL, heights[-1] - gap / 2 - 0.17), OURS)
         axes.text((POOL + FORCE) / 2 - 0.3, BELOW + 0.12, "one reward $r$, the same for all", ha="center", color=OURS)
         axes.text(0.15, MIDDLE - 0.75, "the load\nto be lifted", ha="center", va="center", fontsize=9, color="0.45")
         axes.set(xlim=(-0.5, FORCE + 1.3), ylim=(BELOW - 0.5, heights[0] + gap / 2 + 0.65), aspect="equal")
@@ -81,8 +67,8 @@ class RecruitmentTask(Experiment):
         return figure
 
 
-def _neuron(axes: "Axes", place: Point, radius: float, unit: int, units: int) -> None:
-    """A circle with the unit's sigmoid in it, whose threshold lies the further to the right the later it is."""
+def _neuron(axes: Axes, place: Point, radius: float, unit: int, units: int) -> None:
+    """A circle with the unit's sigmoid in it; later units have their threshold further to the right."""
     import numpy as np
     from matplotlib.patches import Circle
 
@@ -93,7 +79,7 @@ def _neuron(axes: "Axes", place: Point, radius: float, unit: int, units: int) ->
     axes.plot(place[0] + 0.62 * radius * along, place[1] + 0.8 * radius * (rise - 0.5), color=NEURON, zorder=4)
 
 
-def _fibre(axes: "Axes", place: Point, half: float, thick: float) -> None:
+def _fibre(axes: Axes, place: Point, half: float, thick: float) -> None:
     """A bundle of fibres: a spindle with stripes."""
     import numpy as np
 
@@ -104,13 +90,6 @@ def _fibre(axes: "Axes", place: Point, half: float, thick: float) -> None:
         axes.plot(place[0] + half * along, place[1] + part * belly, color=MUSCLE, linewidth=0.7)
 
 
-def _box(axes: "Axes", place: Point, words: str, colour: str) -> None:
+def _box(axes: Axes, place: Point, words: str, colour: str) -> None:
     look = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": colour, "linewidth": 1.3}
     axes.text(*place, words, ha="center", va="center", color=colour, bbox=look, zorder=3)
-
-
-def _arrow(axes: "Axes", start: Point, end: Point, colour: str, head: bool = True) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
-    look: dict[str, Any] = {"mutation_scale": 11, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0, "zorder": 2}
-    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>" if head else "-", color=colour, **look))

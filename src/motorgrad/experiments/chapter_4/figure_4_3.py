@@ -1,52 +1,52 @@
-"""Figure 4.3: the policies that pools of several units learn for the linear mapping."""
+"""Figure 4.3: the policies that pools learn for the linear mapping."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, median_of, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import RATE, SPACED, LinearStudy, off_place, spaced_from
-from motorgrad.experiments.chapter_4._pool_drawing import IDEAL, draw_pool, draw_thresholds
-from motorgrad.experiments.chapter_4._pools import numbers, parameters
+from motorgrad.experiments._claims import Claim, median_of, more_than_half, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    IDEAL,
+    RATE,
+    SPACED,
+    LinearStudy,
+    draw_pool,
+    draw_thresholds,
+    equally_spaced_from,
+    parameter_history,
+    spacing_deviation,
+    thresholds_and_gains,
+)
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.worlds import mean_field
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 SOON = {2: 1_500_000, 4: 4_000_000}
-"""Decisions by which most pools should be equally spaced with the thesis's step size. A smaller one takes longer in
-proportion."""
-STARTS, MOST = 24, 4  # for how many pools, of how many units at most, the mean field is computed
+"""Decisions by which most pools should be equally spaced at the thesis's step size; inversely proportional to it."""
+
+STARTS, MOST = 24, 4  # the mean field is computed for this many pools of up to this many units
 SOFT, HARD = 2.0, 20.0
-"""Gains, times the spacing, between which they are called moderate. At the lower a unit is unsure over two spacings
-(between 10 % and 90 %), at the higher over a fifth of one."""
+"""Bounds of a moderate gain, times the spacing. At the lower bound, a unit is uncertain (10 to 90 %) over two spacings,
+at the upper over a fifth of one."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.3", "learnt linear policies", "figure 4.3")
 class LinearPolicies(LinearStudy):
-    """The policies that pools come to for the linear mapping. Colour: the exact probability of each number of active
-    units. Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above the pool in the middle of
-    all seeds, below the thresholds of every seed.
-    """
-
-    name: ClassVar[str] = "fig-4.3"
-    title: ClassVar[str] = "learnt linear policies"
-    source: ClassVar[str] = "figure 4.3"
+    """Policies that pools learn for the linear mapping. Colour: the exact probability of each number of active units.
+    Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above, the median pool; below, the
+    thresholds of every seed."""
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}
         for units in self.units:
             task = self.task(units)
             run = self.trained(work, task)
-            (threshold, gain), decision = parameters(run), run.curve()[0]
-            off = off_place(threshold, gain, task)
-            # the last record by then; where all are later, the first
+            (threshold, gain), decision = parameter_history(run), run.curve()[0]
+            off = spacing_deviation(threshold, gain, task)
+            # the last record by then, or the first if all are later
             soon = SOON[units] * RATE / self.rate if units in SOON else self.steps
             at = max(0, int(np.searchsorted(decision, soon, "right")) - 1)
             found |= {
@@ -57,15 +57,14 @@ class LinearPolicies(LinearStudy):
                 f"off soon {units}": off[:, at],
             }
             if units <= MOST:
-                starts = numbers(run.initial)[0][:STARTS]
+                starts = thresholds_and_gains(run.initial)[0][:STARTS]
                 found[f"mean field {units}"] = mean_field_times(task, starts, self.rate)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
         sizes = values["units"].tolist()
-        figure = Figure(figsize=(2.7 * len(sizes) + 0.8, 5.2), layout="constrained")
+        figure = new_figure(2.7 * len(sizes) + 0.8, 5.2)
         panels = figure.subplots(2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
         inputs = np.linspace(0, 1, 401)
         mesh: Any = None
@@ -92,27 +91,25 @@ class LinearPolicies(LinearStudy):
         for units in sizes:
             spaced, known = share_of(values[f"off {units}"] < SPACED), values.get(f"mean field {units}")
             made.append(
-                Claim(
-                    f"{units} units come to the optimal policy, of equally spaced thresholds.",
+                more_than_half(
+                    f"{units} units learn the optimal policy: equally spaced thresholds.",
                     "section 4.3.1, figure 4.3",
                     "in most seeds",
                     spaced,
-                    spaced.low > 0.5,
-                    note=f"After {self.steps:,} decisions every threshold is within {SPACED:g} spacings of its ideal "
+                    note=f"After {self.steps:,} decisions, every threshold is within {SPACED:g} spacings of its ideal "
                     "place, and every gain is positive."
-                    + ("" if known is None else f" In the mean field that takes {_millions(known)}."),
+                    + ("" if known is None else f" In the mean field, this takes {_millions(known)}."),
                 )
             )
         for units in (units for units in sizes if units in SOON):
             at = int(values[f"soon {units}"])
             spaced = share_of(values[f"off soon {units}"] < SPACED)
             made.append(
-                Claim(
+                more_than_half(
                     f"{units} units are equally spaced by {at:,} decisions.",
                     f"the mean field: after {_millions(values[f'mean field {units}'])}",
                     "in most seeds",
                     spaced,
-                    spaced.low > 0.5,
                 )
             )
         for units in sizes:
@@ -126,9 +123,10 @@ class LinearPolicies(LinearStudy):
                     f"between {SOFT:g} and {HARD:g}",
                     gain,
                     gain.low > SOFT and gain.high < HARD,
-                    "by the spacing",
-                    f"The middle unit of each pool after {self.steps:,} decisions; {positive:.0%} of the pools "
-                    "have positive gains only. Gains still grow, ever more slowly.",
+                    "times the spacing",
+                    f"The median unit of each pool after {self.steps:,} decisions; {positive:.0%} of the "
+                    "pools have only "
+                    "positive gains. Gains keep growing, ever more slowly.",
                 )
             )
         return made
@@ -136,7 +134,7 @@ class LinearPolicies(LinearStudy):
 
 def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: float) -> np.ndarray:
     """Decisions until pools are equally spaced for good in the mean field, from gains of 0 and these thresholds,
-    `(pools, units)` to `(pools,)`; infinity where that takes more than ten million with the thesis's step size."""
+    `(pools, units)` to `(pools,)`; infinity if that takes more than ten million at the thesis's step size."""
     times = np.linspace(0, 1e7, 1001) * RATE / rate
     nodes, weights = np.polynomial.legendre.leggauss(64)
     loads = (task.low + (task.high - task.low) * (nodes + 1) / 2)[:, None]
@@ -144,11 +142,11 @@ def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: floa
     def off(start: np.ndarray) -> np.ndarray:
         pool = Motoneurons(start, np.zeros(task.units))
         way = mean_field(pool, loads, weights / 2, task.immediate, rate, times)
-        return off_place(np.asarray(way.threshold), np.asarray(way.gain), task)
+        return spacing_deviation(np.asarray(way.threshold), np.asarray(way.gain), task)
 
-    return spaced_from(times, np.stack([off(start) for start in thresholds]))
+    return equally_spaced_from(times, np.stack([off(start) for start in thresholds]))
 
 
 def _millions(times: np.ndarray) -> str:
-    """The mean of times, in words."""
-    return f"{times.mean() / 1e6:.3g} million decisions, the mean of {len(times)} starts"
+    """The mean time, in words."""
+    return f"{times.mean() / 1e6:.3g} million decisions (mean of {len(times)} starts)"

@@ -1,35 +1,30 @@
-"""Figure 4.4: how pools of several units get better at the linear mapping."""
+"""Figure 4.4: learning curves of pools for the linear mapping."""
 
-import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claim import LEVEL, Claim, mean_of, share_of
-from motorgrad.experiments._curves import final
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._linear_study import SPACED, LinearStudy, off_place, spaced_from
-from motorgrad.experiments.chapter_4._pools import least_error, parameters
+from motorgrad.experiments._claims import LEVEL, Claim, final, mean_of, more_than_half, negative, positive, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    SPACED,
+    LinearStudy,
+    equally_spaced_from,
+    least_error,
+    parameter_history,
+    spacing_deviation,
+)
 from motorgrad.tasks import LinearRecruitment
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-LAST = 0.1  # of learning: over which final errors are averaged
+LAST = 0.1  # share of learning, the last, over which final errors are averaged
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.4", "learning the linear mapping", "figure 4.4")
 class LinearPerformance(LinearStudy):
-    """The error of the force over learning, for pools of several units, as a part of the pool's full force; and how
-    many of the pools are equally spaced by then. The smallest pool learns in the ratio form too, which is slower.
-    """
-
-    name: ClassVar[str] = "fig-4.4"
-    title: ClassVar[str] = "learning the linear mapping"
-    source: ClassVar[str] = "figure 4.4"
+    """The error of the force during learning, relative to the pool's full force, for pools of several sizes; and the
+    share of pools that are equally spaced. The smallest pool also learns with the force as a ratio, which is slower."""
 
     def run(self, work: Workspace) -> Values:
         few = self.units[0]
@@ -40,13 +35,12 @@ class LinearPerformance(LinearStudy):
             run = self.trained(work, task)
             found["decision"], found[f"error {name}"] = run.curve("error")
             found[f"final {name}"] = final(run, "error", LAST)
-            found[f"off {name}"] = off_place(*parameters(run), task)
+            found[f"off {name}"] = spacing_deviation(*parameter_history(run), task)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8, 6), layout="constrained")
+        figure = new_figure(8, 6)
         error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
         numbers, decision = values["units"].tolist(), values["decision"] / 1e6
         curves = [(str(units), f"{units} units", f"C{row}", "-") for row, units in enumerate(numbers)]
@@ -60,7 +54,7 @@ class LinearPerformance(LinearStudy):
         for row, units in enumerate(numbers):
             least = least_error(self.task(units))
             error.axhline(least, color=f"C{row}", linestyle=":", linewidth=1)
-        error.set(ylabel="mean |error|, of the full force", ylim=(0, None), xlim=(0, decision[-1]))
+        error.set(ylabel="mean |error| / full force", ylim=(0, None), xlim=(0, decision[-1]))
         count = len(values[f"error {numbers[0]}"])
         error.set_title(
             f"mean of {count} seeds with its {LEVEL:.0%} interval; dotted: ideal thresholds, no noise",
@@ -77,50 +71,47 @@ class LinearPerformance(LinearStudy):
         for units in numbers:
             better = share_of(last[units] < values[f"error {units}"][:, 0])
             made.append(
-                Claim(
-                    f"Pools of {units} units get better by learning.",
+                more_than_half(
+                    f"Pools of {units} units improve by learning.",
                     "figure 4.4",
                     "in most seeds",
                     better,
-                    better.low > 0.5,
-                    note="The last tenth of learning against the first record.",
+                    note="The last tenth of learning compared with the first record.",
                 )
             )
         for few, many in pairwise(numbers):
             gain = mean_of(last[many] - last[few])
             made.append(
-                Claim(
-                    f"{many} units end nearer to the mapping than {few}.",
+                negative(
+                    f"{many} units approximate the mapping better than {few}.",
                     "figure 4.4, section 4.2",
                     "below 0",
                     gain,
-                    gain.high < 0,
-                    "of the full force, in mean |error|",
-                    f"Seed by seed, in the last tenth of {self.steps:,} decisions.",
+                    "of the full force: difference of mean |error|",
+                    f"Paired by seed, in the last tenth of {self.steps:,} decisions.",
                 )
             )
         for few, many in pairwise(numbers):
-            found = {units: spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
+            found = {units: equally_spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
             never = {units: int(np.isinf(times).sum()) for units, times in found.items()}
             times = {units: np.minimum(times, values["decision"][-1]) for units, times in found.items()}
             later = mean_of((times[many] - times[few]) / 1e6)
             made.append(
-                Claim(
-                    f"{many} units take longer than {few} until they are equally spaced.",
+                positive(
+                    f"{many} units take longer than {few} to become equally spaced.",
                     "figure 4.4",
                     "above 0",
                     later,
-                    later.low > 0,
                     "million decisions later",
-                    f"From when on every threshold is within {SPACED:g} spacings of its place at every record up to "
-                    f"the end. Of {later.count} pools each, {never[few]} and {never[many]} are not so; then all "
-                    f"{self.steps:,} decisions count.",
+                    f"The time after which every threshold stays within {SPACED:g} spacings of its ideal place. "
+                    f"{never[few]} and {never[many]} of {later.count} pools never get there, and count with all "
+                    f"{self.steps:,} decisions.",
                 )
             )
         return made
 
 
 def interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mean over the seeds, and half of its interval, at every record; of `(seeds, records)`."""
+    """Mean over the seeds, and half the width of its interval, at every record; of `(seeds, records)`."""
     measured = [mean_of(record) for record in values.T]
     return np.array([m.value for m in measured]), np.array([m.high - m.value for m in measured])

@@ -1,44 +1,34 @@
-"""Figure 4.5: the arm that lifts loads, and what its muscle can do at each angle."""
+"""Figure 4.5: the arm that lifts loads, and the capability of its muscle at each angle."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, compile_model
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, new_figure
 from motorgrad.sim import draw
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-NEAR = 5.0  # degrees: so near to 90° the greatest advantage should be
+NEAR = 5.0  # degrees: tolerance of the angle of greatest advantage
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.5", "the arm", "figure 4.5")
 class ArmBody(Experiment):
-    """The arm as it is simulated: hanging, half way, and at its stop. Below, how far muscle and load act from the elbow
-    at each angle, and which forces hold and throw the load.
+    """The simulated arm: hanging, half way, and at its stop. Below, moment arms of muscle and load about the elbow, and
+    the forces that hold and throw the load, at each angle.
 
     **Arguments:**
 
     - `load` (kg): in the hand.
     """
 
-    name: ClassVar[str] = "fig-4.5"
-    title: ClassVar[str] = "the arm"
-    source: ClassVar[str] = "figure 4.5"
-
     load: float = 8.0
 
     def __post_init__(self) -> None:
-        check(0 < self.load <= 20, "load", self.load, "above 0, up to 20 kg")
+        check(0 < self.load <= 20, "load", self.load, "above 0, at most 20 kg")
 
     @property
     def body(self) -> Arm:
@@ -46,7 +36,7 @@ class ArmBody(Experiment):
 
     def run(self, work: Workspace) -> Values:
         body, flexion = self.body, np.linspace(0.0, self.body.most_flexion, 281)
-        # from rest nothing is needed to hold the arm, nor to throw it no way at all
+        # at the hanging rest position no force is needed
         throw = np.concatenate([[0.0], np.asarray(body.throw(flexion[1:]))])
         return {
             "angle": 90 - np.rad2deg(flexion),
@@ -56,10 +46,9 @@ class ArmBody(Experiment):
             "throws": throw,
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure, body = Figure(figsize=(8, 4.9), layout="constrained"), self.body
+        figure, body = new_figure(8, 4.9), self.body
         grid = figure.add_gridspec(2, 6, height_ratios=[1.1, 1])
         for place, share in enumerate((0.0, 0.5, 1.0)):
             panel = figure.add_subplot(grid[0, 2 * place : 2 * place + 2])
@@ -88,26 +77,26 @@ class ArmBody(Experiment):
             Claim(
                 "The muscle's torque is always greater than zero.",
                 "section 4.3.2",
-                "its moment arm above 0 at every angle",
+                "moment arm above 0 at every angle",
                 exact(100 * arm.min()),
                 arm.min() > 0,
                 "cm, the least",
             ),
             Claim(
-                "The muscle's mechanical advantage is greatest when the joint is at a right angle.",
+                "The muscle's mechanical advantage is greatest at a right angle of the joint.",
                 "section 4.3.2",
-                f"at 90°, to {NEAR:g}°",
+                f"at 90° ± {NEAR:g}°",
                 exact(most),
                 abs(most - 90) <= NEAR,
                 "degrees",
-                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle whose ends are equally far "
+                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle attached at equal distances "
                 "from the joint has its greatest moment arm at full flexion; here it grows by "
-                f"{arm.max() / arm.min() - 1:.0%} from hanging to the stop.",
+                f"{arm.max() / arm.min() - 1:.0%} from the hanging position to the stop.",
             ),
         ]
 
 
-def _posture(axes: "Axes", body: Arm, flexion: float) -> None:
+def _posture(axes: Axes, body: Arm, flexion: float) -> None:
     length = body.bone_length
     axes.set(
         xlim=(-1.65 * length, 0.65 * length), ylim=(body.elbow_height - 1.4 * length, body.elbow_height + 0.4 * length)
@@ -118,8 +107,8 @@ def _posture(axes: "Axes", body: Arm, flexion: float) -> None:
     axes.set_axis_off()
 
 
-def _names(axes: "Axes", body: Arm) -> None:
-    """The parts by their names and numbers, where they are when the arm hangs."""
+def _names(axes: Axes, body: Arm) -> None:
+    """Labels of the parts, placed for the hanging arm."""
     length, top = body.bone_length, body.elbow_height
     for words, at, place, colour in (
         ("fixed in\na harness", (-length, top), (-1.38 * length, top - 0.4 * length), "0.2"),

@@ -1,52 +1,45 @@
-"""Figure 4.6: how high the arm lifts loads, by simulation and from the table."""
+"""Figure 4.6: the height to which the arm lifts loads, by simulation and from the table."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import lift, lift_table
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 CLOSE = ((0.0, 0.05, 1.5e-3), (0.05, 0.5, 5e-4), (0.5, 14.0, 3e-4))
-"""Of loads between two in kg: how far the table may be from a simulation, as a part of the full lift."""
-BORDER = (0.97, 1.02)  # of the force that just reaches the top: where the height has its kink
+"""(low, high, tolerance): allowed difference between table and simulation for loads in this range in kg, as a fraction
+of the full lift."""
+
+BORDER = (0.97, 1.02)  # relative to the force that just reaches the top, where the height has a kink
 LOADS = np.linspace(-2, 14, 321)  # kg
 LEVELS = np.linspace(0, 1, 101)
 SHOWN = tuple(0.1 * np.arange(1, 11))  # activations
 SAMPLED = tuple(np.arange(0.5, 14.1, 1.5))  # kg
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.6", "the height function", "figure 4.6")
 class HeightFunction(Experiment):
-    """The greatest height to which the arm lifts a load within 2 s from rest, over load and constant activation. Lines
-    are the table that learning uses, points simulations of their own.
+    """The greatest height to which the arm lifts a load within 2 s from rest, over load and constant activation. Lines:
+    the table used in learning. Points: independent simulations.
 
     **Arguments:**
 
-    - `points`: random loads and activations at which the table is held against simulation, in each of three ranges of
+    - `points`: random loads and activations at which the table is compared with simulation, in each of three ranges of
       the load; half of them near the border at which the load just reaches the top.
     - `seed`: of the random points.
     """
-
-    name: ClassVar[str] = "fig-4.6"
-    title: ClassVar[str] = "the height function"
-    source: ClassVar[str] = "figure 4.6"
 
     points: int = 200
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(1 <= self.points <= 100_000, "points", self.points, "in 1 … 100,000")
+        self.check_range(1, 100_000, "points")
 
     @classmethod
     def quick(cls) -> Self:
@@ -65,7 +58,7 @@ class HeightFunction(Experiment):
         }
 
     def drawn(self) -> tuple[np.ndarray, np.ndarray]:
-        """Random loads, the lighter the denser, and activations: both `(3, points)`, in the ranges of `CLOSE`."""
+        """Random loads, denser at light ones, and activations: both `(3, points)`, in the ranges of `CLOSE`."""
         generator, body = np.random.default_rng(self.seed), ArmRecruitment().body
         ends = np.sqrt([row[:2] for row in CLOSE])[:, :, None]
         loads = (ends[:, 0] + (ends[:, 1] - ends[:, 0]) * generator.random((len(CLOSE), self.points))) ** 2
@@ -75,13 +68,12 @@ class HeightFunction(Experiment):
         top = np.vectorize(lift_table(body).top_force)(loads)
         return loads, np.minimum(share * top / body.strength, 1.0)
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         from matplotlib import colormaps
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
-        from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(8, 3.9), layout="constrained")
+        figure = new_figure(8, 3.9)
         left, right = figure.subplots(1, 2, sharey=True)
         shades, full = colormaps["viridis"], ArmRecruitment().scale
         for row, active in enumerate(SHOWN):
@@ -125,7 +117,7 @@ class HeightFunction(Experiment):
             Claim(
                 "The height never falls with the activation.",
                 "figure 4.6",
-                "0 or more, per hundredth of the activation",
+                "at least 0, per hundredth of the activation",
                 exact(rising),
                 rising >= -rounding,
                 f"of {full:g}, the least rise",
@@ -133,16 +125,16 @@ class HeightFunction(Experiment):
             Claim(
                 "The height never rises with the load.",
                 "figure 4.6",
-                "0 or less, per 50 g",
+                "at most 0, per 50 g",
                 exact(falling),
                 falling <= rounding,
                 f"of {full:g}, the greatest rise",
             ),
             *(
                 Claim(
-                    f"The table that learning uses is the simulation's height: loads from {low:g} to {high:g} kg.",
+                    f"The table used in learning agrees with simulation: loads from {low:g} to {high:g} kg.",
                     "figure 4.6",
-                    f"to {close:g} of the full lift",
+                    f"within {close:g} of the full lift",
                     exact(found),
                     found <= close,
                     "of the full lift, the greatest difference",
@@ -155,11 +147,11 @@ class HeightFunction(Experiment):
 
 
 def height(load: np.ndarray, activation: np.ndarray) -> np.ndarray:
-    """The height from the table, with what is paid for no load; arrays that broadcast."""
+    """Height from the table, including its value without a load; arrays broadcast."""
     return np.asarray(ArmRecruitment().effect(jnp.asarray(load), jnp.asarray(activation)), float)
 
 
 def simulated(load: np.ndarray, activation: np.ndarray) -> np.ndarray:
-    """The height by simulation, of loads above 0; arrays that broadcast."""
+    """Height by simulation, for loads above 0; arrays broadcast."""
     task = ArmRecruitment()
     return task.scale * lift(task.body, load, task.body.strength * activation)

@@ -1,46 +1,35 @@
 """Figure 4.7: the reward of the arm, and the best activation."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.tasks import ArmRecruitment
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-CLOSE = 0.02  # of the full activation
+CLOSE = 0.02  # fraction of the full activation
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.7", "the reward surface", "figure 4.7")
 class RewardSurface(Experiment):
-    """The reward of every activation at every load, the height less four times the activation; and the activation that
-    is best at each load. The weakest one that takes the load to the top is best: below it the height falls steeply,
-    above it only the cost rises.
+    """The reward of every activation at every load (the height minus four times the activation), and the best
+    activation at each load. The weakest activation that lifts the load to the top is best: below it the height falls
+    steeply, above it only the cost rises.
 
     **Arguments:**
 
-    - `loads`: points of the grid over the loads.
-    - `activations`: points of the grid over the activations.
+    - `loads`: grid points over the loads.
+    - `activations`: grid points over the activations.
     """
-
-    name: ClassVar[str] = "fig-4.7"
-    title: ClassVar[str] = "the reward surface"
-    source: ClassVar[str] = "figure 4.7"
 
     loads: int = 321
     activations: int = 1001
 
     def __post_init__(self) -> None:
-        for name in ("loads", "activations"):
-            check(11 <= getattr(self, name) <= 10_001, name, getattr(self, name), "in 11 … 10,001")
+        self.check_range(11, 10_001, "loads", "activations")
 
     def run(self, work: Workspace) -> Values:
         task = ArmRecruitment()
@@ -48,10 +37,9 @@ class RewardSurface(Experiment):
         paid = rewards(task, loads, active)
         return {"load": loads, "activation": active, "reward": paid, "best": active[paid.argmax(0)]}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 4.6), layout="constrained")
+        figure = new_figure(7, 4.6)
         axes = figure.subplots()
         load, active = values["load"], values["activation"]
         mesh = axes.pcolormesh(load, active, values["reward"], cmap="viridis", shading="nearest", rasterized=True)
@@ -59,7 +47,7 @@ class RewardSurface(Experiment):
         axes.contour(load[some], active, values["reward"][:, some], range(0, 10, 2), colors="white", linewidths=0.5)
         axes.plot(load, values["best"], color="white", linewidth=3.5)
         axes.plot(load, values["best"], color="#c0392b", linewidth=1.8, label="best activation")
-        axes.set(xlabel="load (kg); below 0 there is none", ylabel="activation", ylim=(0, 1))
+        axes.set(xlabel="load (kg); none below 0", ylabel="activation", ylim=(0, 1))
         axes.legend(loc="lower right", labelcolor="white")
         figure.colorbar(mesh, ax=axes, label="reward", pad=0.01)
         return figure
@@ -69,26 +57,26 @@ class RewardSurface(Experiment):
         idle, full, falls = best[load <= 0].max(), best[-1], float(np.diff(best).min())
         return [
             Claim(
-                "With no load the best is to activate nothing.",
+                "Without a load, it is best to activate nothing.",
                 "section 4.3.2",
                 "0",
                 exact(idle),
                 idle == 0,
-                "the best activation, the greatest",
+                "is the greatest of the best activations",
             ),
             Claim(
                 "The best activation rises to 1 at the heaviest load.",
                 "figure 4.7",
-                f"1, to {CLOSE:g}",
+                f"1 ± {CLOSE:g}",
                 exact(full),
                 abs(full - 1) <= CLOSE,
                 f"at {load[-1]:g} kg",
-                "The muscle's strength is our choice, made so.",
+                "We chose the muscle's strength accordingly.",
             ),
             Claim(
-                "On the way it never falls.",
+                "The best activation never falls with the load.",
                 "figure 4.7",
-                "0 or more, from each load to the next",
+                "at least 0, from each load to the next",
                 exact(falls),
                 falls >= 0,
                 "the least rise",

@@ -1,52 +1,50 @@
-"""Figure 4.8: the policies that pools of several units learn on the arm."""
+"""Figure 4.8: the policies that pools learn on the arm."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_4._arm_policies_figure import draw_arm_policies
-from motorgrad.experiments.chapter_4._linear_study import check_units
-from motorgrad.experiments.chapter_4._pool_drawing import count_chances
-from motorgrad.experiments.chapter_4._pools import firing, numbers
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import (
+    IDEAL,
+    THRESHOLD,
+    check_units,
+    count_chances,
+    draw_pool,
+    draw_thresholds,
+    firing_probability,
+    thresholds_and_gains,
+)
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment
-from motorgrad.training import Run, settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.training import Run, agent_for
 
 GOOD = 0.9
-"""The part of the best possible reward that a pool should earn."""
+"""The fraction of the best possible reward that a pool should earn."""
+
 POINTS = 1601  # loads at which policies are judged
-SWEEPS = 6  # that are shown as samples
+SWEEPS = 6  # sweeps shown as samples
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.8", "learnt realistic policies", "figure 4.8")
 class ArmPolicies(Experiment):
-    """The policies that pools learn on the arm, from sweeps over the loads with a step at the end of each. Colour: the
+    """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each. Colour: the
     exact probability of each number of active units. Black: the expected number. Red: the thresholds. Dotted: the best
-    number at each load. On the right samples of the reward under the largest pool's policy. The pool in the middle of
-    all seeds is shown above, the thresholds of every seed below.
+    number at each load. Right: samples of the reward under the largest pool's policy. Above, the median pool; below,
+    the thresholds of every seed.
 
     **Arguments:**
 
-    - `units`: of the pools, each number once.
-    - `steps` (decisions): for which every pool learns; about 80 make a sweep.
-    - `seeds`: pools of each number of units.
+    - `units`: sizes of the pools, each once.
+    - `steps` (decisions): for which every pool learns; a sweep takes about 80.
+    - `seeds`: pools of each size.
     """
-
-    name: ClassVar[str] = "fig-4.8"
-    title: ClassVar[str] = "learnt realistic policies"
-    source: ClassVar[str] = "figure 4.8"
 
     units: tuple[int, ...] = (2, 3, 4)
     steps: int = 400_000
@@ -54,8 +52,8 @@ class ArmPolicies(Experiment):
 
     def __post_init__(self) -> None:
         check_units(self.units, 1)
-        check(200 <= self.steps <= 10**9, "steps", self.steps, "in 200 … 1,000,000,000 decisions")
-        check(1 <= self.seeds <= 10_000, "seeds", self.seeds, "in 1 … 10,000")
+        self.check_range(200, 10**9, "steps", unit=" decisions")
+        self.check_range(1, 10_000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -65,19 +63,19 @@ class ArmPolicies(Experiment):
         found: Values = {"units": np.array(self.units)}
         runs = {units: self._trained(work, units) for units in self.units}
         for units, run in runs.items():
-            found |= {f"{name} {units}": value for name, value in judged(self.task(units), run).items()}
+            found |= {f"{name} {units}": value for name, value in pool_rewards(self.task(units), run).items()}
         largest = max(self.units)
         shown = runs[largest].seeds[int(found[f"middle {largest}"])]
-        return found | sampled(self.task(largest), runs[largest].policy(shown))
+        return found | sampled_sweeps(self.task(largest), runs[largest].policy(shown))
 
     def task(self, units: int) -> ArmRecruitment:
         return ArmRecruitment(units=units)
 
     def _trained(self, work: Workspace, units: int) -> Run:
         task = self.task(units)
-        return work.train(task, settings_for(task), self.steps, self.seeds)
+        return work.train(task, agent_for(task), self.steps, self.seeds)
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_arm_policies(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -89,53 +87,54 @@ class ArmPolicies(Experiment):
                 Claim(
                     f"Pools of {units} units learn to lift the loads.",
                     "figure 4.8",
-                    f"{GOOD:g} or more",
+                    f"at least {GOOD:g}",
                     earned,
                     earned.low >= GOOD,
                     "of the best mean reward",
-                    f"The best number of units at each load would earn {best:.3f} on average, the pools "
+                    f"The best number of units at each load earns {best:.3f} on average, the pools earn "
                     f"{values[f'reward {units}'].mean():.3f}.",
                 )
             )
         for units in values["units"].tolist():
             graded = share_of((values[f"gain {units}"] > 0).all(1))
             made.append(
-                Claim(
+                more_than_half(
                     f"Pools of {units} units recruit: all their gains are positive.",
                     "figure 4.8",
                     "in most seeds",
                     graded,
-                    graded.low > 0.5,
-                    note="The others have a unit of negative gain, most often with a threshold beyond the loads: it "
-                    "fires at every load (the pathology of section 4.4).",
+                    note="The others have a unit of negative gain, mostly with a threshold beyond the loads, "
+                    "which fires at "
+                    "every load (the pathology of section 4.4).",
                 )
             )
         for units in values["units"].tolist():
-            shifts = early(values, units)
+            shifts = threshold_shifts(values, units)
             if len(shifts) < 2:
                 continue
             shift = mean_of(shifts)
             made.append(
                 Claim(
-                    f"The thresholds of {units} units do not sit exactly where the best number of units changes.",
+                    f"The thresholds of {units} units are not exactly where the best number of units changes.",
                     "section 4.3.2",
                     "not 0",
                     shift,
                     shift.low > 0 or shift.high < 0,
                     "kg above it",
-                    "Pools without a unit of negative gain, means over their units.",
+                    "Means over the units of pools without a unit of negative gain.",
                 )
             )
         return made
 
 
-def judged(task: ArmRecruitment, run: Run) -> Values:
+def pool_rewards(task: ArmRecruitment, run: Run) -> Values:
     """The pools of a run: thresholds, gains, and exact mean reward over loads spread evenly over the sweep, `reward`
-    (seeds,); beside it that of the best number of units at each load, `best`. `middle` is the seed in the middle."""
+    (seeds,); and `best`, the reward of the best number of units at each load. `middle` is the row of the median seed.
+    """
     loads, counts = np.linspace(task.low, task.high, POINTS), np.arange(task.units + 1)
     paid = rewards(task, loads, counts / task.units).T
-    threshold, gain = numbers(run.policies)
-    reward = (count_chances(firing(run.policies, loads)) * paid).sum(-1).mean(-1)
+    threshold, gain = thresholds_and_gains(run.policies)
+    reward = (count_chances(firing_probability(run.policies, loads)) * paid).sum(-1).mean(-1)
     return {
         "threshold": threshold,
         "gain": gain,
@@ -147,8 +146,8 @@ def judged(task: ArmRecruitment, run: Run) -> Values:
     }
 
 
-def sampled(task: ArmRecruitment, policy: Any) -> Values:
-    """Loads of some sweeps, how many units the policy activates, and what that pays, `(decisions,)` each."""
+def sampled_sweeps(task: ArmRecruitment, policy: Any) -> Values:
+    """Loads of some sweeps, the number of units that the policy activates, and the reward, `(decisions,)` each."""
     assert isinstance(policy, Motoneurons)
     drawn, world = np.random.default_rng(0).random((SWEEPS * 80, 1 + task.units)).astype(np.float32), task.dynamics
 
@@ -163,10 +162,62 @@ def sampled(task: ArmRecruitment, policy: Any) -> Values:
     return {"sample load": np.asarray(load), "sample count": np.asarray(count), "sample reward": np.asarray(paid)}
 
 
-def early(values: Values, units: int) -> np.ndarray:
-    """How far the thresholds are above the loads at which the best number of units changes, the mean of each pool that
-    has positive gains only, `(pools,)`, in kg."""
+def threshold_shifts(values: Values, units: int) -> np.ndarray:
+    """Distance of the thresholds above the loads at which the best number of units changes, averaged over each pool
+    that has only positive gains: `(pools,)`, in kg."""
     load, best = values[f"load {units}"], values[f"best count {units}"]
-    ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # of many units several may be worth it at once
+    ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # with many units, several may be added at one load
     good = (values[f"gain {units}"] > 0).all(1)
     return (np.sort(values[f"threshold {units}"][good], axis=1) - ideal).mean(1)
+
+
+def draw_arm_policies(values: Values) -> Figure:
+    """Above, the policies of the median pools, and samples; below, the results of every seed."""
+
+    counts = values["units"].tolist()
+    figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
+    panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
+    mesh: Any = None
+    for (policy, seeds), units in zip(panels.T, counts, strict=False):
+        load, best = values[f"load {units}"], values[f"best count {units}"]
+        thresholds, gains, reward = (values[f"{what} {units}"] for what in ("threshold", "gain", "reward"))
+        middle = int(values[f"middle {units}"])
+        mesh = draw_pool(policy, thresholds[middle], gains[middle], load)
+        policy.plot(load, best, color=IDEAL, linestyle=":", linewidth=1.6)
+        policy.set_title(f"{units} units")
+        for change in load[1:][np.diff(best) != 0]:
+            seeds.axvline(change, color=IDEAL, linestyle=":", linewidth=1)
+        draw_thresholds(seeds, thresholds, gains, (load[0], load[-1]), np.argsort(-reward, kind="stable"))
+        caught = np.sum((gains < 0).any(1))
+        seeds.set(xlabel="load (kg)")
+        seeds.set_title(f"a unit of negative gain: {caught} of {len(gains)}", fontsize=9)
+    panels[0, 0].set_ylabel("active units")
+    panels[1, 0].set_ylabel("thresholds, every seed")
+    _samples(figure, panels[0, -1], values, counts[-1])
+    _earned(panels[1, -1], values)
+    figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
+    return figure
+
+
+def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:
+    load, count, paid = (values[f"sample {what}"] for what in ("load", "count", "reward"))
+    # jitter, so that samples do not hide each other
+    moved = count + np.random.default_rng(1).uniform(-0.22, 0.22, len(count))
+    dots = axes.scatter(load, moved, c=paid, cmap="RdYlBu_r", s=9, edgecolors="0.4", linewidths=0.2)
+    axes.set(title=f"samples, {units} units", ylim=(-0.5, units + 0.5), yticks=range(units + 1))
+    axes.set(xlim=(values[f"load {units}"][0], values[f"load {units}"][-1]))
+    figure.colorbar(dots, ax=axes, label="reward", aspect=14, pad=0.02)
+
+
+def _earned(axes: Any, values: Values) -> None:
+    """The reward of every seed's pool relative to the best."""
+    counts = values["units"].tolist()
+    for row, units in enumerate(counts):
+        part = values[f"reward {units}"] / values[f"best {units}"]
+        good = (values[f"gain {units}"] > 0).all(1)
+        place = row + np.linspace(-0.25, 0.25, len(part))
+        axes.plot(100 * part[good], place[good], "o", color=THRESHOLD, markersize=3)
+        axes.plot(100 * part[~good], place[~good], "x", color="black", markersize=3.5)
+    axes.set(yticks=range(len(counts)), yticklabels=counts, ylabel="units", xlabel="reward (% of the best)")
+    axes.invert_yaxis()
+    axes.set_title("× a unit of negative gain", fontsize=9)

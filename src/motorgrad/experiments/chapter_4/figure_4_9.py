@@ -1,27 +1,21 @@
-"""Figure 4.9: how long undirected exploration waits for the reward at the end of a chain."""
+"""Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.worlds import FiniteMDP, chain
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 DRAWN = 6  # states in the thesis's drawing
-CLOSE = 0.1  # of a wait: so near to what is expected the whole interval must lie
-
-# what a wrong move does: (the chain's variant, whether episodes are cut after N − 1 decisions, the mean wait)
+CLOSE = 0.1  # the whole interval must lie within this relative distance of the expected wait
+# effect of a wrong move: (variant of the chain, whether episodes are cut after N − 1 decisions, mean wait)
 EXPLORERS = {
     "walk": ("walk", False, lambda n: n * (n - 1)),
     "reset": ("reset", False, lambda n: 2**n - 2),
@@ -34,11 +28,11 @@ WORDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-4.9", "waiting for a first reward", "figure 4.9")
 class ChainExploration(Experiment):
-    """How many steps random actions take to the reward at the end of a chain of states. Merely moving left or right the
-    wait grows like a square; it grows exponentially where a wrong move leads back to the start, or where episodes are
-    no longer than the shortest way.
+    """The number of steps that random actions take to the reward at the end of a chain of states. If a wrong move leads
+    one state back, it grows quadratically; it grows exponentially if a wrong move leads back to the start, or if
+    episodes are no longer than the shortest path.
 
     **Arguments:**
 
@@ -47,17 +41,13 @@ class ChainExploration(Experiment):
     - `seed`: of the walks.
     """
 
-    name: ClassVar[str] = "fig-4.9"
-    title: ClassVar[str] = "waiting for a first reward"
-    source: ClassVar[str] = "figure 4.9"
-
     longest: int = 12
     runs: int = 4000
     seed: int = 0
 
     def __post_init__(self) -> None:
         check(DRAWN <= self.longest <= 20, "longest", self.longest, f"in {DRAWN} … 20 states")
-        check(2 <= self.runs <= 10**6, "runs", self.runs, "in 2 … 1,000,000")
+        self.check_range(2, 10**6, "runs")
 
     @classmethod
     def quick(cls) -> Self:
@@ -72,21 +62,18 @@ class ChainExploration(Experiment):
         return found
 
     def _waits(self, length: int, variant: str, cut: bool) -> np.ndarray:
-        return first_rewards(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
+        return first_reward_times(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(7, 5.6), layout="constrained")
+        figure = new_figure(7, 5.6)
         drawing, axes = figure.subplots(2, 1, height_ratios=[1, 3.2])
         _chain(drawing)
         length = values["length"]
         for colour, (name, (_, _, formula)) in zip(("C0", "C1", "C2"), EXPLORERS.items(), strict=True):
             axes.plot(length, [formula(int(n)) for n in length], color=colour, linewidth=1, alpha=0.6)
             means = [mean_of(waits) for waits in values[name]]
-            error = [[m.value - m.low for m in means], [m.high - m.value for m in means]]
-            centre = [m.value for m in means]
-            axes.errorbar(length, centre, error, fmt="o", markersize=4, color=colour, label=WORDS[name])
+            draw_intervals(axes, length, means, fmt="o", markersize=4, color=colour, label=WORDS[name])
         axes.set(yscale="log", xlabel="states $N$", ylabel="steps until the first reward")
         axes.set_title(
             f"points: mean of {values['walk'].shape[1]:,} walks, 95 % interval; lines: exact", fontsize=9, color="0.4"
@@ -98,40 +85,40 @@ class ChainExploration(Experiment):
         row = int(np.flatnonzero(values["length"] == DRAWN)[0])
         made = []
         for name, statement in (
-            ("walk", "A walk that merely moves left or right takes N(N − 1) steps to the reward, here 30"),
-            ("reset", "Where a wrong move leads back to the start it takes 2^N − 2, here 62"),
-            ("cut", "In episodes of N − 1 decisions it takes (N − 1) 2^(N − 1), here 160"),
+            ("walk", "A walk that moves left or right takes N(N − 1) steps to the reward, here 30"),
+            ("reset", "If a wrong move leads back to the start, it takes 2^N − 2 steps, here 62"),
+            ("cut", "In episodes of N − 1 decisions, it takes (N − 1) 2^(N − 1) steps, here 160"),
         ):
             expected, waits = EXPLORERS[name][2](DRAWN), mean_of(values[name][row])
             holds = abs(waits.low / expected - 1) < CLOSE and abs(waits.high / expected - 1) < CLOSE
-            made.append(Claim(f"{statement}.", "figure 4.9", f"{expected}, to {CLOSE:.0%}", waits, holds, "steps"))
-        for name, words in (("walk", "as drawn"), ("reset", "with a wrong move back to the start")):
+            made.append(Claim(f"{statement}.", "figure 4.9", f"{expected} ± {CLOSE:.0%}", waits, holds, "steps"))
+        for name, words in (("walk", "as drawn"), ("reset", "if a wrong move leads back to the start")):
             growth = doublings(values[name])
             made.append(
                 Claim(
                     f"Undirected exploration takes exponentially many steps ({words}).",
                     "figure 4.9",
-                    "the wait doubles with every state: 0.9 doublings at least",
+                    "the wait doubles with every state: at least 0.9 doublings",
                     growth,
                     growth.low >= 0.9,
                     "doublings with the last state",
-                    "" if name == "reset" else "The wait of the chain as drawn grows like a square.",
+                    "" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
                 )
             )
         return made
 
 
 def doublings(waits: np.ndarray) -> Measured:
-    """By how many doublings the mean wait grows with the last state; `(lengths, runs)` waits, split into ten groups for
-    the interval."""
+    """The number of doublings of the mean wait with the last state. `(lengths, runs)` waits are split into ten groups
+    for the interval."""
     groups = np.array_split(waits, min(10, waits.shape[1] // 2), axis=1)
     return mean_of([np.log2(group[-1].mean() / group[-2].mean()) for group in groups])
 
 
-def first_rewards(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None) -> np.ndarray:
-    """Steps to a first positive reward by uniformly random actions from the start, `(runs,)`.
+def first_reward_times(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None) -> np.ndarray:
+    """Steps to the first positive reward under uniformly random actions from the start, `(runs,)`.
 
-    **Arguments:** the MDP; how many walks; `seed`; `limit`, decisions after which an episode is cut and begun anew.
+    **Arguments:** the MDP; the number of walks; `seed`; `limit`, decisions after which an episode is cut and restarted.
     """
     move, pay = jax.vmap(mdp.step), jax.vmap(mdp.reward)
     start = jnp.full(runs, mdp.start, jnp.int32)
@@ -154,8 +141,8 @@ def first_rewards(mdp: FiniteMDP, runs: int, seed: int, limit: int | None = None
     return np.asarray(jax.jit(lambda: jax.lax.while_loop(going, step, begin)[1])())
 
 
-def _chain(axes: "Axes") -> None:
-    """The chain itself, as the thesis draws it."""
+def _chain(axes: Axes) -> None:
+    """The chain as the thesis draws it."""
     from matplotlib.patches import Circle, FancyArrowPatch
 
     for state in range(DRAWN):
@@ -163,7 +150,7 @@ def _chain(axes: "Axes") -> None:
         axes.add_patch(Circle((state, 0), 0.22, facecolor="#2e8b5733" if last else "white", edgecolor="0.3"))
         axes.text(state, 0, "r = 1" if last else "", ha="center", va="center", fontsize=8)
         if not last:
-            # from the rewarded state either action leads back to the start
+            # from the rewarded state, either action leads back to the start
             for way, colour in ((1, "C2"), (-1, "0.55"))[: 1 if state == DRAWN - 2 else 2]:
                 ends = ((state + 0.5 - way * 0.26, 0.1 * way), (state + 0.5 + way * 0.26, 0.1 * way))
                 bend = f"arc3,rad={-0.35}"

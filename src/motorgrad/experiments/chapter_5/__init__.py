@@ -1,1 +1,1 @@
-"""Chapter 5: muscles and the hopper."""
+"""Chapter 5: muscles and the hopper; the hexapod and its extensions have folders of their own."""

@@ -1,53 +1,44 @@
-"""Figure 5.1: a flexor and an extensor at several angles of the joint, their lengths and moment arms."""
+"""Figure 5.1: a flexor and an extensor at several joint angles, their lengths and moment arms."""
 
 # pyright: reportAttributeAccessIssue=false
-# (the bindings of mujoco carry no types)
+# (the bindings of mujoco have no types)
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import (
-    Hopper,
-    away_angle,
-    compile_model,
-    tension,
-    wrapped_length,
-    wrapped_rate,
-    wrapping_angle,
+from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import (
+    EXTENSOR,
+    FLEXOR,
+    Axes,
+    Figure,
+    bend,
+    draw_bones,
+    draw_path,
+    flat_path,
+    new_figure,
 )
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._joint_drawing import bend, draw_bones, draw_path, flat_path
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_posture import posture
+from motorgrad.experiments.chapter_5._hopper_study import posture
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-# name: (whether it passes behind the joint, its colour)
+# name: (whether it passes behind the joint, colour)
 MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.1", "flexor and extensor", "figure 5.1")
 class MusclePair(Experiment):
-    """A flexor and an extensor of the hopper's knee, drawn at several angles: straight, or wrapped around the joint's
-    capsule. Below, their lengths and moment arms over the knee's range, by the closed formula and as MuJoCo has them.
+    """A flexor and an extensor of the hopper's knee at several angles: straight, or wrapped around the joint's capsule.
+    Below, their lengths and moment arms over the knee's range, by the closed formula and in MuJoCo.
 
     **Arguments:**
 
     - `angles` (degrees): of the knee, at which the muscles are drawn.
-    - `points`: angles at which MuJoCo is asked.
+    - `points`: number of angles evaluated in MuJoCo.
     """
-
-    name: ClassVar[str] = "fig-5.1"
-    title: ClassVar[str] = "flexor and extensor"
-    source: ClassVar[str] = "figure 5.1"
 
     angles: tuple[float, ...] = (50.0, 90.0, 148.0)
     points: int = 221
@@ -56,7 +47,7 @@ class MusclePair(Experiment):
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
             check(10 <= angle <= 175, "angles", angle, "in 10 … 175 degrees")
-        check(3 <= self.points <= 100_000, "points", self.points, "in 3 … 100,000")
+        self.check_range(3, 100_000, "points")
 
     @classmethod
     def quick(cls) -> Self:
@@ -67,10 +58,9 @@ class MusclePair(Experiment):
         degrees = np.linspace(*body.knee_range, self.points)
         return {"angle": degrees, **_simulated(body, np.radians(degrees)), **_computed(body, np.radians(degrees))}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 6.6), layout="constrained")
+        figure = new_figure(9, 6.6)
         halves: Any = figure.subfigures(2, 1, height_ratios=[1.15, 1])
         above, below = halves
         panels = above.subplots(1, len(self.angles), sharex=True, sharey=True, squeeze=False)[0]
@@ -104,50 +94,51 @@ class MusclePair(Experiment):
         flexing, extending = float(slopes["flexor"].min()), -float(slopes["extensor"].max())
         return (
             Claim(
-                "A flexor shortens as it decreases the angle between the bones, over the whole range.",
+                "A flexor shortens as the angle between the bones decreases, over the whole range.",
                 "section 5.1.1",
-                "more than 0 at every angle",
+                "above 0 at every angle",
                 exact(flexing),
                 flexing > 0,
                 "mm per degree, the least",
             ),
             Claim(
-                "Its extensor lengthens meanwhile: the two always oppose each other.",
+                "The extensor lengthens at the same time: the two always oppose each other.",
                 "section 5.1.1",
-                "more than 0 at every angle",
+                "above 0 at every angle",
                 exact(extending),
                 extending > 0,
                 "mm per degree, the least",
             ),
             Claim(
-                "A path is straight, and wraps around the joint only when it is highly extended (the flexor).",
+                "A path is straight, and wraps around the joint only if the joint is highly extended (flexor).",
                 "section 5.1.1",
-                f"wraps from an angle between {range_[0]:.0f}° and {range_[1]:.0f}° upwards",
+                f"wraps above an angle between {range_[0]:.0f}° and {range_[1]:.0f}°",
                 exact(begins),
                 range_[0] < begins < range_[1],
                 "degrees",
-                "The extensor, fixed to the middle of the bones, wraps at every angle of this knee.",
+                "The extensor, attached at the middle of the bones, wraps at every angle of this knee.",
             ),
             Claim(
-                "The length in simulation is that of appendix A.2.",
+                "The simulated length is that of appendix A.2.",
                 "appendix A.2",
-                "0, to the precision of the machine: at most 1e-12",
+                "0 within machine precision: at most 1e-12",
                 exact(off),
                 off <= 1e-12,
                 "m, the greatest difference",
             ),
             Claim(
-                "So is its rate, and with it the moment arm.",
+                "So is its rate, and thus the moment arm.",
                 "appendix A.2",
-                "0, to the precision of the machine: at most 1e-11",
+                "0 within machine precision: at most 1e-11",
                 exact(hurried),
                 hurried <= 1e-11,
                 "m, the greatest difference",
             ),
             Claim(
-                "An active muscle at rest pulls with f_max exp(−2 d²) in simulation, d its normalised length.",
+                "In simulation, an active muscle at rest pulls with f_max exp(−2 d²), where d is its "
+                "normalised length.",
                 "section 5.1.2",
-                "0, to the precision of the machine: at most 1e-9",
+                "0 within machine precision: at most 1e-9",
                 exact(forced),
                 forced <= 1e-9,
                 "N, the greatest difference",
@@ -167,7 +158,7 @@ def _simulated(body: Hopper, interior: np.ndarray) -> Values:
     found = []
     for angle in interior:
         data.qpos[:] = posture(body, angle)
-        # knees that open by 1 rad/s: then the rate of a length is its derivative
+        # the knees open at 1 rad/s, so that the rate of a length is its derivative
         data.qvel[:] = (0.0, -0.5, 1.0, -0.5, -0.5, 1.0)
         mujoco.mj_forward(model, data)
         found.append((data.ten_length[rows], np.abs(data.ten_velocity[rows]), -data.actuator_force[pulls]))
@@ -180,7 +171,7 @@ def _simulated(body: Hopper, interior: np.ndarray) -> Values:
 
 
 def _computed(body: Hopper, interior: np.ndarray) -> Values:
-    """The same by the closed formula and the law, and the knee angle in degrees from which the flexor wraps."""
+    """The same by the closed formula and the force law, and the knee angle in degrees above which the flexor wraps."""
     shape = (body.attachment_distance, body.attachment_distance, body.capsule_radius)
     own = {muscle.group: muscle for muscle in reversed(body.muscles)}
     found: Values = {"wraps": np.degrees(away_angle(wrapping_angle(*shape), behind=False))}
@@ -193,7 +184,7 @@ def _computed(body: Hopper, interior: np.ndarray) -> Values:
     return found
 
 
-def _joint(axes: "Axes", body: Hopper, interior: float) -> None:
+def _joint(axes: Axes, body: Hopper, interior: float) -> None:
     """Both muscles around a joint at the origin that opens to the right."""
     from matplotlib.patches import Arc
 

@@ -1,42 +1,29 @@
 """Figure 5.2: the hopper, drawn from its model and labelled."""
 
-import dataclasses
-from typing import TYPE_CHECKING, ClassVar
-
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._joint_drawing import flat_path
-from motorgrad.experiments._style import EXTENSOR, FLEXOR
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_posture import posture
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
+from motorgrad.experiments.chapter_5._hopper_study import posture
 from motorgrad.sim import draw
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = {"flexor": FLEXOR, "extensor": EXTENSOR}
 SENSOR, SIZE = "#2e8b57", "0.35"
-REACH = 1.7  # link lengths from the middle of a panel to its sides
+REACH = 1.7  # half the width of a panel, in link lengths
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.2", "the hopper", "figure 5.2")
 class HopperBody(Experiment):
-    """The hopper: four links in a closed loop under a load that slides on an upright harness, with a foot, and at each
-    knee a flexor in front and an extensor behind. What is observed is written in green.
+    """The hopper: four links in a closed loop under a load that slides on a vertical harness, with a foot, and with a
+    flexor in front of and an extensor behind each knee. Observations are labelled in green.
 
     **Arguments:**
 
-    - `angle` (degrees): of the knees, as drawn large.
-    - `others` (degrees): angles of the knees, as drawn beside it.
+    - `angle` (degrees): of the knees in the large drawing.
+    - `others` (degrees): angles of the knees in the small ones.
     """
-
-    name: ClassVar[str] = "fig-5.2"
-    title: ClassVar[str] = "the hopper"
-    source: ClassVar[str] = "figure 5.2"
 
     angle: float = 100.0
     others: tuple[float, float] = (50.0, 145.0)
@@ -48,10 +35,9 @@ class HopperBody(Experiment):
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        body, figure = Hopper(), Figure(figsize=(9.5, 5.6), layout="constrained")
+        body, figure = Hopper(), new_figure(9.5, 5.6)
         panels = figure.subplot_mosaic([["large", "first"], ["large", "second"]], width_ratios=[2.05, 1])
         _hopper(panels["large"], body, self.angle)
         _labels(panels["large"], body, np.radians(self.angle))
@@ -61,14 +47,14 @@ class HopperBody(Experiment):
         return figure
 
 
-def _hopper(axes: "Axes", body: Hopper, degrees: float) -> None:
+def _hopper(axes: Axes, body: Hopper, degrees: float) -> None:
     """The body at rest on the ground, each muscle in the colour of its group."""
     reach = REACH * body.link_length
     axes.set(xlim=(-reach, reach), ylim=(-0.2 * body.link_length, 2.75 * body.link_length), aspect="equal")
     silent = np.zeros(len(body.muscles))
-    # seen through a little, because an opaque muscle has a dark rim
+    # slightly transparent, because an opaque muscle has a dark rim
     drawing = draw(axes, compile_model(body), posture(body, np.radians(degrees)), silent, alpha=0.99)
-    # drawn anew with their arcs, where MuJoCo's paths have only the two points at which these end
+    # drawn again with their arcs: MuJoCo's paths have only the end points of an arc
     drawing.muscles.set_visible(False)
     load, knee, foot = _joints(body, np.radians(degrees))
     for mirror in (-1, 1):
@@ -83,14 +69,14 @@ def _hopper(axes: "Axes", body: Hopper, degrees: float) -> None:
 
 
 def _joints(body: Hopper, interior: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where the load, the right knee and the ankle are, `(2,)` each, in the body's plane."""
+    """Positions of the load, the right knee and the ankle in the body's plane, `(2,)` each."""
     across, up = body.link_length * np.cos(interior / 2), body.link_length * np.sin(interior / 2)
     ankle = np.array([0.0, 2 * body.foot_size[2]])
     return ankle + np.array([0.0, 2 * up]), ankle + np.array([across, up]), ankle
 
 
-def _labels(axes: "Axes", body: Hopper, interior: float) -> None:
-    """Names and numbers beside the parts, from the body's own fields."""
+def _labels(axes: Axes, body: Hopper, interior: float) -> None:
+    """Names and numbers of the parts, from the body's own fields."""
     from matplotlib.patches import Arc
 
     link, half, radius, grip = body.link_length, interior / 2, body.capsule_radius, body.attachment_distance
@@ -110,7 +96,7 @@ def _labels(axes: "Axes", body: Hopper, interior: float) -> None:
             zorder=8,
         )
 
-    label("harness: an upright slide", np.array([0.0, 2.6 * link]), (0.25 * link, 2.6 * link))
+    label("harness: a vertical slide", np.array([0.0, 2.6 * link]), (0.25 * link, 2.6 * link))
     label(f"load, {body.load_mass:g} kg", load, (0.5 * link, load[1] + 0.25 * link))
     thigh = knee + 0.72 * (load - knee)
     label(f"four links, {link:g} m, {body.link_mass:g} kg each", thigh * (-1, 1), (-0.5 * link, load[1] + 0.1 * link))
@@ -134,8 +120,8 @@ def _labels(axes: "Axes", body: Hopper, interior: float) -> None:
     label("knee angle\nand its rate", seen, (knee[0] + 0.42 * link, knee[1] - 0.42 * link), SENSOR)
 
 
-def _dimension(axes: "Axes", start: np.ndarray, stop: np.ndarray, offset: np.ndarray, words: str) -> None:
-    """A length between two points, written aside."""
+def _dimension(axes: Axes, start: np.ndarray, stop: np.ndarray, offset: np.ndarray, words: str) -> None:
+    """A labelled distance between two points, drawn beside them."""
     ends = [tuple(point + offset) for point in (start, stop)]
     axes.annotate("", ends[0], ends[1], arrowprops={"arrowstyle": "<->", "color": SIZE, "linewidth": 0.9}, zorder=7)
     for point, end in zip((start, stop), ends, strict=True):

@@ -1,52 +1,40 @@
-"""Figure 5.5: the signs of the learnt weights, over many seeds, as arrows from the sensors to the muscles."""
+"""Figure 5.5: signs of the learnt weights over many seeds, as arrows from sensors to muscles."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, Measured, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, more_than_half, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SENSORS = ("foot contact", "knee angle", "knee velocity", "bias")
 MUSCLES = ("flexor", "extensor")
 POSITIVE, NEGATIVE, CHANCE = "#c0392b", "#2c5fa8", "0.5"
-
-# where things stand: sensors on the left, from above, and muscles on the right
+# positions: sensors on the left, from the top, and muscles on the right
 HEIGHTS, TARGETS = (3.0, 2.0, 1.0, 0.0), (2.4, 0.6)
 LEFT, RIGHT = 0.0, 4.2
 SENSOR, MUSCLE = (1.5, 0.56), (1.25, 0.7)
-# how far along its arrow each label stands, so that none lies on another arrow
+# position of each label along its arrow, chosen so that none lies on another arrow
 ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.5", "the policy that hoppers learn", "figure 5.5")
 class HopperWeights(HopperStudy):
-    """The signs of the weights that hoppers have learnt, from each sensor to the probability of each muscle's firing.
-    An arrow's colour is the sign that most seeds have, its width the median size of the weight, and its label says in
-    how many seeds it has this sign; the sign of a hollow arrow could be chance.
-    """
-
-    name: ClassVar[str] = "fig-5.5"
-    title: ClassVar[str] = "the policy that hoppers learn"
-    source: ClassVar[str] = "figure 5.5"
+    """Signs of the weights that hoppers have learnt, from each sensor to the firing probability of each muscle. The
+    colour of an arrow is the sign that most seeds have, its width the median size of the weight, and its label the
+    number of seeds with this sign; for a hollow arrow, the sign could be chance."""
 
     def run(self, work: Workspace) -> Values:
         policies: Any = self.trained(work).policies
         return {"weights": np.concatenate([policies.weights, policies.bias[:, :, None]], axis=2)}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
         weights = values["weights"]
-        figure = Figure(figsize=(8, 5.2), layout="constrained")
+        figure = new_figure(8, 5.2)
         axes = figure.subplots()
         size = np.median(np.abs(weights), axis=0)
         for sensor, height in enumerate(HEIGHTS):
@@ -77,19 +65,17 @@ class HopperWeights(HopperStudy):
         weights = values["weights"]
         extends, inhibits = share_of(weights[:, 1, 0] > 0), share_of(weights[:, 0, 0] < 0)
         made = [
-            Claim(
+            more_than_half(
                 "Foot contact makes the extensor fire: its weight is positive.",
                 "figures 5.4, 5.5",
                 "in every run (8 of 8 in an independent model): in most runs",
                 extends,
-                extends.low > 0.5,
             ),
-            Claim(
+            more_than_half(
                 "Foot contact inhibits the flexor: its weight is negative.",
                 "figures 5.4, 5.5",
                 "in every run (7 of 8 in an independent model): in most runs",
                 inhibits,
-                inhibits.low > 0.5,
             ),
         ]
         for sensor in (1, 2):
@@ -97,7 +83,7 @@ class HopperWeights(HopperStudy):
                 share, sign = common(weights[:, unit, sensor])
                 made.append(
                     Claim(
-                        f"Learning comes to the same sign of the weight from {SENSORS[sensor]} to {muscle}.",
+                        f"Learning finds the same sign of the weight from {SENSORS[sensor]} to {muscle} in every run.",
                         "section 5.2.2",
                         "the same in every run: more than chance, for all four jointly",
                         share,
@@ -108,39 +94,37 @@ class HopperWeights(HopperStudy):
         signs = np.sign(weights[:, :, :3])
         whole = share_of((signs == np.sign(np.median(weights[:, :, :3], axis=0))).all(axis=(1, 2)))
         made.append(
-            Claim(
-                "Learning comes to the same signs of all six weights between sensors and muscles.",
+            more_than_half(
+                "Learning finds the same signs of all six weights between sensors and muscles in every run.",
                 "section 5.2.2",
                 "the same in every run: in most runs",
                 whole,
-                whole.low > 0.5,
             )
         )
         return made
 
 
 def common(weights: np.ndarray) -> tuple[Measured, int]:
-    """The share of seeds that have the sign which most of them have, and that sign."""
+    """The share of seeds that have the most common sign, and that sign."""
     sign = 1 if np.sum(weights > 0) >= np.sum(weights < 0) else -1
     return share_of(sign * weights > 0), sign
 
 
 def beyond_chance(share: Measured, tests: int) -> bool:
-    """Whether so many signs agree as random ones would in less than 5 % of cases, for one of `tests` claims or more.
-
-    Which sign is the common one is seen afterwards, so the test is two-sided."""
+    """Whether so many signs agree that chance has less than 5 % for any of `tests` claims (Bonferroni). The test is
+    two-sided, because the common sign is determined afterwards."""
     from scipy import stats
 
     return bool(stats.binomtest(round(share.value * share.count), share.count).pvalue < 0.05 / tests)
 
 
-def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
+def _arrow(axes: Axes, start: float, end: float, weights: np.ndarray, size: float, along: float) -> None:
     from matplotlib.patches import FancyArrow
 
     share, sign = common(weights)
     sure = share.low > 0.5
     colour = (POSITIVE if sign > 0 else NEGATIVE) if sure else CHANCE
-    # arrows into one muscle end a little apart, in the order in which they come
+    # arrows into one muscle end slightly apart, in order of their origins
     (x, y), (u, v) = (
         (LEFT + SENSOR[0] / 2 - 0.1, start),
         (RIGHT - MUSCLE[0] / 2 - 0.04, end + 0.2 * (start - 1.5) / 1.5),
@@ -167,7 +151,7 @@ def _arrow(axes: "Axes", start: float, end: float, weights: np.ndarray, size: fl
 
 
 def _node(
-    axes: "Axes", place: tuple[float, float], size: tuple[float, float], words: str, colour: str, dashed: bool = False
+    axes: Axes, place: tuple[float, float], size: tuple[float, float], words: str, colour: str, dashed: bool = False
 ) -> None:
     from matplotlib.patches import FancyBboxPatch
 

@@ -1,50 +1,48 @@
 """Section 5.2.2: the trade-off in the choice of the action period."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check, choice
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5._hopper_study import HIGH, SMOOTH, Paid, check_practice, practice, seconds_to
-from motorgrad.experiments.chapter_5._period_drawing import draw_periods
+from motorgrad.experiments._claims import Claim, mean_of, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments.chapter_5._hopper_study import (
+    HIGH,
+    SMOOTH,
+    Paid,
+    check_practice,
+    practice_heights,
+    time_to_height,
+)
 from motorgrad.tasks import Hopper
-from motorgrad.training import settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.training import agent_for
 
 THESIS = 0.01  # s
 PARTS = (0.1, 0.25, 0.5, 1.0)
-"""Of the practice, after which heights are looked at."""
+"""Fractions of the practice after which heights are evaluated."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.2.2", "the action period", "section 5.2.2")
 class ActionPeriod(Experiment):
-    """Hoppers that decide at different periods practise for the same simulated time: how high they hop, and how soon.
-    A short period makes learning slow, because many decisions in a row must agree on a jump; with a long one the
-    muscles cannot answer in time to what the body does.
+    """Hoppers with different action periods practise for the same simulated time: how high they hop, and how soon. A
+    short period makes learning slow, because many consecutive decisions must agree on a jump; with a long one, the
+    muscles cannot respond in time to the body.
 
     **Arguments:**
 
-    - `periods` (simulated s): from one decision to the next, at least three, rising.
+    - `periods` (simulated s): time between decisions, at least three, rising.
     - `seconds` (simulated s): length of every hopper's practice.
-    - `seeds`: hoppers that practise at each period, at least 2.
-    - `paid`: when the task pays for a hop: at its first `"apex"`, or at its `"landing"`.
+    - `seeds`: hoppers with each period, at least 2.
+    - `paid`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
     - `decay`: of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
-    - `constant`: what stays the same when the period changes. With `"decision"` all numbers do, and so the decay of the
-      trace and the penalty of a muscle per decision; with `"second"` their effect per second does, and 10 ms has the
-      numbers given.
+    - `constant`: what stays the same across periods. With `"decision"`, all numbers do, including the decay of the
+      trace and the penalty of a muscle per decision; with `"second"`, their effect per second does, and 10 ms has the
+      given numbers.
     """
-
-    name: ClassVar[str] = "sec-5.2.2"
-    title: ClassVar[str] = "the action period"
-    source: ClassVar[str] = "section 5.2.2"
 
     periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
     seconds: float = 1500.0
@@ -56,8 +54,7 @@ class ActionPeriod(Experiment):
 
     def __post_init__(self) -> None:
         choice("constant", self.constant, ("decision", "second"))
-        rising = len(self.periods) >= 3 and bool(np.all(np.diff(self.periods) > 0))
-        check(rising, "periods", self.periods, "at least three, rising")
+        check(rising(self.periods, 3), "periods", self.periods, "at least three, rising")
         for period in self.periods:
             self.task(period)
             check_practice(self.seconds, self.seeds, 10 * period)
@@ -68,11 +65,11 @@ class ActionPeriod(Experiment):
         return cls(periods=(0.005, 0.02, 0.08), seconds=6.0, seeds=2)
 
     def task(self, period: float) -> Hopper:
-        """The task at an action period."""
+        """The task with this action period."""
         return Hopper(paid=self.paid, action_period=period, penalty=Hopper.penalty * self._ratio(period))
 
     def _ratio(self, period: float) -> float:
-        """How much longer than the thesis's the period is, where that counts."""
+        """The period relative to the thesis's, if numbers are constant per second."""
         return period / THESIS if self.constant == "second" else 1.0
 
     def run(self, work: Workspace) -> Values:
@@ -88,14 +85,14 @@ class ActionPeriod(Experiment):
 
     def _practise(self, work: Workspace, period: float) -> Values:
         task = self.task(period)
-        settings = settings_for(task, decay=self.decay ** self._ratio(period), rate=self.rate)
+        settings = agent_for(task, decay=self.decay ** self._ratio(period), learning_rate=self.rate)
         run = work.train(task, settings, round(self.seconds / period), self.seeds)
-        time, heights = practice(run)
-        # the last record that had ended by then; rounding may put the very last just beyond
+        time, heights = practice_heights(run)
+        # the last record that had ended by then; rounding may put the very last one just beyond
         ended = np.searchsorted(time, self.seconds * np.array(PARTS) + period, side="right") - 1
-        return {"height": heights[:, np.maximum(ended, 0)], "passed": seconds_to(HIGH, time, heights)}
+        return {"height": heights[:, np.maximum(ended, 0)], "passed": time_to_height(HIGH, time, heights)}
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_periods(values, THESIS)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -105,39 +102,34 @@ class ActionPeriod(Experiment):
         slower = mean_of(behind_best(-values["passed"], 0))
         low, late = (mean_of(behind_best(final, end)) for end in (0, -1))
         short, long = f"{periods[0]:g} ms", f"{periods[-1]:g} ms"
-        chosen = (
-            "For each seed the best is the one that is best for the other seeds, so that choosing it favours nothing."
-        )
+        chosen = "For each seed, the best period is that of the other seeds, so that selection introduces no bias."
         numbers = {
-            "decision": "All other numbers stay the same, the decay and the penalty per decision.",
-            "second": "The decay and the penalty are the same per second.",
+            "decision": "All other numbers are constant: decay and penalty per decision.",
+            "second": "Decay and penalty are constant per second.",
         }[self.constant]
         return (
-            Claim(
-                f"A short action period makes learning slow: at {short} hops pass {HIGH} m later than at the best.",
+            positive(
+                f"A short action period makes learning slow: at {short}, hops pass {HIGH} m later than at the best.",
                 self.source,
-                "more than 0",
+                "above 0",
                 slower,
-                slower.low > 0,
                 "s of practice later",
-                f"The soonest is {soonest:g} ms; none can be before {SMOOTH:g} s. A seed that never does counts as all "
-                f"the practice. {chosen} {numbers}",
+                f"The soonest is {soonest:g} ms; nothing counts before {SMOOTH:g} s. A seed that never passes counts "
+                f"with the whole practice. {chosen} {numbers}",
             ),
-            Claim(
-                f"After the same practice hoppers that decide every {short} hop lower than at the best period.",
+            positive(
+                f"After the same practice, hoppers that decide every {short} hop lower than at the best period.",
                 self.source,
-                "more than 0",
+                "above 0",
                 low,
-                low.low > 0,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
             ),
-            Claim(
-                f"Too long a period cannot respond quickly enough: at {long} hops are lower than at the best.",
+            positive(
+                f"With too long a period, muscles cannot respond in time: at {long}, hops are lower than at the best.",
                 self.source,
-                "more than 0",
+                "above 0",
                 late,
-                late.low > 0,
                 "m lower",
                 f"The best is {best:g} ms. {numbers}",
             ),
@@ -145,7 +137,7 @@ class ActionPeriod(Experiment):
 
 
 def behind_best(values: np.ndarray, end: int) -> np.ndarray:
-    """By how much each seed does worse at one end of the periods than at the best of those between, `(seeds,)`.
+    """Deficit of each seed at one end of the periods relative to the best of those between, `(seeds,)`.
 
     **Arguments:** `(periods, seeds)`, greater is better; the row of the end. A seed's best period is chosen by the mean
     of the other seeds.
@@ -154,3 +146,52 @@ def behind_best(values: np.ndarray, end: int) -> np.ndarray:
     others = between.sum(axis=1, keepdims=True) - between
     best = np.argmax(others, axis=0)
     return between[best, np.arange(values.shape[1])] - values[end]
+
+
+def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
+    """Heights after several amounts of practice (left) and practice until hopping (right), with one period marked."""
+    from matplotlib import colormaps
+
+    figure = new_figure(9.5, 4.2)
+    heights, times = figure.subplots(1, 2)
+    period, practice = 1000 * values["period"], values["practice"]
+    shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
+    for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
+        look = {"marker": "o", "markersize": 4}
+        draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
+    heights.set(ylabel="height of hops (m)", ylim=(0, None))
+    heights.legend(title="after practice of", fontsize=9)
+    passed = values["passed"]
+    spread = np.exp(np.linspace(-0.08, 0.08, passed.shape[1]))
+    times.plot(period[:, None] * spread, passed, "o", color="0.6", markersize=3.5, markeredgewidth=0)
+    times.plot(period, np.median(passed, axis=1), "o-", color=shades[-1], markersize=5, label="median")
+    times.plot([], [], "o", color="0.6", markersize=3.5, label="one seed")
+    if passed.max() > 0.98 * practice[-1]:
+        times.axhline(practice[-1], color="0.7", linewidth=1, linestyle="--")
+        times.text(
+            period[-1], practice[-1], "not within the practice", ha="right", va="bottom", color="0.45", fontsize=9
+        )
+    times.set(yscale="log", ylabel=f"practice until hops pass {HIGH} m,\nin means over {SMOOTH:g} s (s)")
+    times.legend()
+    for axes in (heights, times):
+        _periods(axes, period, 1000 * marked)
+    return figure
+
+
+def _periods(axes: Axes, period: np.ndarray, marked: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xticks(period, [f"{one:g}" for one in period])
+    axes.xaxis.minorticks_off()
+    axes.set_xlabel("action period (ms)")
+    if period[0] <= marked <= period[-1]:
+        axes.axvline(marked, color="0.8", linewidth=1, zorder=0)
+        axes.text(
+            marked,
+            1.0,
+            "thesis",
+            transform=axes.get_xaxis_transform(),
+            fontsize=8,
+            color="0.5",
+            va="bottom",
+            ha="center",
+        )

@@ -1,1 +1,1 @@
-"""Chapter 6: local policies of a fixed size; in `growing`, those that grow; in `further`, what section 6.5.4 adds."""
+"""Chapter 6: local policies; growing ones in `section_6_4`, combinations and applications in `section_6_5`."""

@@ -1,43 +1,35 @@
-"""Section 6.2: the natural step of each local unit, beside the plain gradient."""
+"""Beyond section 6.2: the natural step of each local unit, compared with the plain gradient."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, mean_of, median_of
-from motorgrad.experiments._curves import moving_mean
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late
-from motorgrad.experiments.chapter_6.section_6_3_noise import SMOOTH, reached
+from motorgrad.experiments._claims import Claim, above, below, mean_of, median_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late_reward
+from motorgrad.experiments.chapter_6.section_6_3_noise import SMOOTH, decisions_to
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+NATURAL: dict[str, Any] = {"metric": {"kind": "fisher", "rate": 1e-3, "damping": 0.1}, "learning_rate": 1e-3}
+"""The best of ten settings in the layout R3, by final reward over 24 other seeds."""
 
-NATURAL: dict[str, Any] = {"metric": "fisher", "metric_rate": 1e-3, "damping": 0.1, "rate": 1e-3}
-"""The best of ten in the layout R3, by the reward at the end, for 24 other seeds."""
 KINDS = {"plain": "plain gradient", "natural": "natural step of each unit"}
-SHARE = 0.95  # of the plain learner's final reward, until which decisions are counted
+SHARE = 0.95  # decisions are counted until this fraction of the plain learner's final reward
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("beyond-6.2-natural", "local units by the natural step", "beyond section 6.2")
 class NaturalStep(LayoutStudy):
-    """Local units learn R1 and R2 by the natural gradient, which divides the step of each unit by its Fisher matrix,
-    and by the plain one. Rate and damping were chosen in another layout, R3, where the plain gradient does best at the
-    thesis's rates.
+    """Local units learn R1 and R2 by the natural gradient, which preconditions the step of each unit by the inverse of
+    its Fisher matrix, and by the plain gradient. Rate and damping were chosen in another layout, R3, in which the plain
+    gradient does best at the thesis's rates.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
     """
-
-    name: ClassVar[str] = "beyond-6.2-natural"
-    title: ClassVar[str] = "local units by the natural step"
-    source: ClassVar[str] = "beyond section 6.2"
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
@@ -45,21 +37,17 @@ class NaturalStep(LayoutStudy):
             for name, changes in (("plain", {}), ("natural", NATURAL)):
                 run = self.learnt(work, layout, **changes)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
-                found[f"{layout} {name} late"] = late(run)
+                found[f"{layout} {name} late"] = late_reward(run)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 3.6), layout="constrained")
+        figure = new_figure(9, 3.6)
         smooth = min(SMOOTH, len(values["decision"]))
-        thousand = values["decision"][smooth - 1 :] / 1000
+        thousand = values["decision"] / 1000
         for axes, layout in zip(figure.subplots(1, len(self.layouts), squeeze=False)[0], self.layouts, strict=True):
             for colour, (name, label) in zip(("C1", "C0"), KINDS.items(), strict=True):
-                curve = moving_mean(values[f"{layout} {name}"], smooth)
-                low, high = np.percentile(curve, [25, 75], axis=0)
-                axes.fill_between(thousand, low, high, color=colour, alpha=0.2, linewidth=0)
-                axes.plot(thousand, np.median(curve, axis=0), color=colour, label=label)
+                draw_band(axes, thousand, values[f"{layout} {name}"], colour, label, records=smooth)
             axes.axhline(SHARE * values[f"{layout} plain late"].mean(), color="0.6", linewidth=0.8, linestyle="--")
             axes.set(title=layout, xlabel="thousand decisions")
         figure.axes[0].set_ylabel("reward per decision")
@@ -70,29 +58,31 @@ class NaturalStep(LayoutStudy):
         made = []
         for layout in self.layouts:
             aim = SHARE * values[f"{layout} plain late"].mean()
-            times = {name: reached(values["decision"], values[f"{layout} {name}"], aim) for name in KINDS}
+            times = {name: decisions_to(values["decision"], values[f"{layout} {name}"], aim) for name in KINDS}
             ratio = median_of(times["natural"] / np.median(times["plain"]))
             better = mean_of(values[f"{layout} natural late"] - values[f"{layout} plain late"])
             never = {name: int((each == values["decision"][-1]).sum()) for name, each in times.items()}
             made += [
-                Claim(
+                below(
+                    1,
                     f"The natural step takes fewer decisions ({layout}).",
                     "our own expectation",
-                    f"until {SHARE:.0%} of the mean reward that the plain gradient comes to, by its median: below 1 "
-                    "with the interval",
+                    f"decisions to {SHARE:.0%} of the plain gradient's final mean reward, relative to its median: the "
+                    "whole interval below 1",
                     ratio,
-                    ratio.high < 1,
                     "of the decisions",
                     f"Medians {np.median(times['natural']):,.0f} and {np.median(times['plain']):,.0f}; never: "
-                    f"{never['natural']} and {never['plain']} of {len(times['plain'])}; these count with all.",
+                    f"{never['natural']} and {never['plain']} of {len(times['plain'])}, which count with all "
+                    "decisions.",
                 ),
-                Claim(
-                    f"It comes as far or farther ({layout}).",
+                above(
+                    -0.005,
+                    f"It reaches at least the same reward ({layout}).",
                     "our own expectation",
-                    "reward in the last 200 of 2,000 episodes, less that of the plain gradient: above −0.005 with the "
-                    "interval",
+                    "reward in the last 200 of 2,000 episodes minus that of the plain gradient: the whole "
+                    "interval above "
+                    "−0.005",
                     better,
-                    better.low > -0.005,
                     "per decision",
                     f"{values[f'{layout} natural late'].mean():.4f} and {values[f'{layout} plain late'].mean():.4f}.",
                 ),

@@ -1,35 +1,27 @@
 """Figure 6.1: a global and a local unit."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claim import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.policies import Hyperplanes, LocalGaussians, Policy
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 CELLS = 81
-REACH = 3.0  # of the inputs drawn, to either side
-FAR = 1_000.0  # from the origin, in units of the inputs
+REACH = 3.0  # range of the inputs drawn, to either side
+FAR = 1_000.0  # distance from the origin, in units of the inputs
 LEVEL = 0.01
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.1", "global and local approximators", "figure 6.1")
 class Approximators(Experiment):
-    """The probability with which a hyperplane unit and a Gaussian unit fire, over two inputs: the one divides all of
-    the plane in two, the other acts in one place."""
-
-    name: ClassVar[str] = "fig-6.1"
-    title: ClassVar[str] = "global and local approximators"
-    source: ClassVar[str] = "figure 6.1"
+    """Firing probability of a hyperplane unit and of a Gaussian unit over two inputs: the one divides the whole plane
+    in two, the other acts in one place."""
 
     def run(self, work: Workspace) -> Values:
         del work
@@ -43,10 +35,9 @@ class Approximators(Experiment):
             found[f"{name} far"] = _fires(unit, circle)
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 4.4), layout="constrained")
+        figure = new_figure(9, 4.4)
         x, y = np.meshgrid(values["side"], values["side"])
         titles = {"global": "global: a hyperplane", "local": "local: an axis-aligned Gaussian"}
         for column, (name, title) in enumerate(titles.items(), 1):
@@ -66,16 +57,16 @@ class Approximators(Experiment):
         away = float(values["local far"].max())
         return [
             Claim(
-                "A global unit responds however far it is from what it has seen.",
+                "A global unit responds at any distance from what it has seen.",
                 "section 6.1",
-                f"share of directions in which it fires more often than not, {FAR:g} away: one half, to 0.01",
+                f"share of directions in which it fires with more than one half at a distance of {FAR:g}: 0.5 ± 0.01",
                 exact(half),
                 abs(half - 0.5) <= 0.01,
             ),
             Claim(
-                "A local unit responds in a neighbourhood only.",
+                "A local unit responds only in a neighbourhood.",
                 "section 6.1",
-                f"greatest probability of firing {FAR:g} away: below {LEVEL:g}",
+                f"greatest firing probability at a distance of {FAR:g}: below {LEVEL:g}",
                 exact(away),
                 away < LEVEL,
             ),

@@ -1,32 +1,27 @@
-"""Figure 6.2: how predictors of the dynamics divide the space of inputs, and with it a simple decision."""
+"""Figure 6.2: predictors of the dynamics partition the input space, and with it a simple decision."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, above, exact, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, new_figure
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-SPEED = 1.0  # towards where it looks, in units of distance a second
+SPEED = 1.0  # forwards, in units of distance per second
 NEAR, DISTANT = 0.25, 2.0  # distances
 ROUNDS = 60  # of fitting
-FITTED = 40  # places along each side by which predictors are fitted, or a few more
+FITTED = 40  # approximate number of places along each side to which predictors are fitted
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.2", "input space partitioning", "figure 6.2")
 class Partition(Experiment):
-    """A target is seen at a distance and a bearing by something that moves straight ahead. Where each of some
-    predictors of what will be seen next is the best one is its region. The decision to brake at a certain distance, a
-    horizontal line, is cut by these regions: by constant predictors of the change, as in the thesis, and by linear ones
-    that were fitted, each to where it is the best.
+    """An agent that moves straight ahead sees a target at a distance and a bearing. Each of several predictors of the
+    next observation owns the region in which it is the best. The decision to brake at a certain distance, a horizontal
+    line, is cut by these regions: with constant predictors of the change, as in the thesis, and with linear ones, each
+    fitted to the region in which it is the best.
 
     **Arguments:**
 
@@ -36,20 +31,16 @@ class Partition(Experiment):
     - `fits`: of linear predictors, each from another random start.
     """
 
-    name: ClassVar[str] = "fig-6.2"
-    title: ClassVar[str] = "input space partitioning"
-    source: ClassVar[str] = "figure 6.2"
-
     predictors: int = 8
     brake: float = 0.6
     cells: int = 161
     fits: int = 24
 
     def __post_init__(self) -> None:
-        check(2 <= self.predictors <= 100, "predictors", self.predictors, "in 2 … 100")
+        self.check_range(2, 100, "predictors")
         check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"in {NEAR:g} … {DISTANT:g}")
-        check(20 <= self.cells <= 2_000, "cells", self.cells, "in 20 … 2,000")
-        check(2 <= self.fits <= 10_000, "fits", self.fits, "in 2 … 10,000")
+        self.check_range(20, 2_000, "cells")
+        self.check_range(2, 10_000, "fits")
 
     @classmethod
     def quick(cls) -> Self:
@@ -61,14 +52,14 @@ class Partition(Experiment):
         places = np.stack(np.meshgrid(bearing, distance), axis=-1)
         changes = change(places)
         constant = np.linspace(-np.pi / 2, np.pi / 2, self.predictors)
-        # the change of distance is predicted alike by all, so it favours none
+        # all predict the same change of distance, which favours none
         best = np.abs(changes[..., :1] - constant).argmin(-1)
         fitted = work.part("fitted", lambda: {"best": self._fitted(places, changes)})["best"]
         return {"bearing": bearing, "distance": distance, "change": changes, "constant": best, "linear": fitted}
 
     def _fitted(self, places: np.ndarray, changes: np.ndarray) -> np.ndarray:
-        """Which linear predictor is the best at each place, `(fits, rows, columns)`."""
-        # a part of the grid is enough to fit by
+        """The best linear predictor at each place, `(fits, rows, columns)`."""
+        # part of the grid is enough for fitting
         step = max(1, self.cells // FITTED)
         some, moved = (grid[::step, ::step].reshape(-1, 2) for grid in (places, changes))
         fits = [fit(some, moved, self.predictors, seed) for seed in range(self.fits)]
@@ -78,10 +69,9 @@ class Partition(Experiment):
     def _boundary(self, values: Values) -> int:
         return int(np.abs(values["distance"] - self.brake).argmin())
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9.4, 4.2), layout="constrained")
+        figure = new_figure(9.4, 4.2)
         row = self._boundary(values)
         kinds = (
             (values["constant"], f"{self.predictors} constant predictors of the change"),
@@ -90,7 +80,7 @@ class Partition(Experiment):
         for axes, (best, title) in zip(figure.subplots(1, 2, sharey=True), kinds, strict=True):
             _draw(axes, values, best)
             axes.axhline(self.brake, color="#c8452f", linewidth=2.2, linestyle="--")
-            axes.set(title=f"{title}: the line in {len(parts(best[row]))} parts", xlabel="bearing (rad)")
+            axes.set(title=f"{title}: line in {len(parts(best[row]))} parts", xlabel="bearing (rad)")
             axes.title.set_fontsize(10)
         figure.axes[0].set_ylabel("distance")
         return figure
@@ -102,17 +92,17 @@ class Partition(Experiment):
         used = [len(np.unique(best)) for best in values["linear"]]
         return [
             Claim(
-                f"{count} predictors cut a boundary that ignores the bearing into {count} parts (constant changes).",
+                f"{count} constant predictors cut a boundary that does not depend on the bearing into {count} parts.",
                 "figure 6.2",
-                f"stretches of the line with the same best predictor: {count}",
+                f"segments of the line with the same best predictor: {count}",
                 exact(cut),
                 cut == count,
                 "parts",
             ),
             Claim(
-                f"So do {count} linear predictors, each fitted where it is the best.",
+                f"So do {count} linear predictors, each fitted to the region in which it is the best.",
                 "figure 6.2",
-                f"stretches of the line, mean over fits from random starts: {count} within the interval",
+                f"segments of the line, mean over fits from random starts: interval contains {count}",
                 fitted,
                 fitted.low <= count <= fitted.high,
                 "parts",
@@ -120,26 +110,26 @@ class Partition(Experiment):
                 f"{max(len(parts(best[row])) for best in values['linear'])}; {np.mean(used):.1f} predictors are the "
                 "best somewhere.",
             ),
-            Claim(
-                "A decision that is simple is split: more than one predictor has a part in it.",
+            above(
+                1,
+                "A simple decision is split: more than one predictor takes part in it.",
                 "section 6.1.2",
-                "stretches of the line by fitted predictors: more than 1 with the interval",
+                "segments of the line with fitted predictors: the whole interval above 1",
                 fitted,
-                fitted.low > 1,
                 "parts",
             ),
         ]
 
 
 def change(places: np.ndarray) -> np.ndarray:
-    """By how much bearing and distance change in a second, `(…, 2)` as the places."""
+    """Change of bearing and distance per second, `(…, 2)` as the places."""
     bearing, distance = places[..., 0], places[..., 1]
     return np.stack([SPEED * np.sin(bearing) / distance, -SPEED * np.cos(bearing)], axis=-1)
 
 
 def fit(places: np.ndarray, changes: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """Linear predictors of the changes, `(count, 3, 2)`: each is fitted by least squares where it is the best, over and
-    over, from random regions (those nearest to random places)."""
+    """Linear predictors of the changes, `(count, 3, 2)`: each is repeatedly fitted by least squares to the region in
+    which it is the best, from random regions (those nearest to random places)."""
     rng = np.random.default_rng(seed)
     inputs, scale = _affine(places), changes.std(0)
     centres = places[rng.choice(len(places), count, replace=False)]
@@ -159,17 +149,17 @@ def fit(places: np.ndarray, changes: np.ndarray, count: int, seed: int) -> np.nd
 
 
 def _affine(places: np.ndarray) -> np.ndarray:
-    """What linear predictors see: bearing, distance, 1."""
+    """Inputs of linear predictors: bearing, distance, 1."""
     return np.concatenate([places, np.ones((*places.shape[:-1], 1))], axis=-1)
 
 
 def parts(best: np.ndarray) -> np.ndarray:
-    """The predictors of the stretches of a line, one after the other."""
+    """The predictors of the consecutive segments of a line."""
     return best[np.concatenate([[True], best[1:] != best[:-1]])]
 
 
-def _draw(axes: "Axes", values: Values, best: np.ndarray) -> None:
-    """Regions, their borders, and the dynamics of what is seen."""
+def _draw(axes: Axes, values: Values, best: np.ndarray) -> None:
+    """Regions, their borders, and the dynamics of the observation."""
     bearing, distance = values["bearing"], values["distance"]
     axes.pcolormesh(bearing, distance, best, cmap="tab20", alpha=0.35, rasterized=True, shading="nearest")
     for one in np.unique(best):

@@ -1,35 +1,31 @@
-"""Figure 6.4: the tiled policy before learning, and where it takes the particle."""
+"""Figure 6.4: the tiled policy before learning, and the particle's paths under it."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, exact, mean_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import gaussians
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleStart
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 LENGTH = 24.5  # decisions in an episode, in an independent model
 FALL = 2.0  # seconds
 GRAVITY, DRAG = 0.25, 1.0
 SHOVES = {"none": (0.0, 0.0), "left": (-0.4, 0.0)}
-"""What all units do, where it is compared with the policy."""
+"""Force of all units, for comparison with the policy."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.4", "the initial tiled policy", "figure 6.4")
 class InitialPolicy(Experiment):
-    """Eight local units in four places, of which one pushes to the left and one to the right, before they have learnt:
-    paths of the falling particle, and how often it is where.
+    """Eight local units in four places, at each of which one pushes left and one right, before learning: paths of the
+    falling particle, and its stationary distribution.
 
     **Arguments:**
 
@@ -38,17 +34,13 @@ class InitialPolicy(Experiment):
     - `seed`: of the episodes.
     """
 
-    name: ClassVar[str] = "fig-6.4"
-    title: ClassVar[str] = "the initial tiled policy"
-    source: ClassVar[str] = "figure 6.4"
-
     episodes: int = 15_000
     drawn: int = 12
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(10 <= self.episodes <= 10**6, "episodes", self.episodes, "in 10 … 1,000,000")
-        check(1 <= self.drawn <= 1_000, "drawn", self.drawn, "in 1 … 1,000 episodes")
+        self.check_range(10, 10**6, "episodes")
+        self.check_range(1, 1_000, "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:
@@ -78,10 +70,9 @@ class InitialPolicy(Experiment):
         """Decisions in each episode."""
         return np.array([len(path) - 1 for path in trajectories(task, policy, self.episodes, self.seed)])
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 4.6), layout="constrained")
+        figure = new_figure(9, 4.6)
         policy, stationary = figure.subplots(1, 2)
         draw_regions(policy, ())
         draw_paths(policy, np.split(values["paths"], values["ends"][:-1]))
@@ -101,38 +92,37 @@ class InitialPolicy(Experiment):
             Claim(
                 "An episode takes about 24.5 decisions.",
                 "an independent model of section 6.3",
-                f"{LENGTH}, to 0.25 with the interval",
+                f"interval within {LENGTH} ± 0.25",
                 length,
                 length.low >= LENGTH - 0.25 and length.high <= LENGTH + 0.25,
                 "decisions",
             ),
             Claim(
-                "How long an episode is does not depend on the actions.",
+                "The length of an episode does not depend on the actions.",
                 "section 6.3",
-                "as long where nothing pushes as where all push to one side, from the same starts: difference within "
-                "0.25 with the interval",
+                "no force minus all units pushing to one side, from the same starts: interval within ±0.25",
                 away,
                 away.low >= -0.25 and away.high <= 0.25,
                 "decisions",
-                f"Pressed against a wall the particle is held back by friction. Without pushes "
-                f"{values['lengths none'].mean():.2f} decisions, all to the left {values['lengths left'].mean():.2f}, "
-                f"the tiled policy {length.value:.2f}.",
+                f"Against a wall, the particle is slowed by friction. Decisions without force "
+                f"{values['lengths none'].mean():.2f}, all to the left {values['lengths left'].mean():.2f}, tiled "
+                f"policy {length.value:.2f}.",
             ),
             Claim(
                 f"In free fall for {FALL:g} s the particle drops by g/k (t − (1 − exp(−kt))/k) = {drop:.6f}.",
                 "appendix A.3, with the step inside the stages",
-                f"{drop:.6f}, to 1e-6",
+                f"{drop:.6f} ± 1e-6",
                 exact(float(values["drop"])),
                 abs(values["drop"] - drop) < 1e-6,
                 "of the box",
-                "The stages as printed, without the step, would give 0.318765.",
+                "The stages as printed, without the step, would yield 0.318765.",
             ),
             Claim(
-                "The stationary distribution is as symmetric as policy and starts are.",
+                "The stationary distribution is symmetric, as policy and starts are.",
                 "figure 6.4",
-                "distance in total variation from its mirror image below 0.05",
+                "total variation distance from its mirror image below 0.05",
                 exact(mirrored),
                 mirrored < 0.05,
-                note="A sample: with more episodes the distance shrinks.",
+                note="From samples: the distance shrinks with more episodes.",
             ),
         ]

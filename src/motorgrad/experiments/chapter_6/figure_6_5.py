@@ -1,25 +1,23 @@
-"""Figure 6.5: local policies learnt in two layouts of rewards, and where they take the particle."""
+"""Figure 6.5: local policies learnt in two layouts of rewards, and the particle's paths under them."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, Measured, mean_of, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, Measured, mean_of, more_than_half, positive, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     FORGETTING,
     LAYOUTS,
     LocalStudy,
+    frozen_reward,
     gaussians,
-    judged,
-    late,
-    middle,
-    one,
+    late_reward,
+    median_row,
     outside,
+    policy_at,
     visited,
 )
 from motorgrad.policies import activity
@@ -27,33 +25,26 @@ from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, 
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-JUNK = 0.05  # expected firings in an episode, below which a unit takes no part
-ONE_SIDED = 0.1  # of the time more on one side than on the other
-# mean reward of an independent model, over 20 seeds: untrained; after 2,000 episodes, with its deviation over seeds
+JUNK = 0.05  # expected firings per episode, below which a unit takes no part
+ONE_SIDED = 0.1  # difference of the shares of time on the two sides
+# mean reward of an independent model over 20 seeds: untrained; after 2,000 episodes, with its deviation
 INDEPENDENT = {"R1": (-0.001, 0.283, 0.024), "R2": (0.123, 0.329, 0.008)}
 SAMPLE = 20
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.5", "local policy learning", "figure 6.5")
 class LocalPolicies(LocalStudy):
-    """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of a typical seed, some
-    of its paths, and its stationary distribution.
+    """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of the median seed,
+    some of its paths, and its stationary distribution.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners of each layout.
-    - `episodes`: of the typical seed, over which its share of time in each place is sampled.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `seeds`: learners in each layout.
+    - `episodes`: of the median seed, over which the share of time in each place is sampled.
     - `looks` (episodes): of every seed, over which the activity of its units is averaged.
     - `drawn` (episodes): paths in each picture.
     """
-
-    name: ClassVar[str] = "fig-6.5"
-    title: ClassVar[str] = "local policy learning"
-    source: ClassVar[str] = "figure 6.5"
 
     episodes: int = 15_000
     looks: int = 200
@@ -61,8 +52,7 @@ class LocalPolicies(LocalStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("episodes", "looks", "drawn"):
-            check(1 <= getattr(self, name) <= 10**6, name, getattr(self, name), "in 1 … 1,000,000 episodes")
+        self.check_range(1, 10**6, "episodes", "looks", "drawn", unit=" episodes")
 
     @classmethod
     def quick(cls) -> Self:
@@ -72,16 +62,16 @@ class LocalPolicies(LocalStudy):
         found: Values = {}
         for layout in LAYOUTS:
             task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
-            reward = late(run)
+            reward = late_reward(run)
             found |= {
                 f"{layout} late": reward,
-                f"{layout} late forgetting": late(self.learnt(work, layout, **FORGETTING)),
-                f"{layout} untrained": judged(work, task, run.initial, min(self.decisions, 5_000)),
+                f"{layout} late forgetting": late_reward(self.learnt(work, layout, **FORGETTING)),
+                f"{layout} untrained": frozen_reward(work, task, run.initial, min(self.decisions, 5_000)),
                 f"{layout} decision": run.curve()[0],
                 f"{layout} reward": run.curve()[1],
             }
             work.say(f"{layout}: {self.episodes:,} episodes")
-            shown = self._shown(task, run, middle(reward))
+            shown = self._shown(task, run, median_row(reward))
             found |= {f"{layout} {name}": value for name, value in (shown | self._units(task, run)).items()}
         return found
 
@@ -90,7 +80,7 @@ class LocalPolicies(LocalStudy):
 
     def _shown(self, task: FallingParticle, run: Run, row: int) -> Values:
         """Paths and stationary distribution of one seed."""
-        policy = one(run.policies, row)
+        policy = policy_at(run.policies, row)
         paths = trajectories(task, policy, self.drawn)
         return {
             "row": np.array(row),
@@ -100,8 +90,8 @@ class LocalPolicies(LocalStudy):
         }
 
     def _units(self, task: FallingParticle, run: Run) -> Values:
-        """Of every seed: its units, how often each fires in an episode, and the share of time left of the middle."""
-        policies = [one(run.policies, row) for row in range(self.seeds)]
+        """For every seed: its units, their firings per episode, and the share of time left of the middle."""
+        policies = [policy_at(run.policies, row) for row in range(self.seeds)]
         seen = [visited(task, policy, self.looks) for policy in policies]
         firing = [
             np.asarray(activity(policy, at)) * len(at) / self.looks for policy, at in zip(policies, seen, strict=True)
@@ -113,10 +103,9 @@ class LocalPolicies(LocalStudy):
             "left": np.array([(at[:, 0] < 0.5).mean() for at in seen]),
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(8.4, 8.6), layout="constrained")
+        figure = new_figure(8.4, 8.6)
         for axes, layout in zip(figure.subplots(2, 2), LAYOUTS, strict=True):
             task, row = FallingParticle(layout=layout), int(values[f"{layout} row"])  # type: ignore[arg-type]
             draw_regions(axes[0], task.places)
@@ -125,7 +114,7 @@ class LocalPolicies(LocalStudy):
             draw_units(axes[0], policy, task.dynamics.forces)
             reward = values[f"{layout} late"]
             axes[0].set_title(
-                f"{layout}: seed {row}, {reward[row]:.3f} a decision (mean of {len(reward)}: {reward.mean():.3f})",
+                f"{layout}: seed {row}, {reward[row]:.3f} per decision (mean of {len(reward)}: {reward.mean():.3f})",
                 fontsize=9.5,
             )
             draw_occupancy(axes[1], values[f"{layout} occupancy"])
@@ -135,26 +124,25 @@ class LocalPolicies(LocalStudy):
     def claims(self, values: Values) -> Sequence[Claim]:
         made = []
         for layout, (before, after, deviation) in INDEPENDENT.items():
-            late, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
-            gained = mean_of(late - values[f"{layout} untrained"])
+            late_reward, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
+            gained = mean_of(late_reward - values[f"{layout} untrained"])
             made += [
-                Claim(
+                positive(
                     f"Local units learn {layout}.",
                     "section 6.3.1",
-                    "more reward in the last 200 of 2,000 episodes than before learning: difference above 0",
+                    "reward in the last 200 of 2,000 episodes minus that before learning: above 0",
                     gained,
-                    gained.low > 0,
                     "per decision",
                 ),
                 Claim(
-                    f"Before learning {layout} pays {before:g}.",
+                    f"Before learning, the reward in {layout} is {before:g}.",
                     "an independent model of section 6.3",
-                    f"{before:g}, to 0.005 with the interval",
+                    f"interval within {before:g} ± 0.005",
                     untrained,
                     abs(untrained.low - before) < 0.005 and abs(untrained.high - before) < 0.005,
                     "per decision",
                 ),
-                _as_far(layout, late, after, deviation, ""),
+                _as_far(layout, late_reward, after, deviation, ""),
                 _as_far(layout, values[f"{layout} late forgetting"], after, deviation, " with a baseline that forgets"),
             ]
         return [*made, *self._about_units(values)]
@@ -166,46 +154,43 @@ class LocalPolicies(LocalStudy):
         most = "in most seeds"
         sided = share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED)
         return [
-            Claim(
-                "Some units end up taking no part in the policy (R1).",
+            more_than_half(
+                "Some units end up without a part in the policy (R1).",
                 "section 6.3.1",
-                f"at least one unit that fires less than once in {1 / JUNK:g} episodes: {most}",
+                f"at least one unit that fires less than once per {1 / JUNK:g} episodes: {most}",
                 some,
-                some.low > 0.5,
                 note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
                 f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
             ),
-            Claim(
+            more_than_half(
                 "Some of them are pushed out of the box (R1).",
                 "section 6.3.1",
-                f"at least one unit that takes no part and whose centre is beyond a wall: {most}",
+                f"at least one unit without a part and with its centre beyond a wall: {most}",
                 out,
-                out.low > 0.5,
                 note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
             ),
-            Claim(
-                "Policies for a symmetrical task are highly asymmetrical (R2).",
+            more_than_half(
+                "Policies for a symmetric task are highly asymmetric (R2).",
                 "section 6.3.1",
                 f"more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle: {most}",
                 sided,
-                sided.low > 0.5,
             ),
         ]
 
 
-def _as_far(layout: str, late: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
-    """Whether learners come as far as those of an independent model, of which mean and deviation are known."""
+def _as_far(layout: str, late_reward: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
+    """Whether learners reach the reward of an independent model with known mean and deviation."""
     from scipy import stats
 
-    error = np.hypot(late.std(ddof=1) / np.sqrt(len(late)), deviation / np.sqrt(SAMPLE))
-    away = late.mean() - expected
+    error = np.hypot(late_reward.std(ddof=1) / np.sqrt(len(late_reward)), deviation / np.sqrt(SAMPLE))
+    away = late_reward.mean() - expected
     half = stats.norm.ppf(0.975) * error
     return Claim(
-        f"In {layout} learners come to {expected:g} (± {deviation:g} over seeds){words}.",
+        f"In {layout}, learners reach {expected:g} (± {deviation:g} over seeds){words}.",
         "an independent model of section 6.3",
-        f"difference from its {SAMPLE} seeds: 0 within the interval of both samples",
-        Measured(away, away - half, away + half, len(late), "difference of means"),
+        f"difference from its {SAMPLE} seeds: the interval of both samples contains 0",
+        Measured(away, away - half, away + half, len(late_reward), "difference of means"),
         abs(away) <= half,
         "per decision",
-        f"{late.mean():.4f} ± {late.std(ddof=1):.4f} over {len(late)} seeds.",
+        f"{late_reward.mean():.4f} ± {late_reward.std(ddof=1):.4f} over {len(late_reward)} seeds.",
     )

@@ -1,53 +1,44 @@
-"""Figure 6.6: where a learnt policy acts at all."""
+"""Figure 6.6: where a learnt policy acts."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, exact, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LocalStudy, late, middle, one, visited
+from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad.policies import Policy
 from motorgrad.tasks import FallingParticle
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-DRAWS = 2_000  # of the action at each place, to check the probability
+DRAWS = 2_000  # samples of the action at each place, to check the probability
 SILENT, SURE = 0.05, 0.9
-QUIET_SHARE = 0.1  # of the box
+QUIET_SHARE = 0.1  # fraction of the box
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-6.6", "where a learnt policy acts", "figure 6.6")
 class AnyUnitFires(LocalStudy):
-    """The probability that at least one unit fires, over the box, by the policy that a typical seed has learnt in R2: a
-    landscape of the places where it acts.
+    """The probability that at least one unit fires, over the box, for the policy of the median seed in R2: a landscape
+    of the places where it acts.
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 hold 2,000 episodes.
-    - `seeds`: learners, each with its own policy.
-    - `looks` (episodes): of every seed, for the places where its particle is.
+    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `seeds`: learners.
+    - `looks` (episodes): of every seed, for the places that its particle visits.
     - `cells`: along each side of the box.
     """
-
-    name: ClassVar[str] = "fig-6.6"
-    title: ClassVar[str] = "where a learnt policy acts"
-    source: ClassVar[str] = "figure 6.6"
 
     looks: int = 200
     cells: int = 60
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(1 <= self.looks <= 10**6, "looks", self.looks, "in 1 … 1,000,000 episodes")
-        check(10 <= self.cells <= 1_000, "cells", self.cells, "in 10 … 1,000")
+        self.check_range(1, 10**6, "looks", unit=" episodes")
+        self.check_range(10, 1_000, "cells")
 
     @classmethod
     def quick(cls) -> Self:
@@ -57,21 +48,20 @@ class AnyUnitFires(LocalStudy):
         task, run = FallingParticle(layout="R2"), self.learnt(work, "R2")
         sides = (np.arange(self.cells) + 0.5) / self.cells
         places = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
-        policies = [one(run.policies, row) for row in range(self.seeds)]
-        row = middle(late(run))
+        policies = [policy_at(run.policies, row) for row in range(self.seeds)]
+        row = median_row(late_reward(run))
         return {
             "sides": sides,
             "row": np.array(row),
-            "any": np.stack([acts(policy, places) for policy in policies]).reshape(-1, self.cells, self.cells),
-            "any where it is": np.array([acts(each, visited(task, each, self.looks)).mean() for each in policies]),
-            "any before learning": acts(one(run.initial, 0), places).reshape(self.cells, self.cells),
-            "drawn": drawn(policies[row], places).reshape(self.cells, self.cells),
+            "any": np.stack([any_fires(policy, places) for policy in policies]).reshape(-1, self.cells, self.cells),
+            "any where it is": np.array([any_fires(each, visited(task, each, self.looks)).mean() for each in policies]),
+            "any before learning": any_fires(policy_at(run.initial, 0), places).reshape(self.cells, self.cells),
+            "drawn": sampled_firing(policies[row], places).reshape(self.cells, self.cells),
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9.4, 4.6), layout="constrained")
+        figure = new_figure(9.4, 4.6)
         x, y = np.meshgrid(values["sides"], values["sides"])
         before, learnt = values["any before learning"], values["any"][int(values["row"])]
         for column, (surface, title) in enumerate(((before, "before learning"), (learnt, "learnt in R2")), 1):
@@ -90,7 +80,7 @@ class AnyUnitFires(LocalStudy):
     def claims(self, values: Values) -> Sequence[Claim]:
         found, row = values["any"], int(values["row"])
         error = float(np.abs(found[row] - values["drawn"]).max())
-        # six deviations of a share of one half
+        # six standard deviations of a share of one half
         bound = 6 * 0.5 / np.sqrt(DRAWS)
         both = share_of((found < SILENT).mean((1, 2)) >= QUIET_SHARE)
         sure = share_of(found.max((1, 2)) > SURE)
@@ -98,47 +88,41 @@ class AnyUnitFires(LocalStudy):
         most = "in most seeds"
         return [
             Claim(
-                "The surface is 1 − Π(1 − p): as often as that some unit fires.",
+                "The surface is 1 − Π(1 − p), the probability that some unit fires.",
                 "figure 6.6",
-                f"greatest difference from the share of {DRAWS:,} draws anywhere: below six deviations, {bound:.3f}",
+                f"greatest difference from the share in {DRAWS:,} samples: below six standard deviations, {bound:.3f}",
                 exact(error),
                 error < bound,
             ),
-            Claim(
-                "The response is local: in part of the box the particle is left alone.",
+            more_than_half(
+                "The response is local: in part of the box, the policy does not act.",
                 "section 6.1",
-                f"on at least {QUIET_SHARE:.0%} of the box below {SILENT:g}: {most}",
+                f"probability below {SILENT:g} on at least {QUIET_SHARE:.0%} of the box: {most}",
                 both,
-                both.low > 0.5,
                 note=f"On average on {(found < SILENT).mean():.0%} of it; before learning on "
                 f"{(values['any before learning'] < SILENT).mean():.0%}.",
             ),
-            Claim(
-                "Somewhere the policy is sure to act.",
-                "figure 6.6",
-                f"above {SURE:g} somewhere: {most}",
-                sure,
-                sure.low > 0.5,
+            more_than_half(
+                "Somewhere, the policy is certain to act.", "figure 6.6", f"above {SURE:g} somewhere: {most}", sure
             ),
-            Claim(
-                "It acts where the particle comes by.",
+            more_than_half(
+                "It acts where the particle passes.",
                 "section 6.5.4: local units only have an effect near the dynamics",
-                f"more probable where the particle is than over the whole box: {most}",
+                f"more probable along the particle's paths than over the whole box: {most}",
                 near,
-                near.low > 0.5,
-                note=f"{values['any where it is'].mean():.2f} where it is, {found.mean():.2f} over the box.",
+                note=f"{values['any where it is'].mean():.2f} along the paths, {found.mean():.2f} over the box.",
             ),
         ]
 
 
-def acts(policy: Policy, places: np.ndarray) -> np.ndarray:
-    """The probability that at least one unit fires at each place, `(places,)`."""
+def any_fires(policy: Policy, places: np.ndarray) -> np.ndarray:
+    """Probability that at least one unit fires at each place, `(places,)`."""
     fires = jax.vmap(policy.prob)(jnp.asarray(places, jnp.float32))
     return np.asarray(1 - jnp.prod(1 - fires, axis=-1))
 
 
-def drawn(policy: Policy, places: np.ndarray) -> np.ndarray:
-    """The share of draws of the action at each place in which some unit fires, `(places,)`."""
+def sampled_firing(policy: Policy, places: np.ndarray) -> np.ndarray:
+    """Share of samples of the action at each place in which some unit fires, `(places,)`."""
     at = jnp.asarray(places, jnp.float32)
 
     def draw(key: jax.Array) -> jax.Array:

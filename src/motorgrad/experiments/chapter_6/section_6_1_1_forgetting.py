@@ -1,36 +1,60 @@
-"""Section 6.1.1: what learning in one region takes away from another."""
+"""Section 6.1.1: how much learning in one region impairs another."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._recorded import recorded
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._forgetting_figure import draw_forgetting
-from motorgrad.experiments.chapter_6._local_study import LocalStudy, judged, late
-from motorgrad.experiments.chapter_6._powers import Powers
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments._films import recorded_policies
+from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
 from motorgrad.tasks import FallingParticle
-from motorgrad.training import Run, settings_for
-from motorgrad.worlds import ParticleStart
+from motorgrad.training import Run, agent_for
+from motorgrad.worlds import ParticleStart, ParticleState
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+KEPT = 0.1  # a policy that loses at most this fraction of its gain does not forget
+CHECKS = 8  # records of each phase at which policies are evaluated
+LOOKS = 5_000  # decisions of each evaluation
+INWARD = 0.15  # distance from the end of a side's starts to its goal
+SMOOTH = 5  # records over which the learner's reward is averaged
 
-KEPT = 0.1  # of what was gained: no more than that is lost by one that does not forget
-CHECKS = 8  # records of each phase at which the policies are judged
-LOOKS = 5_000  # decisions for which each policy is judged
-INWARD = 0.15  # from where the starts of a side end to its goal
+
+@dataclasses.dataclass(frozen=True)
+class Powers(FallingParticle):
+    """The falling particle with its position observed as $u, v, u^2, uv, v^2$, where $u = 2x - 1$ and $v = 2y - 1$, for
+    global policies with curved boundaries.
+
+    A hyperplane in these is a conic in the plane: a line, a circle, or a hyperbola. Everything else is as in
+    `FallingParticle`.
+    """
+
+    name: ClassVar[str] = "particle-powers"
+
+    @property
+    def observation_size(self) -> int:
+        return 5
+
+    @property
+    def observation_range(self) -> tuple[tuple[float, float], ...]:
+        return ((-1.0, 1.0),) * 2 + ((0.0, 1.0), (-1.0, 1.0), (0.0, 1.0))
+
+    def observe(
+        self, memory: Any, state: ParticleState, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[Any, Float[Array, " observation_size"]]:
+        memory, seen = FallingParticle.observe(self, memory, state, uniforms)
+        u, v = 2 * seen[0] - 1, 2 * seen[1] - 1
+        return memory, jnp.stack([u, v, u * u, u * v, v * v])
 
 
 class Kind(NamedTuple):
-    """A kind of policy: in words, what it sees, its units, and what its learner has otherwise than the task's own."""
+    """A kind of policy: description, task, number of units, and changes to the task's own learner."""
 
     words: str
     task: type[FallingParticle]
@@ -38,35 +62,37 @@ class Kind(NamedTuple):
     changes: Mapping[str, Any]
 
 
-GLOBAL = {"policy": "hyperplanes", "policy_settings": {}, "rate": 0.1}
-"""At the best of several rates from 0.003 to 0.3 for either kind, on 24 other seeds, each side learnt alone."""
-NARROW = {"policy_settings": {"copies": 2, "width": 0.08}}
+GLOBAL = {"policy": "hyperplanes", "learning_rate": 0.1}
+"""At the best of several rates from 0.003 to 0.3 for either kind, over 24 other seeds, with each side learnt alone."""
+
+
+NARROW = {"policy": {"copies": 2, "width": 0.08}}
+
+
 KINDS = {
     "local": Kind("local: 8 Gaussians, σ = 0.16", FallingParticle, 8, {}),
     "narrow": Kind("local: 32 Gaussians, σ = 0.08", FallingParticle, 32, NARROW),
     "linear": Kind("global: 8 hyperplanes", FallingParticle, 8, GLOBAL),
     "quadratic": Kind("global: 8 quadratic boundaries", Powers, 8, GLOBAL),
 }
+
+
 LOCAL, FAR = ("local", "narrow"), ("linear", "quadratic")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.1.1-forgetting", "catastrophic forgetting", "section 6.1.1")
 class Forgetting(LocalStudy):
     """A particle that starts on the left (A) learns to fall through a goal there; then it starts on the right (B),
-    where there is another. What of the first is left is judged with the learner switched off. Beside local units of two
-    widths learn hyperplanes on the same inputs, and on their squares and product too, at the rate that suits each best.
+    where there is another goal. What remains of the first is evaluated without learning. Local units of two widths are
+    compared with hyperplanes on the same inputs, and also on their squares and product, each at its best rate.
 
     **Arguments:**
 
     - `decisions`: of learning on each side.
     - `seeds`: learners of each kind.
     - `kinds`: of policies: `local`, `narrow`, `linear`, `quadratic`.
-    - `gaps`: between where particles start on the left and where on the right, as parts of the box; the closest first.
+    - `gaps`: between the starts on the left and those on the right, as fractions of the box; the smallest first.
     """
-
-    name: ClassVar[str] = "sec-6.1.1-forgetting"
-    title: ClassVar[str] = "catastrophic forgetting"
-    source: ClassVar[str] = "section 6.1.1"
 
     kinds: tuple[str, ...] = tuple(KINDS)
     gaps: tuple[float, ...] = (0.2, 0.4)
@@ -75,8 +101,9 @@ class Forgetting(LocalStudy):
         super().__post_init__()
         known = len(set(self.kinds)) == len(self.kinds) and set(self.kinds) <= set(KINDS)
         check(known and "local" in self.kinds, "kinds", self.kinds, f"some of {', '.join(KINDS)}, local among them")
-        rising = len(self.gaps) > 0 and list(self.gaps) == sorted(set(self.gaps))
-        check(rising and min(self.gaps) >= 0 and max(self.gaps) <= 0.6, "gaps", self.gaps, "in 0 … 0.6, rising")
+        check(
+            rising(self.gaps) and min(self.gaps) >= 0 and max(self.gaps) <= 0.6, "gaps", self.gaps, "in 0 … 0.6, rising"
+        )
 
     @classmethod
     def quick(cls) -> Self:
@@ -91,58 +118,59 @@ class Forgetting(LocalStudy):
         return found
 
     def _learnt_in_turn(self, work: Workspace, kind: Kind, gap: float) -> Values:
-        """Rewards on A of frozen policies, `(checks, seeds)`: before learning, while A is learnt, and while B is; and
-        those of the learner on B, `(seeds, records)`."""
+        """Rewards on A of frozen policies, `(checks, seeds)`: before learning, while learning A, and while learning B;
+        and rewards of the learner on B, `(seeds, records)`."""
         sides = [_task(kind, gap, side) for side in "AB"]
         first = self.learnt(work, sides[0], **kind.changes)
-        settings = settings_for(sides[1], **kind.changes)
+        settings = agent_for(sides[1], **kind.changes)
         second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
-        checked = [recorded(run, _checks(run)) for run in (first, second)]
+        checked = [recorded_policies(run, _checks(run)) for run in (first, second)]
         way = _together([first.initial, *(jax.tree.map(_flat, policies) for policies in checked)])
-        reward = judged(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
+        reward = frozen_reward(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
         times = [n * self.decisions + run.curve()[0][_checks(run)] for n, run in enumerate((first, second))]
         return {
             "checked": np.concatenate([[0], *times]),
             "A": reward.reshape(-1, self.seeds),
             "decision": self.decisions + second.curve()[0],
             "B": second.curve()[1],
-            "B gain": late(second) - second.curve()[1][:, :2].mean(1),
+            "B gain": late_reward(second) - second.curve()[1][:, :2].mean(1),
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_forgetting(values, self.gaps, {name: KINDS[name].words for name in self.kinds})
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [claim for gap in self.gaps for claim in _claims(values, gap, self.kinds)]
 
 
-def gained(values: Values, gap: float, name: str) -> np.ndarray:
-    """What learning A brought on A, for each seed."""
+def reward_gained(values: Values, gap: float, name: str) -> np.ndarray:
+    """Reward on A gained by learning A, for each seed."""
     reward = values[f"{gap:g} {name} A"]
     return reward[len(reward) // 2] - reward[0]
 
 
-def lost(values: Values, gap: float, name: str) -> np.ndarray:
-    """What learning B took from A, for each seed."""
+def reward_lost(values: Values, gap: float, name: str) -> np.ndarray:
+    """Reward on A lost by learning B, for each seed."""
     reward = values[f"{gap:g} {name} A"]
     return reward[len(reward) // 2] - reward[-1]
 
 
 def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
-    shares = {name: mean_of(lost(values, gap, name) / gained(values, gap, name).mean()) for name in kinds}
-    gains = {name: [mean_of(gained(values, gap, name)), mean_of(values[f"{gap:g} {name} B gain"])] for name in kinds}
+    shares = {name: mean_of(reward_lost(values, gap, name) / reward_gained(values, gap, name).mean()) for name in kinds}
+    gains = {
+        name: [mean_of(reward_gained(values, gap, name)), mean_of(values[f"{gap:g} {name} B gain"])] for name in kinds
+    }
     worst = min((each for pair in gains.values() for each in pair), key=lambda each: each.low)
     apart = f"(gap {gap:g})"
     made = [
-        Claim(
-            f"Every kind learns both sides, one after the other {apart}.",
-            "what the comparison needs",
-            "gain on the side that is learnt, the least of all: above 0",
+        positive(
+            f"Every kind learns both sides in turn {apart}.",
+            "a condition of the comparison",
+            "least gain on the side that is being learnt: above 0",
             worst,
-            worst.low > 0,
             "per decision",
             "Gain on A: " + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items()) + ".",
-        ),
+        )
     ]
     if "quadratic" in kinds:
         made.append(_as_well(values, gap, apart))
@@ -151,7 +179,7 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
             Claim(
                 f"Learning in one region does not affect another {apart}: {KINDS[name].words}.",
                 "section 6.1.1",
-                f"lost of what was gained on A while B is learnt: at most {KEPT:.0%} with the interval",
+                f"fraction of the gain on A lost while learning B: the whole interval at most {KEPT:.0%}",
                 shares[name],
                 shares[name].high <= KEPT,
                 "of the gain",
@@ -159,24 +187,22 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
         )
     for name in (name for name in FAR if name in kinds):
         made.append(
-            Claim(
+            more_than_half(
                 f"Global policies forget {apart}: {KINDS[name].words}.",
                 "section 6.1.1",
-                "lost of what was gained on A while B is learnt: above one half with the interval",
+                "fraction of the gain on A lost while learning B: the whole interval above one half",
                 shares[name],
-                shares[name].low > 0.5,
                 "of the gain",
             )
         )
         for local in (local for local in LOCAL if local in kinds):
-            more = mean_of(lost(values, gap, name) - lost(values, gap, local))
+            more = mean_of(reward_lost(values, gap, name) - reward_lost(values, gap, local))
             made.append(
-                Claim(
+                positive(
                     f"They lose more than local ones {apart}: {KINDS[name].words}, {KINDS[local].words}.",
                     "section 6.1.1",
-                    "reward lost on A, less that which local units lose: above 0",
+                    "reward lost on A minus the loss of local units: above 0",
                     more,
-                    more.low > 0,
                     "per decision",
                 )
             )
@@ -184,20 +210,20 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
 
 
 def _as_well(values: Values, gap: float, apart: str) -> Claim:
-    """Whether the richer of the global policies is a fair peer."""
+    """Whether the richer global policy is a fair competitor."""
     half = len(values[f"{gap:g} local A"]) // 2
     fair = mean_of(values[f"{gap:g} quadratic A"][half] / values[f"{gap:g} local A"][half].mean())
     return Claim(
         f"Quadratic boundaries learn one side as well as local units do {apart}.",
-        "what the comparison needs",
-        "reward on A after A, by the mean of eight local units: at least 0.95 with the interval",
+        "a condition of the comparison",
+        "reward on A after learning A, relative to the mean of eight local units: the whole interval at least 0.95",
         fair,
         fair.low >= 0.95,
     )
 
 
 def _task(kind: Kind, gap: float, side: str) -> FallingParticle:
-    """One side of the task, of which both goals are always there."""
+    """One side of the task; both goals are always present."""
     end = 0.5 - gap / 2
     goals = tuple((1.0, x, 0.35, 0.1, 0.1) for x in (end - INWARD, 1 - end + INWARD))
     start = ParticleStart(x=(0.0, end) if side == "A" else (1 - end, 1.0))
@@ -205,7 +231,7 @@ def _task(kind: Kind, gap: float, side: str) -> FallingParticle:
 
 
 def _checks(run: Run) -> np.ndarray:
-    """Records at which a phase is looked at, the last among them."""
+    """Records at which a phase is evaluated, including the last."""
     count = len(run.curve()[0])
     return np.linspace(0, count - 1, min(CHECKS, count) + 1).round().astype(int)[1:]
 
@@ -217,3 +243,42 @@ def _flat(leaf: Any) -> Any:
 
 def _together(policies: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *leaves: jnp.concatenate([jnp.asarray(leaf) for leaf in leaves]), *policies)
+
+
+def draw_forgetting(values: Values, gaps: Sequence[float], words: Mapping[str, str]) -> Figure:
+    """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learnt, and reward
+    of the learner on B."""
+
+    figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(gaps))
+    grid = figure.subplots(len(gaps), len(words), sharex=True, sharey=True, squeeze=False)
+    for number, (row, gap) in enumerate(zip(grid, gaps, strict=True)):
+        for panel, (name, title) in zip(row, words.items(), strict=True):
+            key = f"{gap:g} {name}"
+            draw_band(
+                panel, values[f"{key} checked"] / 1000, values[f"{key} A"].T, "C0", "on the left (A), frozen", mean=True
+            )
+            decision, reward = values[f"{key} decision"], values[f"{key} B"]
+            kept = len(decision) // SMOOTH * SMOOTH
+            smooth = reward[:, :kept].reshape(len(reward), -1, SMOOTH).mean(2)
+            draw_band(
+                panel,
+                decision[SMOOTH - 1 : kept : SMOOTH] / 1000,
+                smooth,
+                "C1",
+                "on the right (B), learning",
+                mean=True,
+            )
+            half = values[f"{key} checked"][-1] / 2000
+            panel.axvline(half, color="0.7", linewidth=0.8, linestyle="--")
+            for at, phase in ((half / 2, "learns A"), (1.5 * half, "learns B")):
+                where = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
+                panel.annotate(phase, (at, 0.99), color="0.4", fontsize=8.5, **where)
+            if number == 0:
+                panel.set_title(title, fontsize=9)
+        row[0].set_ylabel(f"gap {gap:g}\nreward per decision")
+    for panel in grid[-1]:
+        panel.set_xlabel("thousand decisions")
+    low, high = grid[0, 0].get_ylim()
+    grid[0, 0].set_ylim(low, high + 0.08 * (high - low))
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+    return figure

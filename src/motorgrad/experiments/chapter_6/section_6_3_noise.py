@@ -1,47 +1,37 @@
-"""Section 6.3: what noise on the observations and on the dynamics does to learning."""
+"""Section 6.3: the effect of noise on observations and dynamics on learning."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of, median_of
-from motorgrad.experiments._curves import first_time, moving_mean
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_6._local_study import LayoutStudy, judged
+from motorgrad.experiments._claims import Claim, above, first_time, mean_of, median_of, moving_mean, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-LITTLE = 0.9  # of the reward without noise: as much or more is little effect
-LOOKS = 5_000  # decisions for which policies learnt without noise are judged in it
-SMOOTH = 10  # records over which the reward is averaged to see when it is reached
-KINDS = {"observation": "noise on the position seen", "dynamics": "random force"}
+LITTLE = 0.9  # at least this fraction of the reward without noise counts as little effect
+LOOKS = 5_000  # decisions for which policies learnt without noise are evaluated with noise
+SMOOTH = 10  # records over which the reward is averaged to determine when it reaches a level
+KINDS = {"observation": "noise on the observed position", "dynamics": "random force"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-6.3-noise", "learning in noise", "section 6.3")
 class Noise(LayoutStudy):
-    """Local units learn R1 and R2 while the position that they see, or the force on the particle, is noisy; three times
-    as long as in the thesis, so that slow learning and worse results can be told apart.
+    """Local units learn R1 and R2 with noise on the observed position, or on the force on the particle, for three times
+    as long as in the thesis, in order to distinguish slow learning from worse results.
 
     **Arguments:**
 
     - `decisions`: of learning.
     - `seeds`: learners of each kind.
     - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
-    - `observation` (parts of the box): deviations of the noise on each coordinate that is seen, rising.
-    - `dynamics` (forces): deviations of the random force in each time step, beside pushes of 0.4, rising.
+    - `observation` (fractions of the box): deviations of the noise on each observed coordinate, rising.
+    - `dynamics` (forces): deviations of the random force in each time step, compared with actions of 0.4, rising.
     """
-
-    name: ClassVar[str] = "sec-6.3-noise"
-    title: ClassVar[str] = "learning in noise"
-    source: ClassVar[str] = "section 6.3"
 
     decisions: int = 150_000
     seeds: int = 24
@@ -52,8 +42,7 @@ class Noise(LayoutStudy):
         super().__post_init__()
         for name in KINDS:
             levels = getattr(self, name)
-            valid = len(levels) > 0 and list(levels) == sorted(set(levels)) and levels[0] > 0
-            check(valid, name, levels, "positive deviations, rising")
+            check(rising(levels, above=0), name, levels, "positive deviations, rising")
 
     @classmethod
     def quick(cls) -> Self:
@@ -74,22 +63,23 @@ class Noise(LayoutStudy):
                 task = FallingParticle(layout=layout, **change)  # type: ignore[arg-type]
                 run = self.learnt(work, task)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
-                policies = run.policies if policies is None else policies  # those that were learnt without noise
+                policies = run.policies if policies is None else policies  # those learnt without noise
                 if change:
-                    found[f"{layout} {name} unused"] = judged(work, task, policies, min(LOOKS, self.decisions))
+                    found[f"{layout} {name} unused"] = frozen_reward(work, task, policies, min(LOOKS, self.decisions))
         return found
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        figure = Figure(figsize=(9, 3 * len(self.layouts)), layout="constrained")
+        figure = new_figure(9, 3 * len(self.layouts))
+        thousand = values["decision"] / 1000
+        look: dict[str, Any] = {"records": min(SMOOTH, len(thousand)), "mean": True}
         for row, layout in zip(
             figure.subplots(len(self.layouts), 2, sharex=True, sharey="row", squeeze=False), self.layouts, strict=True
         ):
             for axes, (kind, words) in zip(row, KINDS.items(), strict=True):
-                _draw(axes, values, f"{layout} none", "none", "0.3")
+                draw_band(axes, thousand, values[f"{layout} none"], "0.3", "none", **look)
                 for number, level in enumerate(self.levels(kind)):
-                    _draw(axes, values, f"{layout} {kind} {level:g}", f"{level:g}", f"C{number}")
+                    draw_band(axes, thousand, values[f"{layout} {kind} {level:g}"], f"C{number}", f"{level:g}", **look)
                 axes.legend(title=words, loc="center right", fontsize=8, title_fontsize=8)
             row[0].set_ylabel(f"{layout}: reward per decision")
         for axes in figure.axes[-2:]:
@@ -106,13 +96,13 @@ class Noise(LayoutStudy):
         ]
 
 
-def end(reward: np.ndarray) -> np.ndarray:
+def final_reward(reward: np.ndarray) -> np.ndarray:
     """Mean reward in the last tenth, for each seed."""
     return reward[:, -max(1, reward.shape[1] // 10) :].mean(1)
 
 
-def reached(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
-    """When the moving mean first comes to a level, for each seed; the end of learning where it never does."""
+def decisions_to(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
+    """When the moving mean first reaches a level, for each seed; the end of learning if it never does."""
     smooth = min(SMOOTH, len(decision))
     times = first_time(decision[smooth - 1 :], moving_mean(reward, smooth) >= level)
     return np.where(np.isnan(times), decision[-1], times)
@@ -120,47 +110,37 @@ def reached(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarra
 
 def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
     still, noisy, decision = values[f"{layout} none"], values[f"{layout} {name}"], values["decision"]
-    share = mean_of(end(noisy) / end(still).mean())
-    usual, times = (reached(decision, each, LITTLE * end(still).mean()) for each in (still, noisy))
+    share = mean_of(final_reward(noisy) / final_reward(still).mean())
+    usual, times = (decisions_to(decision, each, LITTLE * final_reward(still).mean()) for each in (still, noisy))
     slower = median_of(times / np.median(usual))
     never = int((times == decision[-1]).sum())
-    adapted = mean_of(end(noisy) - values[f"{layout} {name} unused"])
+    adapted = mean_of(final_reward(noisy) - values[f"{layout} {name} unused"])
     return [
         Claim(
-            f"Noise has little effect in the end ({words}).",
+            f"Noise has little effect on the final reward ({words}).",
             "section 6.3",
-            f"reward at the end, by that without noise: at least {LITTLE:g} with the interval",
+            f"final reward relative to that without noise: the whole interval at least {LITTLE:g}",
             share,
             share.low >= LITTLE,
-            note=f"Policies learnt without noise come to {values[f'{layout} {name} unused'].mean():.3f} in it, those "
-            f"learnt in it to {end(noisy).mean():.3f}, without noise to {end(still).mean():.3f}.",
+            note=f"Policies learnt without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
+            f"those learnt with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
         ),
-        Claim(
-            f"It slows learning ({words}).",
+        above(
+            1,
+            f"Noise slows learning ({words}).",
             "section 6.3",
-            f"decisions until {LITTLE:.0%} of the noiseless final reward, by the median without noise: above 1 with "
-            "the interval",
+            f"decisions to {LITTLE:.0%} of the noiseless final reward, relative to the median without noise: the whole "
+            "interval above 1",
             slower,
-            slower.low > 1,
             "times",
-            f"{never} of {len(times)} never got there, and count with all {decision[-1]:,} decisions; without noise "
-            f"{np.median(usual):,.0f}.",
+            f"{never} of {len(times)} never get there, and count with all {decision[-1]:,} decisions; median without "
+            f"noise {np.median(usual):,.0f}.",
         ),
-        Claim(
-            f"Learning in noise makes up for a part of it ({words}).",
+        positive(
+            f"Learning with noise compensates for part of it ({words}).",
             "our own expectation",
-            "more reward at the end than policies have in this noise that were learnt without: difference above 0",
+            "final reward minus that of policies learnt without noise, both with noise: above 0",
             adapted,
-            adapted.low > 0,
             "per decision",
         ),
     ]
-
-
-def _draw(axes: "Axes", values: Values, key: str, label: str, colour: str) -> None:
-    smooth = min(SMOOTH, len(values["decision"]))
-    curve = moving_mean(values[key], smooth)
-    thousand = values["decision"][smooth - 1 :] / 1000
-    low, high = np.percentile(curve, [25, 75], axis=0)
-    axes.fill_between(thousand, low, high, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(thousand, curve.mean(0), color=colour, label=label)

@@ -1,1 +1,1 @@
-"""The extensions that section 5.4.1 proposes."""
+"""Extensions of the hexapod: other bodies and muscles, 24 independent muscles, synergies and motor primitives."""

@@ -1,8 +1,7 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
 
-import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -11,18 +10,15 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
-from motorgrad.experiments.chapter_5.extensions._primitive_figure import draw_primitives
-from motorgrad.experiments.chapter_5.extensions._watched import watched
+from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
+from motorgrad.learning import Agent
 from motorgrad.policies import Primitives
 from motorgrad.tasks import HexapodPrimitive
-from motorgrad.training import AgentSettings, settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.training import agent_for
 
 WORDS = {
     "both": "precondition and movement learnt together",
@@ -30,30 +26,30 @@ WORDS = {
     "movement": "the movement alone",
 }
 STILL = 0.021
-"""The deviation of a movement that is not learnt: next to none."""
+"""The deviation of a movement that is not learnt: close to none."""
+
 SURE = 7.0
-"""Below 0, the logarithm of a deviation that adds next to nothing to the floor."""
+"""The negative logarithm of a deviation that adds almost nothing to the floor."""
+
 RECORDS = 60
-CELLS = 41  # of the picture of a precondition, along each side
+CELLS = 41  # along each side of the picture of a precondition
 MEMBERS = np.array([[leg in tripod for leg in LEGS] for tripod in TRIPODS])
+COLOURS = {"both": "C0", "precondition": "C2", "movement": "C1"}
+TRIPOD = ("first", "second")
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.4.1-primitive", "motor primitives: when they begin and how they move", "section 5.4.1")
 class LearntPrimitives(Experiment):
-    """A hexapod walks by steps of its two tripods, motor primitives of a swing and a stance. When a step begins, its
-    precondition, and how long its parts last, its movement parameters, are learnt together from zero weights; or one of
-    them alone, the other staying as it began: steps begin at random, or last as long as at first.
+    """A hexapod walks by steps of its two tripods: motor primitives, each a swing and a stance. The start of a step
+    (its precondition) and the durations of its parts (its movement parameters) are learnt together from zero weights;
+    or one of them alone, while the other keeps its initial form: random starts of steps, or initial durations.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
-    - `watched` (simulated s): for which the learnt policies are watched, without learning.
+    - `watched` (simulated s): for which the learnt policies are evaluated, without learning.
     """
-
-    name: ClassVar[str] = "sec-5.4.1-primitive"
-    title: ClassVar[str] = "motor primitives: when they begin and how they move"
-    source: ClassVar[str] = "section 5.4.1"
 
     seconds: float = 400.0
     seeds: int = 20
@@ -72,16 +68,16 @@ class LearntPrimitives(Experiment):
     def task(self) -> HexapodPrimitive:
         return HexapodPrimitive()
 
-    def learner(self, kind: str) -> AgentSettings:
-        """The learner that goes with the task, with step sizes of 0 for what is not learnt."""
-        rates: dict[str, float] = dict(self.task.learner["rates"])
+    def learner(self, kind: str) -> Agent:
+        """The task's own learner, with step sizes of 0 for what is not learnt."""
+        rates: dict[str, float] = dict(self.task.learner["learning_rate"])
         changes: dict[str, Any] = {}
         if kind == "precondition":
             rates |= {"level": 0.0}
-            changes = {"policy_settings": {"deviation": STILL}}
+            changes = {"policy.deviation": STILL}
         elif kind == "movement":
             rates |= {"weights": 0.0, "bias": 0.0}
-        return settings_for(self.task, rates=rates, **changes)
+        return agent_for(self.task, learning_rate=rates, **changes)
 
     def run(self, work: Workspace) -> Values:
         task, found = self.task, {}
@@ -98,10 +94,10 @@ class LearntPrimitives(Experiment):
         return found
 
     def _watch(self, work: Workspace, policies: Any) -> Values:
-        return watched(work, policies, self.task, self.watched, "sample", ("speed",))
+        return frozen_readings(work, policies, self.task, self.watched, "sample", ("speed",))
 
     def _learnt(self, policies: Any, middle: int) -> Values:
-        """What all seeds have learnt; and of the one in the middle, when its steps begin."""
+        """Parameters of all seeds; and, for the median one, the preconditions."""
         weights = np.asarray(policies.precondition.weights)
         level = jnp.asarray(policies.movement.level)
         lasting = self.task.lasting(jnp.concatenate([jnp.zeros((len(level), len(TRIPODS))), level], axis=1))
@@ -114,7 +110,7 @@ class LearntPrimitives(Experiment):
     def _angles(self) -> np.ndarray:
         return np.linspace(-1.0, 1.0, CELLS) * 30.0 / self.task.angle_scale
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_primitives(values, WORDS, (self.task.swing, self.task.stance), self.task.angle_scale)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -124,12 +120,11 @@ class LearntPrimitives(Experiment):
             part = max(1, curve.shape[1] // 20)
             gained = mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1))
             made.append(
-                Claim(
+                positive(
                     f"Learning {words.removesuffix(' learnt together')} makes the hexapod faster.",
                     "section 5.4.1",
-                    "the last fifth of the practice against the first twentieth: the difference is above 0",
+                    "the last fifth of the practice minus the first twentieth: above 0",
                     gained,
-                    gained.low > 0,
                     "m/s",
                 )
             )
@@ -138,37 +133,35 @@ class LearntPrimitives(Experiment):
             sure = mean_of(values["both sure"] - values[f"{kind} sure"])
             speeds = f"{values['both speed'].mean():.2f} m/s and {values[f'{kind} speed'].mean():.2f} m/s."
             made.append(
-                Claim(
-                    f"Both learnt together walk faster than {WORDS[kind]}.",
+                positive(
+                    f"Learning both together leads to faster walks than {WORDS[kind]}.",
                     "section 5.4.1",
-                    "after learning, frozen, seed by seed: the difference is above 0",
+                    "frozen after learning, paired by seed: difference above 0",
                     more,
-                    more.low > 0,
                     "m/s",
-                    f"{speeds} With the means of the movement in place of draws the difference is {sure}.",
+                    f"{speeds} With mean movements instead of sampled ones, the difference is {sure}.",
                 )
             )
         back = share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1))
         made.append(
-            Claim(
-                "A tripod's step comes to begin when its own legs are back, rather than the other tripod's.",
+            more_than_half(
+                "A tripod learns to start a step when its own legs are back, rather than the other tripod's.",
                 "our own expectation",
-                "own legs' weights sum below 0 and below the others', for both tripods: in most seeds",
+                "weights of its own legs sum to less than 0 and less than the others', for both tripods: in most seeds",
                 back,
-                back.low > 0.5,
             )
         )
         return made
 
 
 def _sure(policies: Any) -> Any:
-    """The same policies with next to no noise in their movement."""
+    """The same policies with almost no noise in their movement."""
     return eqx.tree_at(lambda each: each.movement.log_deviation, policies, replace_fn=lambda noise: 0 * noise - SURE)
 
 
 def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
-    """With which probability each tripod's step begins, where it can, over the lateral angle of its own legs and that
-    of the others, all legs of a tripod alike: `(tripods, others, own)`."""
+    """Probability that each tripod starts a step, if it can, over the lateral angle of its own legs and that of the
+    others, all legs of a tripod alike: `(tripods, others, own)`."""
     own, other = np.meshgrid(angles, angles)
     places = []
     for each in range(len(TRIPODS)):
@@ -176,3 +169,48 @@ def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
         p = jax.vmap(policy.precondition.prob)(jnp.asarray(legs, jnp.float32))
         places.append(np.asarray(p)[:, each].reshape(own.shape))
     return np.stack(places)
+
+
+def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float, float], angle_scale: float) -> Figure:
+    """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
+
+    figure = new_figure(10, 7.6)
+    panels: Any = figure.subplots(2, 2)
+    records = max(1, len(values["time"]) // 20)
+    for kind, label in words.items():
+        draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)
+    panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
+    panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
+    panels[0, 0].legend(loc="upper left", fontsize=8.5)
+    _movements(panels[0, 1], values, start)
+    shown: Any = None
+    for tripod, axes in enumerate(panels[1]):
+        shown = _precondition(axes, values, tripod, angle_scale)
+    figure.colorbar(
+        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability per decision of starting a step"
+    )
+    return figure
+
+
+def _movements(axes: Axes, values: Values, start: tuple[float, float]) -> None:
+    for tripod, marker in enumerate("os"):
+        swing, stance = values["lasting"][:, tripod].T
+        axes.plot(swing, stance, marker, markersize=4, alpha=0.8, label=f"{TRIPOD[tripod]} tripod")
+    axes.plot(*start, "k+", markersize=12, label="initially")
+    axes.set(xlabel="duration of the swing, s", ylabel="duration of the stance, s", xlim=(0, None), ylim=(0, None))
+    axes.legend(fontsize=8.5)
+
+
+def _precondition(axes: Axes, values: Values, tripod: int, angle_scale: float) -> Any:
+    degrees = values["angles"] * angle_scale
+    ends = (degrees[0], degrees[-1])
+    begins = values["begins"][tripod]
+    shown = axes.imshow(begins, origin="lower", extent=(*ends, *ends), aspect="auto", vmin=0, vmax=1)
+    lines = axes.contour(degrees, degrees, begins, levels=np.array([0.25, 0.5, 0.75]), colors="white", linewidths=0.8)
+    axes.clabel(lines, fontsize=8)
+    axes.set(
+        title=f"{TRIPOD[tripod]} tripod, median seed",
+        xlabel="lateral angle of its own legs, degrees (forward +)",
+        ylabel="of the other tripod's legs",
+    )
+    return shown

@@ -1,8 +1,8 @@
-"""Section 5.4.1: a hexapod that walks by a clock learns its stride's period, up and down slopes."""
+"""Section 5.4.1: a hexapod driven by a clock learns the period of its strides, up and down slopes."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -10,42 +10,37 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claim import Claim, mean_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
+from motorgrad.experiments._claims import Claim, mean_of, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
-from motorgrad.experiments.chapter_5.extensions._stride_figure import draw_stride
-from motorgrad.experiments.chapter_5.extensions._watched import watched
+from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
+from motorgrad.learning import Agent
 from motorgrad.policies import GradedHyperplanes, graded_hyperplanes
 from motorgrad.tasks import HexapodStride
-from motorgrad.training import AgentSettings, settings_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.training import agent_for
 
 KINDS = ("slope", "constant")
-"""Learnt with the pitch, and without it."""
+"""Learnt as a function of the pitch, and as a constant."""
+
 RECORDS = 60
+LOOKS = {"slope": ("C0", "learnt, function of the pitch"), "constant": ("C1", "learnt, constant")}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.4.1-stride", "a stride period that adapts to slopes", "section 5.4.1")
 class StridePeriod(Experiment):
-    """A hexapod whose tripods take turns by an open-loop clock learns the clock's period by policy gradient while the
-    ground rises and sinks: as a linear function of the pitch that it feels, and as one number. Beside them, clocks of
-    fixed periods on the same slopes: the one it began with, the best one, and the best one for each slope.
+    """A hexapod whose tripods alternate by an open-loop clock learns the period of the clock by policy gradient on
+    ground that rises and falls: as a linear function of the pitch that it senses, and as one number. For comparison,
+    clocks of fixed periods on the same slopes: the initial one, the best one, and the best one for each slope.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
     - `periods` (s): of the fixed clocks.
-    - `starts`: phases, at random, from which each fixed clock begins on each slope.
-    - `watched` (simulated s): for which each is watched on each slope, without learning.
+    - `starts`: random phases from which each fixed clock starts on each slope.
+    - `watched` (simulated s): for which each is evaluated on each slope, without learning.
     """
-
-    name: ClassVar[str] = "sec-5.4.1-stride"
-    title: ClassVar[str] = "a stride period that adapts to slopes"
-    source: ClassVar[str] = "section 5.4.1"
 
     seconds: float = 300.0
     seeds: int = 20
@@ -56,12 +51,11 @@ class StridePeriod(Experiment):
     def __post_init__(self) -> None:
         check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
         check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
-        check(2 <= self.starts <= 1_000, "starts", self.starts, "in 2 … 1,000")
+        self.check_range(2, 1_000, "starts")
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
-        rising = len(self.periods) > 1 and list(self.periods) == sorted(set(self.periods))
         limits = f"from {self.task.shortest} to {self.task.longest} s"
-        check(within and rising, "periods", self.periods, f"at least two rising ones {limits}")
+        check(within and rising(self.periods, 2), "periods", self.periods, f"at least two rising ones {limits}")
 
     @classmethod
     def quick(cls) -> Self:
@@ -71,12 +65,12 @@ class StridePeriod(Experiment):
     def task(self) -> HexapodStride:
         return HexapodStride()
 
-    def learner(self, kind: str) -> AgentSettings:
-        """The learner that goes with the task, whose parameters are averaged over the second half of the practice; for
-        `"constant"` the pitch has no effect."""
-        rates = dict(self.task.learner["rates"])
+    def learner(self, kind: str) -> Agent:
+        """The task's own learner, with parameters averaged over the second half of the practice; for `"constant"`, the
+        pitch has no effect."""
+        rates = dict(self.task.learner["learning_rate"])
         rates = rates if kind == "slope" else rates | {"slope": 0.0}
-        return settings_for(self.task, rates=rates, average=True, average_start=self.decisions // 2)
+        return agent_for(self.task, learning_rate=rates, averaging={"start": self.decisions // 2})
 
     @property
     def decisions(self) -> int:
@@ -98,12 +92,14 @@ class StridePeriod(Experiment):
         return found
 
     def _on_slopes(self, work: Workspace, name: str, policies: Any) -> Values:
-        """Speed and mean period of each policy on each of the slopes, `(policies, slopes)`, without exploring."""
+        """Speed and mean period of each policy on each slope, `(policies, slopes)`, without exploration."""
         grounds = [dataclasses.replace(self.task, slopes=(slope,)) for slope in self.task.slopes]
-        seen = [watched(work, policies, ground, self.watched, "mode", ("speed", "period")) for ground in grounds]
+        seen = [
+            frozen_readings(work, policies, ground, self.watched, "mode", ("speed", "period")) for ground in grounds
+        ]
         return {f"{name} {what}": np.stack([each[what] for each in seen], axis=1) for what in ("speed", "period")}
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_stride(values)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -116,54 +112,50 @@ class StridePeriod(Experiment):
         paid, room = mean_of(adaptive - constant), mean_of(room_for_slopes(fixed[:-1]))
         source = "section 5.4.1"
         return [
-            Claim(
-                "Policy gradient learns a stride period that is faster than the one it began with.",
+            positive(
+                "Policy gradient learns a stride period that is faster than the initial one.",
                 source,
-                "one learnt period, mean over the slopes: the difference is above 0",
+                "one learnt period, mean over the slopes: difference above 0",
                 gained,
-                gained.low > 0,
                 "m/s",
-                f"{constant.mean():.2f} m/s; with {values['grid'][-1]:g} s, {began:.2f} m/s.",
+                f"{constant.mean():.2f} m/s; at {values['grid'][-1]:g} s, {began:.2f} m/s.",
             ),
             Claim(
-                "It comes to the best of the fixed periods.",
+                "It reaches the best of the fixed periods.",
                 "our own expectation",
-                "at least 0.9 of that one's speed, mean over the slopes: the whole interval",
+                "at least 0.9 times its speed, mean over the slopes: the whole interval",
                 share,
                 share.low >= 0.9,
-                note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s with {best:.2f} m/s.",
+                note=f"The best is {values['grid'][over_slopes[:-1].mean(1).argmax()]:g} s, at {best:.2f} m/s.",
             ),
-            Claim(
-                "Learnt with the pitch, strides are longer in time uphill than downhill.",
+            positive(
+                "If the period is a function of the pitch, strides last longer uphill than downhill.",
                 source,
-                "between the steepest two slopes: the difference is above 0",
+                "between the two steepest slopes: difference above 0",
                 longer,
-                longer.low > 0,
                 "s",
             ),
-            Claim(
-                "A period that follows the pitch is faster than one learnt period.",
+            positive(
+                "A period that depends on the pitch is faster than a constant one.",
                 source,
-                "mean over the slopes, seed by seed: the difference is above 0",
+                "mean over the slopes, paired by seed: difference above 0",
                 paid,
-                paid.low > 0,
                 "m/s",
                 f"{adaptive.mean():.2f} m/s and {constant.mean():.2f} m/s.",
             ),
-            Claim(
-                "There is something to be gained: the best period for each slope is faster than the best one for all.",
+            positive(
+                "There is potential: the best period for each slope is faster than the best one for all.",
                 source,
-                "both chosen by the other starts, mean over the slopes: the difference is above 0",
+                "both chosen by the other starts, mean over the slopes: difference above 0",
                 room,
-                room.low > 0,
                 "m/s",
             ),
         ]
 
 
 def room_for_slopes(speed: np.ndarray) -> np.ndarray:
-    """By how much (m/s) the best period of each slope beats the best one for all slopes, `(periods, starts, slopes)` to
-    `(starts,)`. For each start both are chosen by the other starts, so that chance favours neither."""
+    """Advantage (m/s) of the best period for each slope over the best one for all slopes, `(periods, starts, slopes)`
+    to `(starts,)`. For each start, both are chosen by the other starts, so that selection introduces no bias."""
     gains = []
     for start in range(speed.shape[1]):
         others = np.delete(speed, start, axis=1).mean(1)
@@ -173,8 +165,68 @@ def room_for_slopes(speed: np.ndarray) -> np.ndarray:
 
 
 def _clocks(task: HexapodStride, periods: np.ndarray, starts: int) -> GradedHyperplanes:
-    """Policies with these fixed periods, each so many times, along a leading axis."""
+    """Policies with these fixed periods, each repeated, along a leading axis."""
     one = graded_hyperplanes(task)
     levels = jnp.repeat(jnp.asarray(task.start / periods - 1.0, jnp.float32), starts)[:, None]
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(levels), *leaf.shape)), one)
     return eqx.tree_at(lambda policy: policy.level, many, levels)
+
+
+def draw_stride(values: Values) -> Figure:
+    """Learning curves; speed and period over the slope; and speed over fixed periods."""
+
+    figure = new_figure(10, 7)
+    panels: Any = figure.subplots(2, 2)
+    _learning(panels[0, 0], values)
+    _speeds(panels[0, 1], values)
+    _grid(panels[1, 0], values)
+    _periods(panels[1, 1], values)
+    return figure
+
+
+def _learning(axes: Axes, values: Values) -> None:
+    records = max(1, len(values["time"]) // 20)
+    for kind, (colour, label) in LOOKS.items():
+        draw_band(axes, values["time"], values[f"{kind} curve"], colour, label, records=records)
+    axes.set(xlabel="simulated s of practice", ylabel="speed while exploring, m/s", ylim=(0, None))
+    axes.legend(loc="lower right", fontsize=8.5)
+
+
+def _speeds(axes: Axes, values: Values) -> None:
+    slopes, fixed, grid = values["slopes"], values["fixed speed"].mean(1), values["grid"]
+    best = fixed[:-1].mean(1).argmax()
+    axes.plot(slopes, fixed[:-1].max(0), color="0.75", linewidth=5, label="best fixed period for each slope")
+    axes.plot(slopes, fixed[best], "--", color="0.2", label=f"best fixed period for all, {grid[best]:g} s")
+    axes.plot(slopes, fixed[-1], ":", color="0.2", label=f"initial period, {grid[-1]:g} s")
+    for kind, (colour, label) in LOOKS.items():
+        _quartiles(axes, slopes, values[f"{kind} speed"], colour, label)
+    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="speed, m/s", xticks=slopes)
+    axes.set_ylim(0, 1.35 * axes.get_ylim()[1])
+    axes.legend(loc="upper right", fontsize=8.5)
+
+
+def _grid(axes: Axes, values: Values) -> None:
+    grid, slopes, speed = values["grid"][:-1], values["slopes"], values["fixed speed"][:-1].mean(1)
+    for index, slope in enumerate(slopes):
+        shade = 0.15 + 0.7 * index / max(1, len(slopes) - 1)
+        colour = (shade, 0.3, 1.0 - shade)
+        axes.plot(grid, speed[:, index], "o-", color=colour, markersize=3, label=f"{slope:+g}°")
+    axes.set(xlabel="fixed period of a stride, s", ylabel="speed, m/s")
+    axes.legend(title="slope", fontsize=8.5)
+
+
+def _periods(axes: Axes, values: Values) -> None:
+    slopes, speed = values["slopes"], values["fixed speed"][:-1].mean(1)
+    axes.plot(slopes, values["grid"][speed.argmax(0)], "s", color="0.5", label="best fixed period for each slope")
+    for kind, (colour, label) in LOOKS.items():
+        _quartiles(axes, slopes, values[f"{kind} period"], colour, label)
+    axes.set(xlabel="slope, degrees (positive uphill)", ylabel="period of a stride, s", ylim=(0, None), xticks=slopes)
+    axes.legend(loc="lower left", fontsize=8.5)
+
+
+def _quartiles(axes: Axes, x: np.ndarray, values: np.ndarray, colour: str, label: str) -> None:
+    """Median over seeds, with quartiles as bars."""
+    low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
+    axes.errorbar(
+        x, middle, [middle - low, high - middle], color=colour, capsize=3, marker="o", markersize=4, label=label
+    )

@@ -1,48 +1,29 @@
 """Figure 5.6: the hexapod, drawn from its model and labelled."""
 
-import dataclasses
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from motorgrad.bodies import Hexapod
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._style import EXTENSOR
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._body_drawing import (
-    FREEDOM,
-    Places,
-    dimension,
-    draw_view,
-    freedom,
-    name_part,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import EXTENSOR, Axes, Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import FREEDOM, Places, dimension, draw_view, freedom, name_part
 
 LEG = "left_middle"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.6", "the hexapod", "figure 5.6")
 class HexapodBody(Experiment):
-    """The hexapod: three sections behind one another, joined by two joints of a few degrees, and on each two legs of
-    three segments with four muscles each. From the side, from the front and from above, with its numbers.
-    """
-
-    name: ClassVar[str] = "fig-5.6"
-    title: ClassVar[str] = "the hexapod"
-    source: ClassVar[str] = "figure 5.6"
+    """The hexapod: three sections in a row, joined by two joints with a range of a few degrees, each with two legs of
+    three segments and four muscles per leg. Side, front and top view, with its numbers."""
 
     def run(self, work: Workspace) -> Values:
         return {}
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
         body = Hexapod()
-        figure = Figure(figsize=(9.8, 7.6), layout="constrained")
+        figure = new_figure(9.8, 7.6)
         panels: Any = figure.subplot_mosaic(
             [["side", "front"], ["above", "above"]], width_ratios=[1.12, 1], height_ratios=[1, 1.75]
         )
@@ -55,7 +36,7 @@ class HexapodBody(Experiment):
         return figure
 
 
-def _side(axes: "Axes", body: Hexapod) -> None:
+def _side(axes: Axes, body: Hexapod) -> None:
     places, section = Places(body, "side"), body.middle
     front, middle, rear = (places.joint(name) for name in ("front", "middle", "rear"))
     high = middle[1] + section.height / 2
@@ -72,7 +53,7 @@ def _side(axes: "Axes", body: Hexapod) -> None:
     axes.set(xlim=(-0.56, 0.56), ylim=(-0.06, level + 0.15))
 
 
-def _front(axes: "Axes", body: Hexapod) -> None:
+def _front(axes: Axes, body: Hexapod) -> None:
     places, leg = Places(body, "front"), body.middle.leg
     vertical, ankle, tip = places.joint(f"femur_{LEG}"), places.joint(f"foot_{LEG}"), places.tip(LEG)
     freedom(axes, vertical, 0.0, leg.vertical.range, 0.19, f"{_span(leg.vertical.range)}")
@@ -86,7 +67,7 @@ def _front(axes: "Axes", body: Hexapod) -> None:
     axes.set(xlim=(-0.56, 0.56), ylim=(-0.06, 0.42))
 
 
-def _above(axes: "Axes", body: Hexapod) -> None:
+def _above(axes: Axes, body: Hexapod) -> None:
     places, section = Places(body, "above"), body.front
     leg, lateral = section.leg, section.leg.lateral_muscles
     name = "left_front"
@@ -99,7 +80,7 @@ def _above(axes: "Axes", body: Hexapod) -> None:
     name_part(axes, f"protractor, {lateral.protractor:g} N", places.muscle(f"protractor_{name}", 0.3), (0.1, -0.005))
     retractor = places.muscle("retractor_left_rear", 0.4)
     name_part(axes, f"retractor, {lateral.retractor:g} N", retractor, (-0.12, 0.03), EXTENSOR)
-    # of a leg of the right, to the other side
+    # of a right leg, towards the other side
     turned = places.joint("coxa_right_rear")
     freedom(axes, turned, -90.0, leg.lateral.range, 0.3, "")
     words = _span(leg.lateral.range)

@@ -1,52 +1,50 @@
 """Figure 5.7: the fixed controller of a leg as a state machine, and a walk under it."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import Hexapod, TripodController, walk
-from motorgrad.experiments._claim import Claim, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._sources import INDEPENDENT
-from motorgrad.experiments.chapter_5.hexapod._state_diagram import draw_machine
-from motorgrad.experiments.chapter_5.hexapod._walk_record import draw_angles, draw_contacts, draw_states
-from motorgrad.experiments.chapter_5.hexapod._walkers import JITTER, alike
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.bodies import Hexapod, LegState, TripodController, walk
+from motorgrad.experiments._claims import Claim, mean_of, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import STATE_COLOURS, draw_angles, draw_contacts, draw_states
+from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, JITTER, jittered_hexapods
 
 START, SHOWN = 2.0, 2.0  # s
 ALMOST = (
-    f"Over walks whose servos' gains differ by up to {100 * JITTER:g} %: a walk is chaotic, and this is its "
-    "spread. The bound was chosen after one walk had been measured."
+    f"Over walks whose servos' gains differ by up to {100 * JITTER:g} %: walks are chaotic, and this is their "
+    "spread. The bound was chosen after measuring one walk."
 )
+WIDE, HIGH = 2.5, 1.15
+PLACES: dict[LegState, Point] = {
+    LegState.STANCE: (0.0, 0.0),
+    LegState.WAIT: (0.0, 3.6),
+    LegState.SWING: (5.0, 3.6),
+    LegState.DROP: (5.0, 0.0),
+}
+FIXED = "#A0307A"
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.7", "the fixed controller", "figure 5.7")
 class StateMachine(Experiment):
-    """The fixed controller: a state machine for each leg, drawn from its own numbers, with what ends its two deadlocks
+    """The fixed controller: a state machine for each leg, drawn from its own numbers, with our fix of its two deadlocks
     in another colour; and two seconds of a walk under it on level ground.
 
     **Arguments:**
 
-    - `seconds` (simulated s): length of each walk, from two seconds after its start on.
-    - `seeds`: walks, of bodies that differ by next to nothing.
+    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
+    - `seeds`: walks of nearly identical bodies.
     """
-
-    name: ClassVar[str] = "fig-5.7"
-    title: ClassVar[str] = "the fixed controller"
-    source: ClassVar[str] = "figure 5.7"
 
     seconds: float = 20.0
     seeds: int = 20
 
     def __post_init__(self) -> None:
         check(SHOWN <= self.seconds <= 3600, "seconds", self.seconds, f"in {SHOWN:g} … 3600 simulated s")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -56,7 +54,7 @@ class StateMachine(Experiment):
         return work.part("walks", lambda: self._walk(work.threads))
 
     def _walk(self, threads: int) -> dict[str, Any]:
-        found = walk(alike(self.seeds), TripodController(), self.seconds + START, threads=threads)
+        found = walk(jittered_hexapods(self.seeds), TripodController(), self.seconds + START, threads=threads)
         shown = (found.time > START) & (found.time <= START + SHOWN + found.period / 2)
         return {
             **found.gait(since=START)._asdict(),
@@ -66,10 +64,9 @@ class StateMachine(Experiment):
             "contact": found.reading.contact[shown, 0],
         }
 
-    def figure(self, values: Values) -> "Figure":
-        from matplotlib.figure import Figure
+    def figure(self, values: Values) -> Figure:
 
-        controller, figure = TripodController(), Figure(figsize=(10.4, 4.8), layout="constrained")
+        controller, figure = TripodController(), new_figure(10.4, 4.8)
         sides: Any = figure.subfigures(1, 2, width_ratios=[1, 1.05])
         draw_machine(sides[0].subplots(), controller)
         states, angles, contacts = sides[1].subplots(3, 1, sharex=True, height_ratios=[1.2, 1, 0.9])
@@ -92,7 +89,7 @@ class StateMachine(Experiment):
             Claim(
                 "The controller results in a tripod gait.",
                 "section 5.3.3",
-                "on level ground: in every walk",
+                "on level ground, in every walk",
                 tripod,
                 tripod.value == 1,
                 note=ALMOST,
@@ -100,34 +97,34 @@ class StateMachine(Experiment):
             Claim(
                 "The tripods are half a cycle apart.",
                 INDEPENDENT,
-                "0.5: within 0.05",
+                "0.5 ± 0.05",
                 phase,
                 _within(phase, 0.5, 0.05),
                 "cycles",
                 ALMOST,
             ),
             Claim(
-                "A foot is on the ground for 0.44 of the time.",
+                "A foot is on the ground 0.44 of the time.",
                 INDEPENDENT,
-                "0.44: within 0.05",
+                "0.44 ± 0.05",
                 duty,
                 _within(duty, 0.44, 0.05),
                 "of the time",
                 ALMOST,
             ),
             Claim(
-                "It walks at 0.68 body lengths a second.",
+                "It walks at 0.68 body lengths per second.",
                 INDEPENDENT,
-                "0.68: within a tenth of it",
+                "0.68 ± 10 %",
                 speed,
                 _within(speed, 0.68, 0.068),
                 "body lengths/s",
                 f"{mean_of(values['speed']).value:.3f} m/s. {ALMOST}",
             ),
             Claim(
-                "It makes two strides a second.",
+                "It makes two strides per second.",
                 INDEPENDENT,
-                "2: within a tenth of it",
+                "2 ± 10 %",
                 strides,
                 _within(strides, 2.0, 0.2),
                 "Hz",
@@ -137,5 +134,56 @@ class StateMachine(Experiment):
 
 
 def _within(measured: Any, expected: float, tolerance: float) -> bool:
-    """Whether the whole interval is so near."""
+    """Whether the whole interval lies within the tolerance."""
     return bool(np.all(np.abs(np.array([measured.low, measured.high]) - expected) <= tolerance))
+
+
+def draw_machine(axes: Axes, controller: TripodController) -> None:
+    """Boxes are states with the velocities that they set, arrows the conditions of transitions."""
+    arrow: dict[str, Any] = {"colour": "0.25", "size": 15, "width": 1.4, "gap": 2}
+    for state, place in PLACES.items():
+        _state(axes, place, state, controller)
+    draw_arrow(axes, (0.0, HIGH / 2), (0.0, 3.6 - HIGH / 2), **arrow)
+    draw_arrow(axes, (WIDE / 2, 3.6), (5.0 - WIDE / 2, 3.6), **arrow)
+    draw_arrow(axes, (5.0, 3.6 - HIGH / 2), (5.0, HIGH / 2), **arrow)
+    draw_arrow(axes, (5.0 - WIDE / 2, 0.0), (WIDE / 2, 0.0), **arrow)
+    look: dict[str, Any] = {"fontsize": 8.5, "zorder": 5}
+    axes.text(0.15, 1.8, f"the leg is back\nbeyond {_degrees(controller.back)}", ha="left", va="center", **look)
+    axes.text(4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **look)
+    axes.text(
+        2.5, 3.6 + HIGH / 2 + 0.1, "more than one leg of the\nopposing tripod is in stance",
+        ha="center", va="bottom", **look,
+    )  # fmt: skip
+    axes.text(
+        2.5, -HIGH / 2 - 0.1, f"the foot touches the ground\nwith more than {controller.contact:g} N",
+        ha="center", va="top", **look,
+    )  # fmt: skip
+    if controller.mended:
+        waits = "or: all six legs wait,\nand this one is of\nthe first tripod"
+        axes.text(2.5, 3.6 - 0.2, waits, ha="center", va="top", color=FIXED, **look)
+        lowest = f"or: it is within {_degrees(controller.margin)}\nof its lower limit"
+        axes.text(2.5, 0.2, lowest, ha="center", va="bottom", color=FIXED, **look)
+        axes.text(-WIDE / 2, -1.5, "● our fix of its deadlocks", ha="left", va="center", color=FIXED, **look)
+    axes.set(xlim=(-WIDE / 2 - 0.1, 5.0 + WIDE / 2 + 0.1), ylim=(-1.7, 5.0), aspect="equal")
+    axes.set_axis_off()
+
+
+def _state(axes: Axes, place: Point, state: LegState, controller: TripodController) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    turning, colour = controller.turning[state], STATE_COLOURS[state]
+    corner = (place[0] - WIDE / 2, place[1] - HIGH / 2)
+    look: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.15", "edgecolor": colour, "linewidth": 2}
+    axes.add_patch(FancyBboxPatch(corner, WIDE, HIGH, facecolor="white", zorder=3, **look))
+    x, y = place
+    axes.text(x, y + 0.31, state.name.lower(), ha="center", va="center", fontsize=11, weight="bold", zorder=4)
+    words = f"lateral {_rate(turning.lateral)}\nvertical {_rate(turning.vertical)}"
+    axes.text(x, y - 0.17, words, ha="center", va="center", fontsize=8.5, zorder=4)
+
+
+def _rate(value: float) -> str:
+    return f"{value:+g} rad/s".replace("-", "−") if value else "0"
+
+
+def _degrees(value: float) -> str:
+    return f"{value:g}°".replace("-", "−")

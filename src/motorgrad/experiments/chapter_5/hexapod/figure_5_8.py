@@ -1,51 +1,43 @@
 """Figure 5.8: the two gaits that hexapods learn, pronking and tripod."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS, debounced
-from motorgrad.experiments._claim import Claim, exact, share_of
-from motorgrad.experiments._experiment import Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._synergy_study import START, SynergyStudy
-from motorgrad.experiments.chapter_5.hexapod._two_gaits_figure import draw_two_gaits
-from motorgrad.experiments.chapter_5.hexapod._walk_record import TOUCH
+from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
+from motorgrad.experiments.chapter_5.hexapod._gait_study import START, SynergyStudy
 from motorgrad.training import Evaluation
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN = ("pronk", "tripod")
 TOGETHER, AIRBORNE = 0.5, 0.05
-"""The mean correlation between legs above which they move together, and the part of the time without a foot on the
-ground above which a gait jumps."""
+"""Mean correlation between legs above which they move together; fraction of the time without ground contact above which
+a gait jumps."""
+
 MEMBERS = [np.array([LEGS.index(leg) for leg in tripod]) for tripod in TRIPODS]
+NAMES = {"pronk": "pronking", "tripod": "tripod"}
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("fig-5.8", "two learnt gaits", "figure 5.8")
 class TwoGaits(SynergyStudy):
-    """The lateral angles and the feet on the ground of two hexapods that have learnt to walk on four synergies: of the
-    seed that pronks most clearly, and of the one with the clearest tripod gait, by the correlation between the two
-    tripods' mean lateral angles; of all lags, with actions that are drawn. A gait to which no seed came is not shown.
+    """Lateral angles and ground contacts of two hexapods that have learnt to walk on four synergies: the seed with the
+    clearest pronk and the seed with the clearest tripod gait, by the correlation between the mean lateral angles of the
+    two tripods; over all lags, with sampled actions. A gait that no seed learnt is not shown.
 
     **Arguments:** those of the study, and
 
     - `shown` (simulated s): length of the record, from the middle of the walk on.
     """
 
-    name: ClassVar[str] = "fig-5.8"
-    title: ClassVar[str] = "two learnt gaits"
-    source: ClassVar[str] = "figure 5.8"
-
     shown: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(0.1 <= self.shown <= 10, "shown", self.shown, "in 0.1 … 10 simulated s")
+        self.check_range(0.1, 10, "shown", unit=" simulated s")
 
     def run(self, work: Workspace) -> Values:
         found = []
@@ -64,7 +56,7 @@ class TwoGaits(SynergyStudy):
         return kept
 
     def _watched(self, outcome: Evaluation) -> dict[str, Any]:
-        """Of each seed: its gait with its measures, and a record of its legs from the middle of the walk on."""
+        """For each seed: its gait with its measures, and a record of its legs from the middle of the walk on."""
         sensors = outcome.sensors or {}
         lateral, contact = (np.stack([sensors[f"{kind}_{leg}"] for leg in LEGS], -1) for kind in ("lateral", "contact"))
         late, middle = outcome.time > START, outcome.time[-1] / 2
@@ -80,7 +72,7 @@ class TwoGaits(SynergyStudy):
             "contact": contact[:, part],
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_two_gaits(values, SHOWN)
 
     def claims(self, values: Values) -> Sequence[Claim]:
@@ -92,33 +84,33 @@ class TwoGaits(SynergyStudy):
              f"for more than {AIRBORNE:g} of the time"),
             ("tripod", "In the tripod gait the legs of a tripod move together.", values["within"] > TOGETHER,
              f"mean correlation of their lateral angles above {TOGETHER:g}"),
-            ("tripod", "The two tripods are on the ground in turn.", alternate,
-             "correlation between how many feet of each are on the ground below 0"),
+            ("tripod", "The two tripods alternate on the ground.", alternate,
+             "correlation between their numbers of feet on the ground below 0"),
         )  # fmt: skip
         made = []
         for kind, statement, holds, expected in rows:
             own = holds[values["gait"] == kind]
             measured = share_of(own) if len(own) else exact(0)
-            note = "" if len(own) else f"No seed of {len(holds)} came to this gait."
+            note = "" if len(own) else f"None of {len(holds)} seeds learnt this gait."
             expected = f"{expected}: in most seeds of this gait"
-            made.append(Claim(statement, "section 5.3.2", expected, measured, measured.low > 0.5, note=note))
+            made.append(more_than_half(statement, "section 5.3.2", expected, measured, note=note))
         return made
 
 
 def clearest(gaits: np.ndarray, correlation: np.ndarray, kind: str) -> int:
-    """The row of the seed of a class whose tripods' correlation is farthest from 0, −1 where no seed is of it."""
+    """The row of the seed of this class with the correlation between tripods farthest from 0; −1 if there is none."""
     rows = np.flatnonzero(gaits == kind)
     return int(rows[np.argmax(np.abs(correlation[rows]))]) if len(rows) else -1
 
 
 def movement(lateral: np.ndarray, down: np.ndarray) -> dict[str, np.ndarray]:
-    """How the legs of each seed move with one another.
+    """Coordination of each seed's legs.
 
-    **Arguments:** lateral angles and whether the feet are on the ground, (seeds, decisions, 6) both.
+    **Arguments:** lateral angles and whether the feet are on the ground, both (seeds, decisions, 6).
 
-    **Returns** by name, (seeds,) each: the mean correlation between the lateral angles of two legs, of `all six` and
-    `within` a tripod; `feet`, the correlation between how many feet of each tripod are on the ground; `airborne`, the
-    part of the time in which none is.
+    **Returns** by name, (seeds,) each: mean correlation between the lateral angles of two legs, of `all six` and
+    `within` a tripod; `feet`, the correlation between the tripods' numbers of feet on the ground; `airborne`, the
+    fraction of the time without contact.
     """
     legs = [np.nan_to_num(_correlations(each.T)) for each in lateral]
     within = [np.mean([_pairs(matrix[np.ix_(rows, rows)]) for rows in MEMBERS]) for matrix in legs]
@@ -137,5 +129,42 @@ def _correlations(rows: np.ndarray) -> np.ndarray:
 
 
 def _pairs(matrix: np.ndarray) -> float:
-    """The mean of a matrix above its diagonal."""
+    """Mean of a matrix above its diagonal."""
     return float(matrix[np.triu_indices(len(matrix), 1)].mean())
+
+
+def draw_two_gaits(values: Values, shown: Sequence[str]) -> Figure:
+    """Lateral angles and ground contacts of one seed for each gait, or a note if no seed learnt the gait."""
+    from matplotlib.patches import Patch
+
+    figure = new_figure(8.6, 8.0)
+    panels: Any = figure.subplots(2 * len(shown), 1, height_ratios=[1.15, 1] * len(shown), sharex=True)
+    time, seeds = values["time"], len(values["gait"])
+    for number, kind in enumerate(shown):
+        angles, feet = panels[2 * number : 2 * number + 2]
+        row, count = int(values[f"{kind} row"]), int(np.count_nonzero(values["gait"] == kind))
+        if row < 0:
+            for axes in (angles, feet):
+                axes.set_axis_off()
+            words = f"None of {seeds} seeds learnt the {NAMES[kind]} gait."
+            angles.text(0.5, 0.5, words, ha="center", va="center", transform=angles.transAxes, color="0.3")
+            continue
+        draw_angles(angles, time, values[f"{kind} lateral"])
+        draw_contacts(feet, time, values[f"{kind} contact"])
+        feet.tick_params(labelsize=8, axis="y")
+        feet.set_title("feet on the ground", fontsize=9)
+        angles.set_title(
+            f"{NAMES[kind]}: the clearest of {count} of {seeds} seeds; lag {values['lag'][row]}, seed "
+            f"{values['seed'][row]}, {values['speed'][row]:.2f} m/s, phase {values['phase'][row]:.2f} cycles, "
+            f"correlation {values['correlation'][row]:.2f}".replace(" -", " −"),
+            fontsize=9,
+        )
+    panels[-1].set(xlabel="time (s)", xlim=(0, time[-1]))
+    for axes in panels[1::2]:
+        axes.tick_params(labelbottom=True)
+    shown_as = [
+        Patch(color=colour, label=f"{which} tripod")
+        for colour, which in zip(TRIPOD_COLOURS, ("first", "second"), strict=True)
+    ]
+    figure.legend(handles=shown_as, loc="outside upper center", ncols=2)
+    return figure

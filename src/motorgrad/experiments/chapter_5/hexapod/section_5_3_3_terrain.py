@@ -1,49 +1,47 @@
 """Section 5.3.3: the fixed controller over varying terrain."""
 
-import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.experiments._claim import Claim
-from motorgrad.experiments._experiment import Experiment, Values
-from motorgrad.experiments._workspace import Workspace
-from motorgrad.experiments.chapter_5.hexapod._terrain_claims import controller_claims, kind_claims
-from motorgrad.experiments.chapter_5.hexapod._terrain_figure import draw_terrain
-from motorgrad.experiments.chapter_5.hexapod._walkers import alike
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from motorgrad.experiments._claims import Claim, above, mean_of, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
 
 KINDS = ("bumps", "slopes", "steps", "waves")
 START, LAST = 2.0, 5.0
-"""Seconds of a walk that are no part of its gait, and those at its end that say whether it still gets ahead."""
+"""Seconds at the start of a walk that do not count towards its gait, and those at its end that decide whether it still
+advances."""
+
 STILL = 0.03
-"""The mean speed (m/s) below which a body stands still, the bound of the class stalled."""
+"""Mean speed (m/s) below which a body counts as standing still: the bound of the class stalled."""
+
 WORDINGS = {"mended": True, "worded": False}
+LOOKS = {"mended": ("#0072B2", "o-", "deadlocks fixed"), "worded": ("#CC79A7", "s--", "as worded in the thesis")}
+THESIS = "section 5.3.3"
+CONSISTENT, ROBUST = 0.75, 0.9
+"""Bound of the interval of a share of grounds that counts as consistent (with 20 grounds, at most one exception); and
+the least fraction of the speed on level ground that counts as robust."""
 
 
-@dataclasses.dataclass(frozen=True)
+@experiment("sec-5.3.3-terrain", "the fixed controller on uneven ground", "section 5.3.3")
 class RoughGround(Experiment):
-    """The fixed controller on bumps, slopes, steps and waves of rising difficulty, each seed on ground of its own:
-    speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks mended, and as
-    the thesis words it.
+    """The fixed controller on bumps, slopes, steps and waves of increasing difficulty, each seed on its own ground:
+    speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks fixed, and as the
+    thesis words it.
 
     **Arguments:**
 
     - `heights` (m): of the ground, rising, at least two; the greatest is difficulty 1.
-    - `seconds` (simulated s): length of each walk, from two seconds after its start on.
+    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: grounds of each kind and height.
     - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the
       clearance under the belly.
     """
-
-    name: ClassVar[str] = "sec-5.3.3-terrain"
-    title: ClassVar[str] = "the fixed controller on uneven ground"
-    source: ClassVar[str] = "section 5.3.3"
 
     heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
     seconds: float = 20.0
@@ -51,11 +49,10 @@ class RoughGround(Experiment):
     clearance: float = 0.16
 
     def __post_init__(self) -> None:
-        rising = len(self.heights) >= 2 and self.heights[0] > 0 and bool(np.all(np.diff(self.heights) > 0))
-        check(rising, "heights", self.heights, "at least two, above 0 and rising")
+        check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
         check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"in {LAST:g} … 20 simulated s: the field ends")
-        check(2 <= self.seeds <= 1000, "seeds", self.seeds, "in 2 … 1000")
+        self.check_range(2, 1000, "seeds")
 
     @classmethod
     def quick(cls) -> Self:
@@ -64,7 +61,9 @@ class RoughGround(Experiment):
     def run(self, work: Workspace) -> Values:
         found: Values = {"height": np.array([0.0, *self.heights])}
         for wording, mended in WORDINGS.items():
-            level = work.part(f"level {wording}", lambda m=mended: self._walk(alike(self.seeds), m, work.threads))
+            level = work.part(
+                f"level {wording}", lambda m=mended: self._walk(jittered_hexapods(self.seeds), m, work.threads)
+            )
             for kind in KINDS:
                 rows = [level]
                 for height in self.heights:
@@ -76,7 +75,7 @@ class RoughGround(Experiment):
         return found
 
     def grounds(self, kind: Any, height: float) -> list[OnTerrain]:
-        """The bodies on ground of a kind and a height, of all seeds."""
+        """Bodies on ground of this kind and height, for all seeds."""
         steepest = self.heights[-1]
         return [
             OnTerrain(Hexapod(drive="servos"), Terrain(kind, height=steepest, difficulty=height / steepest, seed=seed))
@@ -84,7 +83,7 @@ class RoughGround(Experiment):
         ]
 
     def _walk(self, bodies: Sequence[Any], mended: bool, threads: int) -> dict[str, Any]:
-        """Of each seed (seeds,): gait, speed, net displacement, phase, whether it stands still at the end, whether it
+        """For each seed, (seeds,): gait, speed, net displacement, phase, whether it stands still at the end, whether it
         overturned."""
         found = walk(bodies, TripodController(mended=mended), self.seconds + START, threads=threads)
         gait, late = found.gait(since=START), found.time > found.time[-1] - LAST
@@ -97,9 +96,141 @@ class RoughGround(Experiment):
             "overturned": (found.reading.upright < 0).any(0),
         }
 
-    def figure(self, values: Values) -> "Figure":
+    def figure(self, values: Values) -> Figure:
         return draw_terrain(values, KINDS, self.clearance)
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = [claim for kind in KINDS for claim in kind_claims(values, kind, self.clearance)]
         return [*made, *controller_claims(values, KINDS, self.clearance)]
+
+
+def draw_terrain(values: Values, kinds: Sequence[str], clearance: float) -> Figure:
+    """Speed, phase, and the shares of grounds with a tripod gait and of those on which it stands still, over the height
+    of each kind of ground; means and shares with their intervals."""
+
+    figure = new_figure(9.8, 8.6)
+    panels: Any = figure.subplots(4, len(kinds), sharex=True, sharey="row")
+    for column, kind in zip(panels.T, kinds, strict=True):
+        for wording, (colour, line, words) in LOOKS.items():
+            gait = values[f"{kind} {wording} gait"]
+            phases = zip(values[f"{kind} {wording} phase"], gait != "stalled", strict=True)
+            measured = [
+                [mean_of(row) for row in values[f"{kind} {wording} net"]],
+                [mean_of(row[walks]) if walks.sum() > 1 else None for row, walks in phases],
+                [share_of(row) for row in gait == "tripod"],
+                [share_of(row) for row in values[f"{kind} {wording} still"]],
+            ]
+            for axes, each in zip(column, measured, strict=True):
+                shift = 0.2 if wording == "worded" else -0.2  # so that intervals do not overlap
+                _points(axes, 100 * values["height"] + shift, each, colour, line, words)
+        for axes in column:
+            axes.axvline(100 * clearance, color="0.75", linewidth=0.9, linestyle=":", zorder=0)
+        column[0].set_title(kind)
+        column[-1].set_xlabel("height (cm)")
+    labels = ("net displacement\n/ time (m/s)", "phase of walking\nbodies (cycles)", "share with\na tripod gait")
+    for axes, words in zip(panels[:, 0], (*labels, "share that stands\nstill at the end"), strict=True):
+        axes.set_ylabel(words)
+    panels[0, 0].set_ylim(0, None)
+    panels[1, 0].set_ylim(0, 0.52)
+    for row in (2, 3):
+        panels[row, 0].set_ylim(-0.04, 1.04)
+    handles, words = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, words, loc="outside upper center", ncols=2)
+    return figure
+
+
+def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
+    known = [number for number, each in enumerate(measured) if each is not None]
+    look = {"fmt": line, "color": colour, "markersize": 3.5, "linewidth": 1.2, "elinewidth": 0.9, "label": words}
+    draw_intervals(axes, x[known], [measured[number] for number in known], **look)
+
+
+def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
+    """Claims about one kind of ground, under the fixed version of the controller."""
+    rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
+    gaits = values[f"{kind} mended gait"]
+    tripod, steepest = share_of((gaits[rows] == "tripod").all(0)), share_of(gaits[-1] == "tripod")
+    net = values[f"{kind} mended net"]
+    kept = mean_of(net[rows][-1] / net[0].mean())
+    most = f"{100 * values['height'][-1]:g} cm"
+    return [
+        above(
+            CONSISTENT,
+            f"The controller consistently generates a tripod gait on {kind} up to {top}.",
+            THESIS,
+            f"at every height up to {top}: share of the grounds above {CONSISTENT:g}",
+            tripod,
+            note=f"Mean phase between the tripods by height: {_phases(values, kind, rows)} cycles.",
+        ),
+        above(
+            CONSISTENT,
+            f"It also does so on {kind} of {most}.",
+            OURS,
+            f"share of the grounds above {CONSISTENT:g}",
+            steepest,
+            note=f"Net speed there {net[-1].mean():.2f} m/s; on level ground {net[0].mean():.2f}.",
+        ),
+        Claim(
+            f"It is robust: {kind} of {top} hardly slow it.",
+            INDEPENDENT if kind == "bumps" else THESIS,
+            f"net displacement at least {ROBUST:g} times that on level ground",
+            kept,
+            kept.low >= ROBUST,
+            "of the speed on level ground",
+        ),
+    ]
+
+
+def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Sequence[Claim]:
+    """Claims about the thesis's wording and our fix, over all kinds of ground up to the clearance."""
+    rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
+    still = {
+        wording: np.concatenate([values[f"{kind} {wording} still"][rows].any(0) for kind in kinds])
+        for wording in ("mended", "worded")
+    }
+    stands = {wording: share_of(each) for wording, each in still.items()}
+    never = share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds]))
+    fewer = mean_of(still["worded"] * 1.0 - still["mended"])
+    by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
+    seeds = len(still["mended"]) // len(kinds)
+    return [
+        above(
+            CONSISTENT,
+            f"As the thesis words it, the controller is robust up to {top}: it does not come to a standstill.",
+            THESIS,
+            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
+            share_of(~still["worded"]),
+            note=f"Grounds, of {seeds} each, on which it stands still at the end of any walk: {by_kind}.",
+        ),
+        above(
+            CONSISTENT,
+            f"With its deadlocks fixed, it does not come to a standstill up to {top}.",
+            OURS,
+            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
+            share_of(~still["mended"]),
+        ),
+        positive(
+            "The fix is what keeps it walking.",
+            OURS,
+            "share of grounds on which it stands still, as worded minus fixed: above 0",
+            fewer,
+            note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
+        ),
+        above(
+            CONSISTENT,
+            "It never overturns, at any height.",
+            OURS,
+            f"share of the grounds above {CONSISTENT:g}",
+            never,
+        ),
+    ]
+
+
+def _rows(values: Values, clearance: float) -> np.ndarray:
+    """Indices of the heights above level ground and up to the clearance."""
+    height = values["height"]
+    return np.flatnonzero((height > 0) & (height <= clearance + 1e-9))
+
+
+def _phases(values: Values, kind: str, rows: np.ndarray) -> str:
+    return ", ".join(f"{phase:.2f}" for phase in values[f"{kind} mended phase"][rows].mean(1))

@@ -1,0 +1,157 @@
+"""Films of runs, and the policies and motions that they show, restored from a run's records."""
+
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float, Int
+
+from motorgrad._errors import check
+from motorgrad.bodies import compile_model
+from motorgrad.policies import Masked, Policy, split
+from motorgrad.sim import Course, Film, Motion, film_learning
+from motorgrad.tasks import TASKS, BodyTask, ParticleTask
+from motorgrad.training import Evaluation, Run
+
+SECONDS = 12.0  # length of a film
+LATE = 0.25  # share of the records, the last, that decide which seed is the median one
+
+
+def course_of(run: Run, seed: int | None = None) -> Course:
+    """The course of learning of a run in a particle's plane: policies and rewards before the first decision and at
+    every record.
+
+    **Arguments:** `run`; `seed`, the seed whose policy is shown. The default is the median seed (or the next above it)
+    by mean reward over the last quarter of the records: a typical seed, not the best.
+
+    **Raises:** `ValueError` for a run of another task, a run without records, and a seed that the run does not have.
+    """
+    task, seeds = run.task, run.seeds
+    if not isinstance(task, ParticleTask):
+        known = [name for name, kind in TASKS.items() if isinstance(kind, type) and issubclass(kind, ParticleTask)]
+        raise ValueError(f"task {task.name!r} cannot be filmed: it must be a task on a particle: {', '.join(known)}")
+    decision, reward = run.curve()
+    if seed is None:
+        late = reward[:, -max(1, round(LATE * reward.shape[1])) :].mean(axis=1)
+        seed = seeds[int(np.argsort(late, kind="stable")[len(seeds) // 2])]
+    check(seed in seeds, "seed", seed, f"one of the run's seeds, {', '.join(map(str, seeds))}")
+    row = seeds.index(seed)
+    first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], run.initial)
+    later = recorded_policies(run, range(len(decision)), seed)
+    return Course(
+        task=task,
+        decision=np.concatenate([[0], decision]),
+        policies=jax.tree.map(lambda *parts: jnp.concatenate(parts), first, later),
+        reward=np.pad(reward, ((0, 0), (1, 0)), constant_values=np.nan),
+        shown=row,
+        units=_units(run),
+        label=f"seed {seed}",
+    )
+
+
+def animate(
+    run: Run,
+    path: Path | str | None = None,
+    seed: int | None = None,
+    seconds: float | None = None,
+    *,
+    progress: bool = True,
+) -> Film:
+    """Film how a run in a particle's plane was learnt; `motorgrad.sim.film_learning` describes the film.
+
+    **Arguments:**
+
+    - `run`: of a task on a particle, finished or not.
+    - `path`: a file ending in ".mp4" or ".gif"; by default `figures/learning.mp4` in the run directory.
+    - `seed`: the seed whose units are shown; by default the median one, see `course_of`.
+    - `seconds`: length of the film, by default 12.
+    - `progress`: whether to show progress.
+
+    **Raises:** `ValueError` as `course_of` and `film_learning` do, before any work, and for a run in memory without a
+    path.
+    """
+    if path is None:
+        check(run.path is not None, "path", path, "a file, for a run in memory")
+        path = Path(run.path or "") / "figures" / "learning.mp4"
+    course = course_of(run, seed)
+    with _bar(f"filming {os.path.basename(path)}", progress) as advance:
+        return film_learning(course, path, seconds=SECONDS if seconds is None else seconds, progress=advance)
+
+
+def _units(run: Run) -> Float[np.ndarray, "seeds moments"] | None:
+    """Number of units of each seed at the start and at every record; `None` if it is constant."""
+    if "units" not in run.metrics.column_names:
+        return None
+    assert isinstance(run.initial, Masked)
+    return np.concatenate([np.asarray(run.initial.active).sum(1)[:, None], run.curve("units")[1]], axis=1)
+
+
+@contextmanager
+def _bar(what: str, shown: bool) -> Iterator[Any]:
+    """Context manager for a progress bar, or for a single line if this is no terminal. Yields a function of (frames
+    done, frames in all)."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(file=sys.stderr)
+    with Progress(console=console, disable=not (shown and console.is_terminal)) as bar:
+        task = bar.add_task(what, total=None)
+        if shown and not console.is_terminal:
+            console.print(f"{what} …", soft_wrap=True, highlight=False)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def recorded_policies(run: Run, records: Sequence[int] | Int[np.ndarray, " _"], seed: int | None = None) -> Any:
+    """Policies as they were at some records, along a leading axis; of one seed, or of all along a second axis.
+
+    **Arguments:** `run`; `records`, numbered from 0, or from the end if negative; `seed`.
+    """
+    count, seeds = len(run.seeds), run.seeds if seed is None else [seed]
+    check(set(seeds) <= set(run.seeds), "seed", seed, f"one of the run's seeds, {', '.join(map(str, run.seeds))}")
+    rows, which = np.array([run.seeds.index(each) for each in seeds]), np.asarray(records, int)
+    total = run.metrics.num_rows // count
+    inside = bool(np.all((-total <= which) & (which < total)))
+    check(inside, "records", which.tolist(), f"among the {total} records of the run")
+    column = run.metrics["parameters"].combine_chunks()
+    numbers = column.flatten().to_numpy().reshape(total, count, -1)[which][:, rows]
+    initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[rows]), run.initial)
+    policies: Any = jax.vmap(jax.vmap(_with), (None, 0))(initial, jnp.asarray(numbers))
+    if "units" in run.metrics.column_names:
+        policies = _switched(policies, run.curve("units")[1][rows][:, which].T)
+    return policies if seed is None else jax.tree.map(lambda leaf: leaf[:, 0], policies)
+
+
+def _with(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> Policy:
+    """The policy with these parameters."""
+    learnt, fixed = split(policy)
+    return eqx.combine(ravel_pytree(learnt)[1](numbers), fixed)
+
+
+def _switched(policies: Masked, units: Float[np.ndarray, "records seeds"]) -> Masked:
+    """Growing pools with so many active units: growth activates the first inactive unit."""
+    start = np.asarray(policies.active)
+    place_in_queue = np.cumsum(~start, axis=-1) * ~start
+    active = place_in_queue <= (units - start.sum(-1))[..., None]
+    return eqx.tree_at(lambda each: each.active, policies, jnp.asarray(active))
+
+
+def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds: float = 10.0) -> Motion:
+    """The first `seconds` of one seed's motion in an evaluation, for a film."""
+    check(0 < seconds < math.inf, "seconds", seconds, "positive and finite")
+    task = run.task
+    if not isinstance(task, BodyTask) or outcome.position is None or outcome.activation is None:
+        raise ValueError(f"task {task.name!r} has no body to film")
+    body, row = task.dynamics, run.seeds.index(seed)
+    frames = min(len(outcome.time), max(2, round(seconds / task.period)))
+    group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+    activation = np.take(outcome.activation[row, :frames], group_of, axis=-1)
+    return Motion(compile_model(body), outcome.time[:frames], outcome.position[row, :frames], activation, label)

@@ -1,0 +1,190 @@
+"""Section 4.4: learning from large loads only, and the effect of the size of the pool."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, exact, mean_of, more_than_half, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import firing_probability
+from motorgrad.tasks import ArmRecruitment
+from motorgrad.training import agent_for
+
+SILENT = 0.05  # a pool that fires less than this fraction at large loads counts as silent
+PAID = ("height", "complete")
+SEEN = ("large", "all")
+PROBABILITY = np.linspace(0.0, 1.0, 101)
+HALF = 50
+TITLES = {"height": "paid by height", "complete": "paid only if complete"}
+
+
+@experiment("sec-4.4-large-loads", "only large loads", "section 4.4")
+class LargeLoads(Experiment):
+    """Pools of several sizes learn to lift only large loads, for which more than 85 % of the pool must fire, or all
+    loads. The reward is the height of the lift, or is paid only for a complete lift. In addition, computed exactly: the
+    reward at large loads of a pool whose units all fire with the same probability.
+
+    **Arguments:**
+
+    - `sizes` (units): of the pools.
+    - `seeds`: pools of each size.
+    - `steps` (decisions): for which each pool learns.
+    - `least` (kg): the smallest of the large loads; the greatest is 14.
+    """
+
+    sizes: tuple[int, ...] = (4, 16, 32)
+    seeds: int = 40
+    steps: int = 150_000
+    least: float = 12.0
+
+    def __post_init__(self) -> None:
+        check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "steps")
+        check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(sizes=(2, 4), seeds=3, steps=2_000)
+
+    def task(self, paid: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
+        """The task of pools of this size, with this reward and these loads."""
+        task = ArmRecruitment(units=units, paid=paid)
+        return dataclasses.replace(task, low=self.least) if seen == "large" else task
+
+    def run(self, work: Workspace) -> Values:
+        loads = np.linspace(self.least, 14.0, 41)
+        found: Values = {"size": np.array(self.sizes), "probability": PROBABILITY}
+        for paid in PAID:
+            pays = [common_pay(self.task(paid, "large", units), loads) for units in self.sizes]
+            found[f"{paid} pay"] = np.array(pays)
+            for seen in SEEN:
+                found[f"{paid} {seen}"] = np.array([self._active(work, paid, seen, n, loads) for n in self.sizes])
+        return found
+
+    def _active(
+        self, work: Workspace, paid: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
+    ) -> np.ndarray:
+        """The fraction of each pool that fires at large loads after learning, `(seeds,)`."""
+        task = self.task(paid, seen, units)
+        run = work.train(task, agent_for(task), self.steps, self.seeds)
+        return firing_probability(run.policies, loads).mean(axis=(1, 2))
+
+    def figure(self, values: Values) -> Figure:
+        return draw_loads(values, SILENT)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        sizes, made = values["size"], []
+        for paid, words in (("height", "paid by height"), ("complete", "paid only if complete")):
+            silent = {seen: values[f"{paid} {seen}"] < SILENT for seen in SEEN}
+            pay, shares = values[f"{paid} pay"][-1], share_of(silent["large"][-1])
+            slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
+            made += [
+                Claim(
+                    f"Silence is a local maximum at large loads (lifts {words}).",
+                    "section 4.4",
+                    "firing with a small probability pays less than silence: below 0",
+                    exact(pay[1] - pay[0]),
+                    pay[1] < pay[0],
+                    "reward",
+                    f"For {sizes[-1]} units with a probability of {PROBABILITY[1]:g}.",
+                ),
+                Claim(
+                    f"At half activation, the gradient makes a large pool fire less (lifts {words}).",
+                    "section 4.4",
+                    "slope of the reward in the common probability at one half: below 0",
+                    slope,
+                    slope.value < 0,
+                    "reward per unit of probability",
+                    f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, paid, 0):.2f}.",
+                ),
+                more_than_half(
+                    f"With only large loads, a large pool falls silent (lifts {words}).",
+                    "section 4.4",
+                    "in most pools",
+                    shares,
+                    note=f"For {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
+                    f"For {sizes[0]} units: {share_of(silent['large'][0])}.",
+                ),
+            ]
+        silent = {seen: values[f"complete {seen}"] < SILENT for seen in SEEN}
+        grown = mean_of(silent["large"][-1] * 1.0 - silent["large"][0])
+        spared = mean_of(silent["large"][-1] * 1.0 - silent["all"][-1])
+        kept = share_of(silent["all"][-1])
+        return [
+            *made,
+            positive(
+                "Large pools fall silent more often than small ones (lifts paid only if complete).",
+                "section 4.4",
+                f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
+                grown,
+            ),
+            Claim(
+                "Exposure to small loads prevents it (lifts paid only if complete).",
+                "section 4.4",
+                f"with all loads, fewer pools of {sizes[-1]} fall silent: difference of shares above 0, and "
+                "fewer than half",
+                spared,
+                spared.low > 0 and kept.high < 0.5,
+                note=f"With all loads: {kept}.",
+            ),
+        ]
+
+
+def _slope(values: Values, paid: str, row: int) -> float:
+    return float(np.gradient(values[f"{paid} pay"][row], PROBABILITY)[HALF])
+
+
+def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
+    """Mean reward at these loads if all units fire with the same probability: `(101,)`, for 0 to 1."""
+    from scipy import stats
+
+    counts = np.arange(task.units + 1)
+    parts = counts / task.units
+    pay = np.mean([np.asarray(task.pay(load, parts, task.effect(load, parts))) for load in loads], axis=0)  # type: ignore
+    return stats.binom.pmf(counts, task.units, PROBABILITY[:, None]) @ pay
+
+
+def draw_loads(values: Values, silent: float) -> Figure:
+    """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and the
+    number of silent pools."""
+
+    figure = new_figure(8, 6.4)
+    axes = figure.subplots(2, 2, sharex="row", sharey="row")
+    for column, (paid, title) in enumerate(TITLES.items()):
+        _pay(axes[0, column], values, paid)
+        axes[0, column].set_title(title, fontsize=11)
+        _active(axes[1, column], values, paid, silent)
+    axes[0, 0].set_ylabel("mean reward at large loads")
+    axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
+    axes[0, 0].legend(title="units")
+    axes[1, 0].legend(title="learnt from")
+    return figure
+
+
+def _pay(axes: Axes, values: Values, paid: str) -> None:
+    for row, size in enumerate(values["size"]):
+        axes.plot(values["probability"], values[f"{paid} pay"][row], color=f"C{row}", label=str(size))
+    axes.axvline(0.5, color="0.6", linewidth=0.8, linestyle="--")
+    axes.text(0.51, 5.9, "start", color="0.4", fontsize=9)
+    axes.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    axes.set_xlabel("probability that each unit fires")
+
+
+def _active(axes: Axes, values: Values, paid: str, silent: float) -> None:
+    spread = np.linspace(-0.13, 0.13, values[f"{paid} large"].shape[1])
+    for shift, seen, colour in ((-0.2, "large", "C3"), (0.2, "all", "C0")):
+        for place, active in enumerate(values[f"{paid} {seen}"]):
+            axes.plot(
+                place + shift + spread, np.sort(active), ".", color=colour, markersize=5,
+                label=f"{seen} loads" if place == 0 else None,
+            )  # fmt: skip
+            share = share_of(active < silent)
+            words = f"{round(share.value * share.count)} of {share.count}\nsilent"
+            axes.text(place + shift, 1.04, words, ha="center", va="bottom", fontsize=7.5, color=colour)
+    axes.set_xticks(range(len(values["size"])), [str(size) for size in values["size"]])
+    axes.set(xlabel="units in the pool", ylim=(-0.04, 1.22), yticks=np.linspace(0, 1, 6))

@@ -1,0 +1,195 @@
+"""Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, exact, mean_of, negative, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
+from motorgrad.tasks import ArmRecruitment, LinearRecruitment
+from motorgrad.training import agent_for
+
+GRID = 201  # loads over which the firing of a unit is averaged
+WORDS = {
+    "linear plain": "linear mapping, plain gradient",
+    "linear natural": "linear mapping, natural gradient",
+    "arm plain": "arm, plain gradient",
+    "arm natural": "arm, natural gradient",
+}
+
+
+@experiment("sec-4.4.1-size-principle", "units of different sizes", "section 4.4.1")
+class SizePrinciple(Experiment):
+    """Units whose force grows exponentially from one to the next learn to share a load, from random thresholds. Are
+    they recruited in the order of their sizes? In the linear mapping every order has the same reward, so that an order
+    can only result from learning; on the arm, orders differ in reward.
+
+    **Arguments:**
+
+    - `units`: in each pool.
+    - `size_ratio`: the largest unit's force relative to the smallest's. By default each unit has twice the force of the
+      one before.
+    - `seeds`: pools of each kind.
+    - `linear` (decisions): for which pools learn the linear mapping by the plain gradient.
+    - `linear_natural` (decisions): the same by the natural gradient.
+    - `arm` (decisions): for which pools learn to lift, by either gradient.
+    """
+
+    units: int = 4
+    size_ratio: float = 8.0
+    seeds: int = 48
+    linear: int = 6_000_000
+    linear_natural: int = 1_000_000
+    arm: int = 600_000
+
+    def __post_init__(self) -> None:
+        self.check_range(3, 6, "units")
+        check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(200, 10**9, "linear", "linear_natural", "arm")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
+
+    def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
+        """For every line: the task, what differs from its own learner, and the decisions."""
+        linear = LinearRecruitment(units=self.units, size_ratio=self.size_ratio)
+        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
+        # a threshold in kg is some 14 times one in 0 … 1, and its Fisher information smaller by the square of that
+        damping = {"threshold": NATURAL["metric"]["damping"]["threshold"] / arm.high**2}
+        scaled = NATURAL | {"metric": {**NATURAL["metric"], "damping": damping}}
+        return {
+            "linear plain": (linear, {}, self.linear),
+            "linear natural": (linear, NATURAL, self.linear_natural),
+            "arm plain": (arm, {}, self.arm),
+            "arm natural": (arm, scaled, self.arm),
+        }
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"size": LinearRecruitment(units=self.units, size_ratio=self.size_ratio).sizes}
+        for name, (task, changes, steps) in self.studies().items():
+            run = work.train(task, agent_for(task, **changes), steps, self.seeds)
+            loads = np.linspace(max(task.low, 0.0), task.high, GRID)
+            found[f"{name} load"] = recruitment_loads(firing_probability(run.policies, loads), loads)
+            found[f"{name} gain"] = thresholds_and_gains(run.policies)[1]
+            found[f"{name} high"] = np.array(task.high)
+        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
+        return found | {"orders": np.array(orders_of(self.units)), "order pay": order_pay(arm)}
+
+    def figure(self, values: Values) -> Figure:
+        return draw_sizes(values, WORDS, {name: order(values, name) for name in WORDS})
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made, chance, pay = [], 1 / len(values["orders"]), values["order pay"]
+        for name, words in WORDS.items():
+            found = order(values, name)
+            each, whole = mean_of(found), share_of(found > 1 - 1e-9)
+            graded = share_of((values[f"{name} gain"] > 0).all(axis=1))
+            made.append(
+                positive(
+                    f"Units organise by the size principle: small ones are recruited first ({words}).",
+                    "section 4.4.1",
+                    "rank correlation of size and recruitment: mean above 0",
+                    each,
+                    note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
+                )
+            )
+        best = values["orders"][pay.argmax()] + 1
+        made.append(
+            Claim(
+                "On the arm, the order of the size principle has the highest reward.",
+                "section 4.4.1",
+                "deficit to the best order of noiseless units: 0",
+                exact(pay.max() - pay[0]),
+                pay[0] == pay.max(),
+                "reward",
+                f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
+                f"{', '.join(map(str, best))}.",
+            )
+        )
+        for name in ("linear plain", "linear natural"):
+            inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
+            made.append(
+                negative(
+                    f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
+                    "our own observation",
+                    "rank correlation of size and distance from the middle: mean below 0",
+                    inward,
+                    note="Stated after the first results.",
+                )
+            )
+        return made
+
+
+def orders_of(units: int) -> list[tuple[int, ...]]:
+    """All orders of recruitment; the first is that of size."""
+    return list(itertools.permutations(range(units)))
+
+
+def order_pay(task: ArmRecruitment) -> np.ndarray:
+    """Average reward over a sweep of noiseless units in each order of `orders_of`, each recruited at its best load."""
+    loads, found = np.linspace(task.low, task.high, GRID), []
+    for order in orders_of(task.units):
+        parts = np.concatenate([[0.0], np.cumsum(task.sizes[list(order)])])
+        pay = [np.asarray(task.pay(load, parts, task.effect(load, parts))).max() for load in loads]  # type: ignore
+        found.append(np.mean(pay))
+    return np.array(found)
+
+
+def recruitment_loads(probability: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """The load from which a unit fires, `(seeds, units)`: for a unit with a sharp threshold, its threshold.
+
+    It is the mean fraction of the range in which the unit is silent, so that it is also defined for units that always
+    or never fire.
+
+    **Arguments:** `probability` (seeds, loads, units); the loads, equally spaced.
+    """
+    return loads[0] + (loads[-1] - loads[0]) * (1 - probability.mean(axis=1))
+
+
+def correlations(values: Values, places: np.ndarray) -> np.ndarray:
+    """Spearman's rank correlation of the units' sizes and these places, for each seed."""
+    from scipy import stats
+
+    return np.array([stats.spearmanr(values["size"], row)[0] for row in places])
+
+
+def order(values: Values, name: str) -> np.ndarray:
+    """Rank correlation of size and recruitment load for each seed: 1 if small units come first."""
+    return correlations(values, values[f"{name} load"])
+
+
+def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np.ndarray]) -> Figure:
+    """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
+    grey line joins the units of a pool; units of negative gain are hollow."""
+
+    figure = new_figure(8, 6.8)
+    axes = figure.subplots(2, 2, sharex=True)
+    size = values["size"]
+    for place, (name, title) in zip(axes.flat, words.items(), strict=True):
+        loads = values[f"{name} load"]
+        shift = np.geomspace(0.88, 1 / 0.88, len(loads))
+        for seed, row in enumerate(loads):
+            place.plot(size * shift[seed], row, color="0.85", linewidth=0.5, zorder=1)
+        for unit, graded in itertools.product(range(len(size)), (True, False)):
+            which = (values[f"{name} gain"][:, unit] > 0) == graded
+            colour = f"C{unit}"
+            face = colour if graded else "white"
+            place.scatter(size[unit] * shift[which], loads[which, unit], 12, face, edgecolor=colour, zorder=2)
+        mean = mean_of(orders[name])
+        place.set_title(f"{title}\nrank correlation {mean.value:+.2f} [{mean.low:+.2f} … {mean.high:+.2f}]", fontsize=9)
+        place.set_xscale("log", base=2)
+        place.set_xticks(size, [f"{part:.2f}" for part in size])
+        place.minorticks_off()
+        place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
+    for row, unit in zip(axes, ("", ", kg"), strict=True):
+        row[0].set_ylabel(f"fires above this load{unit}")
+    for place in axes[1]:
+        place.set_xlabel("size / total force (hollow: negative gain)")
+    return figure

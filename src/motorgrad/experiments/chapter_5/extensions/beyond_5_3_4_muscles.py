@@ -1,0 +1,200 @@
+"""Beyond section 5.3.4: the hexapod learns to walk on 24 independent muscles."""
+
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.experiments._claims import Claim, mean_of, median_of, practice_curve
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
+
+SMOOTH = 40.0
+"""Simulated seconds over which the speed during learning is averaged."""
+
+COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+WORDS = {"mode": "most probable actions", "sample": "sampled actions"}
+SPEED, NET = 1.8, 1.6
+"""Targets for the most probable actions: median speed along the heading and net displacement, m/s."""
+
+THESIS, OURS = "section 5.3.4", "our own expectation"
+CHANGES = {
+    "mirror tie": "A learner whose left and right sides share parameters gets farther.",
+    "Euclidean": "The plain gradient, with steps of the same divergence, gets less far than the natural one.",
+    "no critic": "Without a critic, learning gets less far.",
+    "no lag": "Without a lag of the observations, learning gets less far.",
+    "seven inputs": "With only six lateral angles and a bias as inputs, learning gets less far than with all senses.",
+}
+HELPS = ("mirror tie",)
+"""Changes that should help; the others remove something."""
+
+
+@experiment("beyond-5.3.4-muscles", "twenty-four independent muscles", "beyond section 5.3.4")
+class Muscles(MuscleStudy):
+    """Hexapods learn to walk on 24 muscles that fire independently, without prior knowledge: their speed during
+    learning, and the walks of the frozen policies from a fresh start. For comparison, learners with one change each.
+
+    **Arguments:**
+
+    - `updates`: of the parameters; the learner's schedules scale with them.
+    - `seeds`: independent hexapods.
+    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
+    - `compared`: seeds of each changed learner; they are compared with as many of the unchanged one.
+    - `variants`: the changed learners, by name.
+    """
+
+    compared: int = 5
+    variants: tuple[str, ...] = tuple(VARIANTS)[1:]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(2 <= self.compared <= self.seeds, "compared", self.compared, f"in 2 … seeds, {self.seeds}")
+        for variant in self.variants:
+            check(variant != FULL, "variants", variant, "changed learners only")
+            _ = self.learner(variant)
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {"variants": np.array(self.variants), "compared": np.array(self.compared)}
+        for variant in (FULL, *self.variants):
+            run = self.trained(work, variant, None if variant == FULL else self.compared)
+            found[f"{variant} time"], found[f"{variant} practice"] = practice_curve(run, "speed", SMOOTH)
+            found |= self.judged(work, run, variant)
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_muscles(values)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        return [*muscle_claims(values), *ablation_claims(values)]
+
+
+def draw_muscles(values: Values) -> Figure:
+    """Speed during learning; and speed and net displacement of every frozen policy."""
+
+    figure = new_figure(9.8, 7.2)
+    panels: Any = figure.subplot_mosaic([["practice", "practice"], ["mode", "sample"]], height_ratios=[1, 1.15])
+    names = [FULL, *(str(name) for name in values["variants"])]
+    _practice(panels["practice"], values, names)
+    for mode in WORDS:
+        _frozen(panels[mode], values, names, mode)
+    panels["mode"].set_ylabel("m/s")
+    top = 1.15 * max(panels[mode].get_ylim()[1] for mode in WORDS)  # room for the legends
+    for mode in WORDS:
+        panels[mode].set_ylim(-0.05, top)
+    return figure
+
+
+def _practice(axes: Axes, values: Values, names: list[str]) -> None:
+    for name, colour in zip(names, COLOURS, strict=False):
+        curves = values[f"{name} practice"]
+        if name == FULL:
+            draw_band(axes, values[f"{name} time"], curves, colour, f"{name}, {len(curves)} seeds")
+        else:
+            axes.plot(values[f"{name} time"], np.median(curves, 0), color=colour, linewidth=1.2, label=name)
+    changed = f"; changed learners, {int(values['compared'])} seeds each" if len(names) > 1 else ""
+    axes.set(
+        xlabel="simulated time of practice (s)",
+        ylabel="speed along the heading (m/s)",
+        ylim=(0, None),
+        xlim=(0, values[f"{FULL} time"][-1]),
+    )
+    axes.legend(loc="upper left", ncols=2, title=f"medians{changed}", title_fontsize=8.5)
+
+
+def _frozen(axes: Axes, values: Values, names: list[str], mode: str) -> None:
+    """For each learner two columns of marks, one mark per seed, with medians as bars."""
+    for place, (name, colour) in enumerate(zip(names, COLOURS, strict=False)):
+        for shift, quantity, filled in ((-0.17, "speed", False), (0.17, "net", True)):
+            found = values[f"{name} {mode} {quantity}"]
+            across = place + shift + 0.12 * np.linspace(-1, 1, len(found))
+            face = colour if filled else "none"
+            axes.plot(across, found, "o", markersize=3.8, color=colour, markerfacecolor=face, alpha=0.75)
+            axes.plot([place + shift - 0.15, place + shift + 0.15], [np.median(found)] * 2, color=colour, linewidth=2)
+    axes.set_xticks(range(len(names)), [name.replace(" ", "\n") for name in names], fontsize=8)
+    axes.plot([], [], "o", color="0.4", markersize=3.8, markerfacecolor="none", label="speed along the heading")
+    axes.plot([], [], "o", color="0.4", markersize=3.8, label="net displacement over 20 s")
+    axes.set_title(WORDS[mode])
+    axes.legend(loc="upper right", fontsize=8, handletextpad=0.2)
+
+
+def muscle_claims(values: Values) -> Sequence[Claim]:
+    """Claims about the learner itself."""
+    mode, sample = (_quantities(values, kind) for kind in ("mode", "sample"))
+    speed, net = median_of(mode["speed"]), median_of(mode["net"])
+    counts = zip(*np.unique(mode["gait"], return_counts=True), strict=True)
+    gaits = f"Gaits with the most probable actions: {', '.join(f'{kind} {count}' for kind, count in counts)}."
+    walks = median_of(sample["net"])
+    still = mean_of(mode["stalls"])
+    seeds = len(mode["speed"])
+    return [
+        Claim(
+            "Learning the activation of each of 24 muscles is intractable without prior knowledge.",
+            THESIS,
+            "median net displacement with the most probable actions: at most 0.1 m/s",
+            net,
+            net.high <= 0.1,
+            "m/s",
+            "No synergies and no symmetry are given, and all weights start at 0. The thesis did not have this learner.",
+        ),
+        Claim(
+            "Twenty-four independent muscles learn to walk fast.",
+            OURS,
+            f"most probable actions: median speed along the heading at least {SPEED} m/s",
+            speed,
+            speed.value >= SPEED,
+            "m/s",
+            gaits,
+        ),
+        Claim(
+            "The learnt walks lead somewhere.",
+            OURS,
+            f"most probable actions: median net displacement over 20 s at least {NET} m/s",
+            net,
+            net.value >= NET,
+            "m/s",
+            f"With sampled actions: speed {median_of(sample['speed'])}, net displacement {walks} m/s.",
+        ),
+        Claim(
+            "No hexapod stalls with its most probable actions.",
+            OURS,
+            "no second below 0.3 m/s in any seed",
+            still,
+            not np.any(mode["stalls"] > 0),
+            note=f"Fraction of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have "
+            "such a second. "
+            f"Falls: {np.count_nonzero(mode['falls'] > 0)} seeds.",
+        ),
+    ]
+
+
+def ablation_claims(values: Values) -> Sequence[Claim]:
+    """Claims about the changed learners, compared with the unchanged one on the same seeds."""
+    count, made = int(values["compared"]), []
+    for variant in values["variants"]:
+        ours, theirs = (values[f"{name} mode net"][:count] for name in (FULL, variant))
+        more, better = mean_of(theirs - ours), variant in HELPS
+        made.append(
+            Claim(
+                CHANGES[str(variant)],
+                OURS,
+                "most probable actions, net displacement over 20 s: difference from the unchanged learner "
+                f"{'above' if better else 'below'} 0",
+                more,
+                more.low > 0 if better else more.high < 0,
+                "m/s",
+                f"Medians: {np.median(theirs):.2f} against {np.median(ours):.2f} m/s; speed along the heading "
+                f"{np.median(values[f'{variant} mode speed']):.2f} against "
+                f"{np.median(values[f'{FULL} mode speed'][:count]):.2f}.",
+            )
+        )
+    return made
+
+
+def _quantities(values: Values, mode: str) -> dict[str, np.ndarray]:
+    return {name: values[f"{FULL} {mode} {name}"] for name in ("speed", "net", "stalls", "falls", "gait")}

@@ -1,1 +1,0 @@
-"""Chapter 6: policies that grow, unit by unit."""

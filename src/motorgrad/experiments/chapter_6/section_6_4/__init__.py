@@ -1,0 +1,1 @@
+"""Section 6.4: policies that grow unit by unit."""

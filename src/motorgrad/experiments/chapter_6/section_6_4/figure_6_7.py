@@ -1,0 +1,129 @@
+"""Figure 6.7: a policy while units are added one by one."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import (
+    draw_tile,
+    hide_axes,
+    median_row,
+    policy_at,
+    prefixed,
+    stored_paths,
+    tile_grid,
+)
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import GrowingStudy, after_units, grown_policies
+from motorgrad.tasks import FallingParticle
+from motorgrad.training import Run
+
+SHOWN = (1, 2, 3, 4, 6, 9, 13, 16, 19, 20)
+LOCAL = 0.25
+"""Width up to which a unit counts as local: half of the box is four of them."""
+
+
+@experiment("fig-6.7", "a policy that grows", "figure 6.7")
+class GrowingPolicy(GrowingStudy):
+    """A policy grows in the layout R3: local units are added one by one, wide at first, and find their places. The
+    units of the median seed with paths of its particle, at the end of the learning phase that follows each addition.
+
+    **Arguments:**
+
+    - `units`: of the complete pool; 20 take 8,000 episodes.
+    - `seeds`: independent learners.
+    - `drawn` (episodes): paths in each tile.
+    """
+
+    drawn: int = 10
+
+    @property
+    def task(self) -> FallingParticle:
+        return FallingParticle(layout="R3", units=self.units)
+
+    def films(self, work: Workspace) -> Mapping[str, Run]:
+        return {"animation": self.learnt(work, self.task, self.growing(self.task))}
+
+    def run(self, work: Workspace) -> Values:
+        task = self.task
+        run = self.learnt(work, task, self.growing(task))
+        decision, reward = run.curve()
+        found: Values = {"reward": after_units(decision, reward, self.units)}
+        row = median_row(found["reward"][:, -1])
+        found |= {"row": np.array(row), "counts": np.array(self.counts(SHOWN))}
+        history = grown_policies(run, range(1, self.units + 1))
+        found |= {"centre": np.asarray(history.pool.centre), "log width": np.asarray(history.pool.log_width)}
+        for count in found["counts"]:
+            policy = policy_at(policy_at(history, count - 1), row)
+            found |= prefixed(str(count), stored_paths(task, policy, self.drawn))
+            shapes = {"centre": policy.pool.centre, "log width": policy.pool.log_width}
+            found |= prefixed(str(count), {name: np.asarray(shape) for name, shape in shapes.items()})
+        return found
+
+    def figure(self, values: Values) -> Figure:
+
+        counts, row = values["counts"], int(values["row"])
+        rows, columns = tile_grid(len(counts), 5)
+        figure = new_figure(1.9 * columns, 2.12 * rows)
+        tiles = np.ravel(figure.subplots(rows, columns))
+        for axes, count in zip(tiles, counts, strict=False):
+            draw_tile(axes, self.task, values, str(count), units=int(count))
+            words = "1 unit" if count == 1 else f"{count} units"
+            axes.set_title(f"{words}: {values['reward'][row, count - 1]:.3f}", fontsize=9)
+        hide_axes(list(tiles[len(counts) :]))
+        return figure
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        new, others = centre_shifts(values["centre"])
+        width = at_own_interval(np.exp(values["log width"])).max(-1)
+        local = (width <= LOCAL).mean(1)
+        further = mean_of(new - others)
+        gained = mean_of(values["reward"][:, -1] - values["reward"][:, 0])
+        return [
+            positive(
+                "Mainly the new unit moves, and finds a place.",
+                "section 6.4.3",
+                "in the interval after its addition, a unit's centre moves farther than those of the other units: "
+                "difference above 0",
+                further,
+                "of the box",
+                f"{new.mean():.3f} and {others.mean():.3f}; the steps of the new unit are 16 times as long.",
+            ),
+            more_than_half(
+                "Shrinking forces each new unit to fit a local region.",
+                "section 6.4.3",
+                f"share of units with widths of at most {LOCAL:g} at the end of their own interval: above one half",
+                mean_of(local),
+                note=f"The median of the larger width is {np.median(width):.2f}; shrinking alone would end at 0.15.",
+            ),
+            positive(
+                "A growing policy improves.",
+                "figure 6.7",
+                f"reward after {self.units} units minus that after 1: above 0",
+                gained,
+                "reward per decision",
+            ),
+        ]
+
+
+def centre_shifts(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances by which the centres of the new unit and, on average, of the others move within an interval; means over
+    all intervals but the first: `(seeds,)` each.
+
+    **Arguments:** `centre`, at the end of each interval, `(units, seeds, units, 2)`; for a unit that has not been
+    added, its initial place.
+    """
+    count = len(centre)
+    new, others = [], []
+    for unit in range(1, count):
+        way = np.linalg.norm(centre[unit] - centre[unit - 1], axis=-1)
+        new.append(way[:, unit])
+        others.append(way[:, :unit].mean(1))
+    return np.mean(new, axis=0), np.mean(others, axis=0)
+
+
+def at_own_interval(history: np.ndarray) -> np.ndarray:
+    """The numbers of each unit at the end of its own interval: `(units, seeds, units, …)` to `(seeds, units, …)`."""
+    return np.stack([history[unit][:, unit] for unit in range(len(history))], axis=1)

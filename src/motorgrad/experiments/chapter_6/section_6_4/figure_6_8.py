@@ -1,0 +1,206 @@
+"""Figure 6.8: the reward of a growing policy."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, above, mean_of, more_than_half, moving_mean, share_of
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments.chapter_6._local_study import median_row
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
+    INTERVAL,
+    RATES,
+    GrowingStudy,
+    after_units,
+    disturbance,
+    learning_phase,
+)
+from motorgrad.tasks import FallingParticle
+from motorgrad.training import agent_for
+
+INDEPENDENT = {1: 0.033, 5: 0.141, 9: 0.154, 13: 0.175, 19: 0.184}
+"""Reward per decision of an independent model after this many units."""
+
+WITHIN = 0.03
+DROP, DROP_WITHIN = 0.13, 0.03
+PEAK = 13
+RIGHT_FIRST = ((0.4, 0.0), (-0.4, 0.0))
+STATIC = {"static": {}, "static like grown": {"policy": {"copies": 2, "p_max": 0.5}, "learning_rate": RATES}}
+AVERAGES = (50, 500)  # episodes
+
+
+@experiment("fig-6.8", "the reward of a policy that grows", "figure 6.8")
+class GrowingReward(GrowingStudy):
+    """The reward of a growing policy in R3 over episodes, with the additions marked: of the median seed and of all. For
+    comparison, eight units that are present from the start, and growth with a first unit that pushes to the right.
+
+    **Arguments:**
+
+    - `units`: of the complete pool; 20 take 8,000 episodes.
+    - `seeds`: learners of each kind.
+    """
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for name, task in (
+            ("grown", FallingParticle(layout="R3", units=self.units)),
+            ("right first", FallingParticle(layout="R3", units=self.units, forces=RIGHT_FIRST)),
+        ):
+            run = self.learnt(work, task, self.growing(task))
+            decision, reward = run.curve()
+            found |= {
+                f"{name} reward": reward,
+                f"{name} after": after_units(decision, reward, self.units),
+                f"{name} drop": disturbance(decision, reward, self.units),
+            }
+            if name == "grown":
+                found |= {"decision": decision, "episode": np.cumsum(run.curve("episodes")[1], axis=1)}
+        for name, changes in STATIC.items():
+            task = FallingParticle(layout="R3")
+            found[f"{name} reward"] = self.learnt(work, task, agent_for(task, **changes)).curve()[1]
+        found["row"] = np.array(median_row(found["grown after"][:, -1]))
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        independent = {units: INDEPENDENT[units] for units in self.counts(tuple(INDEPENDENT))}
+        return draw_growing_reward(values, self.units, independent, WITHIN)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        after, other = values["grown after"], values["right first after"]
+        made = []
+        for units in self.counts(tuple(INDEPENDENT)):
+            expected, found = INDEPENDENT[units], mean_of(after[:, units - 1])
+            made.append(
+                Claim(
+                    f"Reward after {units} unit{'s' * (units > 1)}.",
+                    "an independent model",
+                    f"{expected:.3f} ± {WITHIN:g}",
+                    found,
+                    abs(found.value - expected) <= WITHIN,
+                    "reward per decision",
+                    f"{mean_of(other[:, units - 1])} if the first unit pushes to the right.",
+                )
+            )
+        drop = mean_of(values["grown drop"].mean(1))
+        made.append(
+            Claim(
+                "Each new unit disrupts the dynamics and causes a large drop in reward.",
+                "figure 6.8; an independent model",
+                f"{DROP:g} ± {DROP_WITHIN:g}: the last record before an addition minus the first after it",
+                drop,
+                abs(drop.value - DROP) <= DROP_WITHIN,
+                "reward per decision",
+                f"A record is {int(values['decision'][0]):,} decisions.",
+            )
+        )
+        return [*made, *self._peak(after), *self._static(values)]
+
+    def _peak(self, after: np.ndarray) -> list[Claim]:
+        if self.units <= PEAK:
+            return []
+        best = share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1)
+        later = mean_of(after[:, -1] - after[:, PEAK - 1])
+        return [
+            more_than_half(
+                "Performance peaks after approximately 13 units.",
+                "figure 6.8",
+                f"the best learning phase is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
+                best,
+                note="The thesis shows one run.",
+            ),
+            Claim(
+                "There is no true peak at 13 units.",
+                "an independent model",
+                f"reward after {self.units} units minus that after {PEAK}: the interval is not below 0",
+                later,
+                later.high > 0,
+                "reward per decision",
+            ),
+        ]
+
+    def _static(self, values: Values) -> list[Claim]:
+        made = []
+        for name, words in (
+            ("static", "with the height 1 and the step sizes of figure 6.5"),
+            ("static like grown", "with the height and the step sizes of the grown units"),
+        ):
+            last = learning_phase(values["decision"], self.units - 1)
+            static, grown = (values[f"{each} reward"][:, last].mean(1) for each in (name, "grown"))
+            found = mean_of(static - grown)
+            made.append(
+                above(
+                    -0.02,
+                    "Two units at each of 2 × 2 places, present from the start, do as well in two "
+                    f"dimensions ({words}).",
+                    "an independent model",
+                    "difference of final rewards after equally many decisions: the whole interval above −0.02",
+                    found,
+                    "reward per decision",
+                    f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
+                )
+            )
+        return made
+
+
+def draw_growing_reward(values: Values, units: int, independent: Mapping[int, float], within: float) -> Figure:
+    """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
+
+    figure = new_figure(9.4, 6.6)
+    panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
+    _one_seed(panels["one"], values, units)
+    _all_seeds(panels["all"], values, units)
+    _after(panels["after"], values, units, independent, within)
+    return figure
+
+
+def _one_seed(axes: Axes, values: Values, units: int) -> None:
+    row = int(values["row"])
+    episode, reward = values["episode"][row], values["grown reward"][row]
+    each = episode[-1] / len(episode)
+    for wanted, colour, width in zip(AVERAGES, ("0.6", "C3"), (0.8, 1.8), strict=True):
+        records = max(1, round(wanted / each))
+        label = f"last {records * each:.0f} episodes"
+        axes.plot(episode[records - 1 :], moving_mean(reward, records), color=colour, linewidth=width, label=label)
+    _additions(axes, values["decision"], episode, units)
+    axes.set(
+        xlabel="episodes",
+        ylabel="reward per decision",
+        xlim=(0, episode[-1]),
+        title=f"seed {row}; lines: a unit is added",
+    )
+    axes.legend(loc="lower right", ncols=2, fontsize=8)
+
+
+def _all_seeds(axes: Axes, values: Values, units: int) -> None:
+    thousands = values["decision"] / 1e3
+    for name, colour, label in (
+        ("static", "C2", "eight units from the start"),
+        ("static like grown", "C1", "the same, height and rates as growing"),
+        ("grown", "C0", "growing"),
+    ):
+        draw_band(axes, thousands, values[f"{name} reward"], colour, label)
+    _additions(axes, values["decision"], thousands, units)
+    axes.set(xlabel="thousand decisions", ylabel="reward per decision", title="all seeds: median and quartiles")
+    axes.legend(loc="lower right", fontsize=8)
+
+
+def _after(axes: Axes, values: Values, units: int, independent: Mapping[int, float], within: float) -> None:
+    count = np.arange(1, units + 1)
+    for name, colour, label in (("right first", "C4", "first to the right"), ("grown", "C0", "first to the left")):
+        found = [mean_of(column) for column in values[f"{name} after"].T]
+        draw_intervals(axes, count, found, fmt="o-", markersize=3, color=colour, label=label)
+    if independent:
+        axes.errorbar(
+            list(independent), list(independent.values()), within, fmt="s", color="0.2", markersize=5, capsize=3,
+            label=f"an independent model, ± {within:g}", zorder=5, linewidth=0.8,
+        )  # fmt: skip
+    axes.set(xlabel="units", ylabel="reward in the learning phase", title="after each unit: mean and interval")
+    axes.legend(loc="lower right", fontsize=8)
+
+
+def _additions(axes: Axes, decision: np.ndarray, place: np.ndarray, units: int) -> None:
+    """A line at the addition of each unit but the first."""
+    for x in np.interp(INTERVAL * np.arange(1, units), decision, place):
+        axes.axvline(x, color="0.85", linewidth=0.7, zorder=0)

@@ -1,0 +1,120 @@
+"""Sections 6.4.3 and 6.5.4: where a new unit starts."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, mean_of, negative, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
+    INTERVAL,
+    GrowingStudy,
+    after_units,
+    grown_policies,
+)
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import at_own_interval
+from motorgrad.sim import draw_regions
+from motorgrad.tasks import FallingParticle
+
+PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "at a visited place")}
+
+
+@experiment("sec-6.4-placement", "where a new unit starts", "section 6.4")
+class Placement(GrowingStudy):
+    """Where a new unit starts: at the centre of the box, or at a random place among those that the particle visited
+    recently. Units are added by the clock, in the layouts R3 and R1: the reward, and the initial and final places of
+    units.
+
+    **Arguments:**
+
+    - `units`: of the complete pool.
+    - `seeds`: learners of each kind.
+    - `layouts`: of rewards, by name.
+    """
+
+    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(units=4, seeds=3, layouts=("R3",))
+
+    def run(self, work: Workspace) -> Values:
+        found: Values = {}
+        for layout in self.layouts:
+            task = FallingParticle(layout=layout, units=self.units)
+            for place in PLACES:
+                run = self.learnt(work, task, self.growing(task, growth_placement=place))
+                decision, reward = run.curve()
+                found |= {
+                    "decision": decision,
+                    f"{layout} {place} reward": reward,
+                    f"{layout} {place} after": after_units(decision, reward, self.units),
+                }
+                history = np.asarray(grown_policies(run, range(1, self.units + 1)).pool.centre)
+                # a record at an addition contains the initial state of the new unit
+                starts = [history[unit - 1][:, unit] for unit in range(1, self.units)]
+                found[f"{layout} {place} starts"] = np.stack(starts, axis=1)
+                found[f"{layout} {place} ends"] = at_own_interval(history)[:, 1:]
+        return found
+
+    def figure(self, values: Values) -> Figure:
+
+        figure = new_figure(10, 6.4)
+        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
+        span = max(1, round(INTERVAL / values["decision"][0]))
+        for row, layout in zip(axes, self.layouts, strict=True):
+            for place, (colour, words) in PLACES.items():
+                thousands, reward = values["decision"] / 1e3, values[f"{layout} {place} reward"]
+                draw_band(row[0], thousands, reward, colour, words, records=span)
+            row[0].set(ylabel=f"{layout}: reward, last {INTERVAL:,} decisions")
+            for panel, (place, (colour, words)) in zip(row[1:], PLACES.items(), strict=True):
+                self._moves(panel, layout, values, place, colour)
+                panel.set_title(words, fontsize=9.5)
+        axes[0, 0].legend(loc="lower right", fontsize=8.5)
+        axes[-1, 0].set_xlabel("thousand decisions")
+        return figure
+
+    def _moves(self, axes: Axes, layout: Any, values: Values, place: str, colour: str) -> None:
+        """Initial places of all seeds' units, and their places when the next unit is added."""
+        draw_regions(axes, FallingParticle(layout=layout).places)
+        starts, ends = (values[f"{layout} {place} {when}"].reshape(-1, 2) for when in ("starts", "ends"))
+        axes.plot(*starts.T, "+", color="black", markersize=5, alpha=0.7)
+        axes.plot(*ends.T, ".", color=colour, markersize=3.5, alpha=0.7)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        made = []
+        for layout in self.layouts:
+            ends = {place: values[f"{layout} {place} after"][:, -1] for place in PLACES}
+            lives = {place: values[f"{layout} {place} reward"].mean(1) for place in PLACES}
+            ways = {
+                place: np.linalg.norm(
+                    values[f"{layout} {place} ends"] - values[f"{layout} {place} starts"], axis=-1
+                ).mean(1)
+                for place in PLACES
+            }
+            for found, words in ((ends, "in the last learning phase"), (lives, "over all decisions")):
+                gain = mean_of(found["visited"] - found["centre"])
+                made.append(
+                    positive(
+                        f"Units that start where the particle goes lead to more reward ({layout}, {words}).",
+                        "section 6.5.4: local units only have an effect near the dynamics; our own",
+                        "reward minus that with units that start at the centre: above 0",
+                        gain,
+                        "reward per decision",
+                        f"{found['visited'].mean():.3f}, for the centre {found['centre'].mean():.3f}.",
+                    )
+                )
+            shorter = mean_of(ways["visited"] - ways["centre"])
+            made.append(
+                negative(
+                    f"They move less far to their places ({layout}).",
+                    "our own expectation",
+                    "distance moved until the next addition minus that from the centre: below 0",
+                    shorter,
+                    "of the box",
+                    f"{ways['visited'].mean():.3f}, for the centre {ways['centre'].mean():.3f}.",
+                )
+            )
+        return made

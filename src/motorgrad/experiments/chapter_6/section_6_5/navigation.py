@@ -1,0 +1,196 @@
+"""Section 6.5.4: a learnt flow field leads around an obstacle to a goal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.experiments._claims import Claim, mean_of, moving_mean, negative, positive, share_of
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
+from motorgrad.policies import Policy
+from motorgrad.sim import draw_paths, draw_reward
+from motorgrad.tasks import ParticleNavigation
+from motorgrad.training import Evaluation, Run, agent_for, evaluate
+
+RATES = {"own": None, "half": {"centre": 1e-4, "log_width": 4e-4}}
+WORDS = {"own": "the task's own step sizes", "half": "half of them"}
+ARRIVES = 0.9  # a seed has found its way if this share of the episodes ends at the goal
+SMOOTH = 5  # records
+NOTHING = 1e-6  # forces below this are rounding errors
+
+
+@experiment("sec-6.5.4-navigation", "a flow field for navigation", "section 6.5.4")
+class Navigation(Experiment):
+    """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, form
+    a field of forces that leads there. The share of episodes that end at the goal, the time they take, and the cost of
+    the obstacle; and the expected force of the median seed over the plane, before and after learning.
+
+    **Arguments:**
+
+    - `decisions`: of learning.
+    - `seeds`: learners with each step size.
+    - `watched` (decisions): for which the frozen policies are evaluated.
+    - `drawn` (episodes): paths in each picture.
+    """
+
+    decisions: int = 200_000
+    seeds: int = 24
+    watched: int = 10_000
+    drawn: int = 8
+
+    def __post_init__(self) -> None:
+        self.check_range(400, 10**9, "decisions")
+        self.check_range(2, 10_000, "seeds")
+        self.check_range(1_000, 10**7, "watched", unit=" decisions")
+        self.check_range(1, 1_000, "drawn", unit=" episodes")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
+
+    def learnt(self, work: Workspace, name: str) -> Run:
+        """The runs with these step sizes."""
+        task = ParticleNavigation()
+        settings = agent_for(task, **({} if RATES[name] is None else {"learning_rate": RATES[name]}))
+        return work.train(task, settings, self.decisions, self.seeds)
+
+    def films(self, work: Workspace) -> Mapping[str, Run]:
+        return {"animation": self.learnt(work, "half")}
+
+    def run(self, work: Workspace) -> Values:
+        task, found = ParticleNavigation(), {}
+        for name in RATES:
+            run = self.learnt(work, name)
+            found |= {"decision": run.curve()[0], f"{name} arrivals": arrival_shares(run.metrics, self.seeds)}
+            found |= prefixed(name, frozen_outcome(evaluate(run, self.watched)))
+            if name == "half":
+                found |= prefixed("before", frozen_outcome(evaluate(run, self.watched, untrained=True)))
+                row = median_row(found["half reward"])
+                found["row"] = np.array(row)
+                for when, policies in (("before", run.initial), ("after", run.policies)):
+                    policy = policy_at(policies, row)
+                    shown = {"flow": flow(policy, task, found.setdefault("places", flow_places()))}
+                    # before learning, paths wander until the time limit, and a few cover everything
+                    count = self.drawn if when == "after" else min(self.drawn, 2)
+                    found |= prefixed(when, shown | stored_paths(task, policy, count))
+        return found
+
+    def figure(self, values: Values) -> Figure:
+        return draw_navigation(values, ParticleNavigation(), WORDS)
+
+    def claims(self, values: Values) -> Sequence[Claim]:
+        before, made = values["before share"], []
+        for name, words in WORDS.items():
+            after = values[f"{name} share"]
+            more, less = mean_of(after - before), mean_of(values[f"{name} cost"] - values["before cost"])
+            found = share_of(after >= ARRIVES)
+            made += [
+                positive(
+                    f"A flow field is learnt that leads to the goal ({words}).",
+                    "section 6.5.4",
+                    "share of episodes that end at the goal minus that before learning: above 0",
+                    more,
+                    "of the episodes",
+                    f"{before.mean():.0%} before, {after.mean():.0%} after.",
+                ),
+                Claim(
+                    f"This happens in every run ({words}).",
+                    "our own expectation",
+                    f"at least {ARRIVES:.0%} of the episodes end at the goal: in all seeds",
+                    found,
+                    found.value == 1,
+                    note=f"Seeds in which none does: {int((after == 0).sum())}.",
+                ),
+                negative(
+                    f"The flow field leads past the obstacle ({words}).",
+                    "section 6.5.4",
+                    "cost of the obstacle per decision minus that before learning: below 0",
+                    less,
+                    "reward per decision",
+                    f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
+                    f"episode {values['before cost per episode'].mean():.2f} and "
+                    f"{values[f'{name} cost per episode'].mean():.2f}.",
+                ),
+            ]
+        sooner = mean_of(values["half arrival"] - values["before arrival"])
+        made.append(
+            negative(
+                "The goal is reached sooner.",
+                "section 6.5.4",
+                "decisions to the goal, if it is reached, minus those before learning (half step sizes): below 0",
+                sooner,
+                "decisions",
+                f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
+            )
+        )
+        return made
+
+
+def flow_places() -> np.ndarray:
+    """Places at which the flow is drawn, `(places, 2)`."""
+    side = (np.arange(16) + 0.5) / 16
+    return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+
+
+def flow(policy: Policy, task: Any, at: np.ndarray) -> np.ndarray:
+    """Expected force at each place, `(places, 2)`."""
+    fires = jax.vmap(policy.prob)(jnp.asarray(at, jnp.float32))
+    return np.asarray(fires) @ np.asarray(task.dynamics.forces)
+
+
+def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
+    """Share of the episodes ending within each record that end at the goal, `(seeds, records)`; that of the previous
+    record if none ended."""
+    ended, arrived = (metrics[name].to_numpy().reshape(-1, seeds).T for name in ("episodes", "arrival_count"))
+    share = np.where(ended > 0, arrived / np.maximum(ended, 1), np.nan)
+    for record in range(1, share.shape[1]):
+        share[:, record] = np.where(np.isnan(share[:, record]), share[:, record - 1], share[:, record])
+    return np.nan_to_num(share)
+
+
+def frozen_outcome(outcome: Evaluation) -> Values:
+    """Results of frozen policies for each seed; the number of decisions to the goal is the time limit
+    if none arrived."""
+    ended, arrived = (outcome.metrics[name].to_numpy() for name in ("episodes", "arrival_count"))
+    decisions = len(outcome.time)
+    return {
+        "reward": outcome.reward,
+        "share": arrived / np.maximum(ended, 1),
+        "arrival": np.nan_to_num(outcome.readings["arrival"], nan=float(ParticleNavigation().time_limit)),
+        "cost": outcome.readings["cost"],
+        "cost per episode": outcome.readings["cost"] * decisions / np.maximum(ended, 1),
+    }
+
+
+def draw_navigation(values: Values, task: ParticleNavigation, words: Mapping[str, str]) -> Figure:
+    """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
+
+    figure = new_figure(11, 4.1)
+    axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
+    for panel, when in zip(axes, ("before", "after"), strict=False):
+        draw_reward(panel, task)
+        flow = values[f"{when} flow"]
+        most = float(np.linalg.norm(flow, axis=1).max())
+        if most > NOTHING:
+            x, y = values["places"].T
+            panel.quiver(x, y, *flow.T, color="#0061B0", width=0.0045, scale=16 * most, zorder=1.5, alpha=0.75)
+        draw_paths(panel, np.split(values[f"{when} paths"], values[f"{when} ends"][:-1]))
+    axes[0].set_title("before learning: forces cancel; paths", fontsize=10)
+    axes[1].set_title(f"learnt, seed {int(values['row'])}: mean force, paths", fontsize=10)
+    _arrivals(axes[2], values, words)
+    return figure
+
+
+def _arrivals(axes: Axes, values: Values, words: Mapping[str, str]) -> None:
+    """All seeds, and their mean."""
+    thousands = values["decision"] / 1e3
+    for (name, label), colour in zip(words.items(), ("C1", "C0"), strict=True):
+        shares, at = moving_mean(values[f"{name} arrivals"], SMOOTH), thousands[SMOOTH - 1 :]
+        axes.plot(at, shares.T, color=colour, linewidth=0.5, alpha=0.35)
+        axes.plot(at, shares.mean(0), color=colour, linewidth=2.2, label=label)
+    axes.set(xlabel="thousand decisions", ylabel="episodes that end at the goal", ylim=(0, 1.02))
+    axes.legend(title="thin: every seed, thick: mean", loc="lower right", fontsize=8, title_fontsize=8)
