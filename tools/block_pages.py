@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from motorgrad.lab import BLOCKS, GALLERY, Block, Sink, parameters_of, settings_of
-from motorgrad.lab._host import HostBlock
+from motorgrad.lab import BLOCKS, GALLERY, Block, HostBlock, Sink, parameters_of, settings_of
 
 FOLDER = "lab/blocks"
 GALLERY_PAGE = "lab/gallery.md"
@@ -29,7 +28,7 @@ def _groups() -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for name, kind in BLOCKS.items():
         groups.setdefault(kind.category, []).append(name)
-    return groups
+    return {group: sorted(names) for group, names in sorted(groups.items())}
 
 
 def _index() -> str:
@@ -86,7 +85,7 @@ def _ports(side: str, ports: Any) -> list[str]:
     lines += ["| port | carries | without a wire | acts | |", "|---|---|---|---|---|"] if waits else []
     lines += [] if waits else ["| port | carries | |", "|---|---|---|"]
     for name, port in ports.items():
-        carries, help = port.described() + (f", {port.unit}" if port.unit else ""), _cell(port.help)
+        carries, help = port.describe() + (f", {port.unit}" if port.unit else ""), _cell(port.help)
         usual = "needs one" if port.default is None else f"{port.default:g}"
         acts = "at once" if port.feedthrough else "from the next tick on"
         lines.append(

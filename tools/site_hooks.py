@@ -3,6 +3,7 @@ formulas as MathML."""
 
 # pyright: reportMissingImports=false
 # (mkdocs and latex2mathml are of the extra `docs`)
+import importlib
 import re
 import sys
 from html import unescape
@@ -39,7 +40,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in block_pages().items():
         files.append(File.generated(config, path, content=text))
     for room in ROOMS:
-        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n"
+        members = importlib.import_module(f"motorgrad.{room}").__all__  # some are made from a registry when imported
+        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n    options:\n      members: {members}\n"
         files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))
     for name, path in FROM_ROOT.items():
         text = LINK.sub(_in_site, (ROOT / name).read_text(encoding="utf-8"))

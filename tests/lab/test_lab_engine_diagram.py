@@ -59,7 +59,7 @@ def test_an_algebraic_loop_is_named():
     wire(diagram, "c sum.u1", "sum a")
     diagram.add("one", Constant(1.0))
     diagram.connect("one", "sum.u2")
-    with pytest.raises(DiagramError, match=r"algebraic loop: .*; put a delay into it") as caught:
+    with pytest.raises(DiagramError, match=r"algebraic loop: .*; insert a delay") as caught:
         Run(diagram)
     loop = str(caught.value).split("algebraic loop: ")[1].split(";")[0].split(" → ")
     assert loop[0] == loop[-1]
@@ -91,16 +91,26 @@ def test_a_subsystem_that_delays_cuts_a_loop():
 def test_wires_in_a_circle_are_refused():
     through = wire(_with(Diagram(), u=Inlet(), y=Outlet()), "u y")
     diagram = wire(_with(Diagram(), one=through, gain=Gain()), "one gain", "one one")
-    assert [str(problem) for problem in problems(diagram)] == ["one.y: wires lead in a circle, through no block"]
+    assert [str(problem) for problem in problems(diagram)] == ["one.y: the wires form a loop that contains no block"]
 
 
 @pytest.mark.parametrize(
     ("diagram", "path", "port", "says"),
     [
-        (lambda: chain(Constant(), Gain(shape=(2,))), "b", "u", "takes floats of shape (2,), but a.y gives one float"),
-        (lambda: chain(Chance((2,), "float"), Gain()), "b", "u", "takes one float, but a.y gives floats of shape (2,)"),
-        (lambda: chain(Constant(), Outlet(kind="bool")), "b", "u", "takes one bool, but a.y gives one float"),
-        (lambda: chain(Gain()), "a", "u", "no wire leads to it"),
+        (
+            lambda: chain(Constant(), Gain(shape=(2,))),
+            "b",
+            "u",
+            "accepts floats of shape (2,), but a.y outputs one float",
+        ),
+        (
+            lambda: chain(Chance((2,), "float"), Gain()),
+            "b",
+            "u",
+            "accepts one float, but a.y outputs floats of shape (2,)",
+        ),
+        (lambda: chain(Constant(), Outlet(kind="bool")), "b", "u", "accepts one bool, but a.y outputs one float"),
+        (lambda: chain(Gain()), "a", "u", "not connected"),
         (lambda: chain(Constant(), Integrator(every=2)), "b", None, "every = 2 ticks: must be 1"),
         (lambda: chain(Constant(period=0.015)), "a", None, "period = 0.015: must be a whole number of ticks of 0.01 s"),
         (lambda: chain(Constant(), leak()), "b/missing", None, ""),
@@ -132,32 +142,32 @@ def test_all_problems_are_told_at_once():
 
 def test_misfits_are_seen_while_a_wire_is_drawn():
     diagram = chain(Constant(), Gain(shape=(2,)))
-    assert diagram.misfit("a", "b") == "b.u: takes floats of shape (2,), but a.y gives one float"
-    assert "unknown block 'x'" in diagram.misfit("x", "b")
+    assert diagram.mismatch("a", "b") == "b.u: accepts floats of shape (2,), but a.y outputs one float"
+    assert "unknown block 'x'" in diagram.mismatch("x", "b")
     diagram.add("yes", Chance(kind="bool"))
     diagram.add("gain", Gain())
-    assert diagram.misfit("yes", "gain") is None
+    assert diagram.mismatch("yes", "gain") is None
 
 
 @pytest.mark.parametrize(
     ("act", "says"),
     [
-        (lambda d: d.add("a", Gain()), "name = 'a': must be a new one in the diagram"),
+        (lambda d: d.add("a", Gain()), "name = 'a': must be a new name in the diagram"),
         (lambda d: d.add("", Gain()), "name = '': must be a text of 1"),
         (lambda d: d.add("x.y", Gain()), r"name = 'x\.y': must be a text"),
         (lambda d: d.add("x/y", Gain()), "name = 'x/y': must be a text"),
         (lambda d: d.add("x\n", Gain()), "must be a text"),
-        (lambda d: d.add("x", Gain(), id="a"), "id = 'a': must be a new one"),
+        (lambda d: d.add("x", Gain(), id="a"), "id = 'a': must be a new"),
         (lambda d: d.add("x", Gain(), id=""), "id = ''"),
         (lambda d: d.add("x", 3), "x = 3: must be a block or a diagram"),
-        (lambda d: d.add("x", d), "must be a diagram that does not hold this one"),
+        (lambda d: d.add("x", d), "must be a diagram that does not contain this one"),
         (lambda d: d.connect("a", "b"), r"b\.u = 'a': must be disconnected first: a\.y leads there"),
         (lambda d: d.connect("b", "a"), "unknown input of a: '': known are none"),
         (lambda d: d.connect("a.x", "b"), "unknown output of a: 'x'"),
         (lambda d: d.connect("c", "b"), "unknown block 'c'"),
         (lambda d: d.disconnect("a"), "unknown input of a"),
         (lambda d: d.remove("c"), "unknown block 'c'"),
-        (lambda d: d.rename("a", "b"), "name = 'b': must be a new one"),
+        (lambda d: d.rename("a", "b"), "name = 'b': must be a new"),
         (lambda d: d.replace("c", Gain()), "unknown block 'c'"),
         (lambda d: Diagram(tick=0), "tick = 0: must be a positive number of seconds"),
         (lambda d: Diagram(tick=float("nan")), "tick = nan"),
@@ -205,7 +215,7 @@ def test_a_copy_is_changed_by_itself():
 def test_a_diagram_cannot_be_put_into_itself_later():
     outer, inner = Diagram(), Diagram()
     outer.add("inner", inner)
-    with pytest.raises(ValueError, match="does not hold this one"):
+    with pytest.raises(ValueError, match="does not contain this one"):
         inner.add("outer", outer)
 
 
@@ -293,13 +303,13 @@ class Broken(Block):
 @pytest.mark.parametrize(
     ("how", "port", "says"),
     [
-        ("shape", "y", "output: gives float32[2], but declares one float"),
-        ("kind", "y", "output: gives float32[], but declares one int"),
-        ("name", None, "output: gives ['z'], but declares ['y']"),
-        ("feedthrough", None, "output: asks for the input 'u', which it has not, or which is declared without"),
+        ("shape", "y", "output: returns float32[2], but the port declares one float"),
+        ("kind", "y", "output: returns float32[], but the port declares one int"),
+        ("name", None, "output: returns ['z'], but the block declares ['y']"),
+        ("feedthrough", None, "output: reads the input 'u', which does not exist or is declared without"),
         ("raises", None, "output: RuntimeError: it broke"),
-        ("state", None, "update: gives float32[3] for state['x'], which is float32[2]"),
-        ("structure", None, "update: gives"),
+        ("state", None, "update: returns float32[3] for state['x'], which is float32[2]"),
+        ("structure", None, "update: returns"),
     ],
 )
 def test_a_block_that_does_not_keep_what_it_declares_is_named(how, port, says):

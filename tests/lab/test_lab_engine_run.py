@@ -179,7 +179,7 @@ def test_an_edited_diagram_goes_on_where_its_blocks_are_the_same():
     edited.add("new", Integrator(1.0))
     edited.connect("gain", "new")
     more = Run(edited, seeds=2)
-    assert more.adopt(run.state) == ["new"]
+    assert more.restore_matching(run.state) == ["new"]
     assert more.tick == 50
     np.testing.assert_array_equal(more.advance(20)["level.u"], run.advance(20)["level.u"])
 

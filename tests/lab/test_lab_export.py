@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import motorgrad.lab as lab
-from motorgrad.lab import Diagram, DiagramEnv, DiagramPolicy, Run, cut, group
+from motorgrad.lab import Diagram, DiagramEnv, DiagramPolicy, Run, extract, group
 
 
 def cart() -> Diagram:
@@ -122,11 +122,11 @@ def test_grouped_blocks_compute_what_they_did_with_the_same_random_numbers():
 
 
 def test_what_is_cut_out_runs_by_itself_as_an_environment():
-    plant = cut(cart(), ["noise", "push", "place", "pay", "observation", "reward"])
+    plant = extract(cart(), ["noise", "push", "place", "pay", "observation", "reward"])
     assert list(plant.inputs) == ["action"]
     environment, whole = DiagramEnv(plant), DiagramEnv(cart())
     for each in (environment, whole):
         each.reset(seed=4)
     np.testing.assert_allclose(environment.step([0.5])[0], whole.step([0.5])[0], rtol=1e-6)
     with pytest.raises(ValueError, match="unknown block 'plase': did you mean 'place'"):
-        cut(cart(), ["plase"])
+        extract(cart(), ["plase"])

@@ -19,10 +19,10 @@ def wandering() -> Diagram:
 def test_a_look_shows_the_next_tick_and_moves_nothing():
     run = Run(wandering(), seeds=3)
     run.advance(5)
-    ahead = run.look()
+    ahead = run.peek()
     assert run.tick == 5
     assert ahead.first == 5
-    np.testing.assert_array_equal(run.look()["out.u"], ahead["out.u"])
+    np.testing.assert_array_equal(run.peek()["out.u"], ahead["out.u"])
     np.testing.assert_array_equal(run.advance(4)["out.u"][:, :1], ahead["out.u"])
 
 

@@ -1,4 +1,4 @@
-r"""TimLab: dynamical systems, controllers and learners built of blocks.
+r"""TimLab: dynamical systems, controllers and learners built from blocks.
 
     import motorgrad as mg
 
@@ -12,26 +12,27 @@ r"""TimLab: dynamical systems, controllers and learners built of blocks.
     diagram.connect("error", "speed")
     diagram.connect("speed", "level")
 
-**What happens in a tick.** All outputs are computed in an order in which every block comes after those that it reads
-from; then all states move, each by the inputs of this tick. Whatever an output does *not* depend on at once (an input
-declared with `feedthrough=False`) may come later in that order, so such a block cuts a loop. Between ticks the
-continuous blocks are integrated by RK4: they, and what they reach without delay through blocks that have neither state
-nor chance, are evaluated again inside the step; everything else is evaluated once, and held.
+**One tick.** First, all outputs are computed, each block after the blocks it reads from. Then all states advance,
+using the inputs of this tick. An input declared with `feedthrough=False` does not affect the outputs of the same tick,
+so a block with such an input breaks a loop. Between ticks, continuous blocks are integrated by RK4: they, and every
+stateless and deterministic block that they reach without delay, are evaluated again inside the step. Everything else is
+evaluated once per tick and held.
 
-**How to write a block.** One small file in `lab/blocks/` with one frozen dataclass, and one line in
-`lab/_registry.py`. See `lab/blocks/_gain.py` (pure), `_unit_delay.py` (state), `_integrator.py` (continuous).
+**Writing a block.** A block is one frozen dataclass in a file of `lab/blocks/`, plus one line in
+`lab/blocks/__init__.py`. For examples, see `Gain` (stateless) in `lab/blocks/_maths.py`, `UnitDelay` (discrete state)
+and `Integrator` (continuous state) in `lab/blocks/_linear.py`.
 
     @dataclasses.dataclass(frozen=True)
     class Leak(Block):
-        "Forgets: $x \leftarrow \beta x + u$."
+        "Leaky accumulator: $x \leftarrow \beta x + u$."
 
         name: ClassVar[str] = "leak"                     # in files and in the registry
         category: ClassVar[str] = "dynamics"             # in the palette
-        # a parameter may change while it runs, a setting may not
-        decay: Annotated[Any, Parameter("what is kept", low=0.0, high=1.0)] = 0.9
+        # a parameter can change during a run, a setting cannot
+        decay: Annotated[Any, Parameter("the fraction kept per tick", low=0.0, high=1.0)] = 0.9
         shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
 
-        def validate(self): ...                          # what must fit together; parameters are plain numbers here
+        def validate(self): ...                          # check combinations; parameters are plain numbers here
         @property
         def inputs(self): return {"u": Port(self.shape, feedthrough=False)}
         @property
@@ -41,211 +42,108 @@ nor chance, are evaluated again inside the step; everything else is evaluated on
         def output(self, state, inputs, now): return {"y": state}
         def update(self, state, inputs, now): return self.decay * state + inputs["u"]
 
-- The functions are pure, of one seed, in `jax.numpy`. They see arrays in place of parameters (`self.decay`), and may
-  not branch on them in Python; settings are plain. Blocks of one type and the same settings are evaluated as one, by
-  `jax.vmap`.
-- The state is any pytree of arrays with fixed shapes and types: a number, a dictionary, a named tuple, a policy.
-- `output` is handed only inputs with feedthrough. `update` and `derivative` are handed all.
-- Whether outputs depend on an input at once may hang on a setting, not on a parameter.
-- Chance: say how many numbers from U[0, 1) a tick consumes by a property `uniforms` (and `init_uniforms`), and take
-  them from `now.uniforms`: they are the same in `output` and `update`. They go by the seed, the block's id and the
-  tick. A block with the id `"policy"` has the numbers that a policy has in training, `"world"` those of a world.
-- Time: `now.time` in seconds, `now.tick`, and `now.step`, the block's own sample period. A stateless source that
-  depends on time says `timed: ClassVar[bool] = True`, so that it is evaluated inside RK4 steps too.
-- Wires carry arrays of fixed shape, not trees. A learning block gives its score as one flat vector in the order of
-  `jax.flatten_util.ravel_pytree(trainable(policy))`, and takes its step in the same order. Learnt parameters are state,
-  and a step taken in by a port with feedthrough acts at the same tick.
-- A sink is a `Sink` with inputs and settings; its inputs are recorded, and nothing of it runs.
-- A simulator or environment is a `HostBlock`, whose `start` gives a `Host` for all seeds at once. Where no output
-  depends on an input at once, declare so: then a tick is one compiled call.
+- The functions are pure, handle one seed, and use `jax.numpy`. Parameters (`self.decay`) are traced arrays in them, so
+  Python may not branch on their values; settings are plain values. Blocks of one type with equal settings are evaluated
+  together by `jax.vmap`.
+- The state is any pytree of arrays with fixed shapes and dtypes: a number, a dictionary, a named tuple, a policy.
+- `output` receives only the inputs with feedthrough. `update` and `derivative` receive all inputs.
+- Feedthrough may depend on a setting, not on a parameter.
+- Random numbers: the properties `uniforms` and `init_uniforms` declare how many numbers from U[0, 1) a tick and `init`
+  consume; `now.uniforms` has them, the same in `output` and `update`. They are determined by the seed, the block's id
+  and the tick. A block with the id `"policy"` gets the numbers that a policy gets in training, one with the id
+  `"world"` those of a world.
+- Time: `now.time` in seconds, `now.tick`, and `now.step`, the block's sample period. A stateless source that depends on
+  time sets `timed: ClassVar[bool] = True`, so that it is evaluated inside RK4 steps too.
+- Wires carry arrays of fixed shape, not pytrees. A learning block outputs its score as one flat vector in the order of
+  `jax.flatten_util.ravel_pytree(trainable(policy))`, and receives its step in the same order. Learned parameters are
+  state; a step that arrives at a port with feedthrough takes effect at the same tick.
+- A `Sink` has inputs and settings only. Its inputs are recorded; none of its code runs in a tick.
+- A simulator or environment is a `HostBlock`, whose `start` returns one `Host` for all seeds. Declare its inputs
+  without feedthrough where possible: a tick is then a single compiled call.
 """
 
-from motorgrad.lab._block import Block, Moment, Ports, Signals, whole_ticks
-from motorgrad.lab._diagram import Diagram, Node
-from motorgrad.lab._edit import edit
-from motorgrad.lab._environment import DiagramEnv, DiagramPolicy
-from motorgrad.lab._files import dumps, load, loads, save
-from motorgrad.lab._host import Host, HostBlock, HostMoment
-from motorgrad.lab._interpreter import Interpreter
-from motorgrad.lab._linearise import Linear, linearise
-from motorgrad.lab._parameter import Parameter, Setting, parameters_of, settings_of
-from motorgrad.lab._plan import problems
-from motorgrad.lab._port import Port
-from motorgrad.lab._problems import DiagramError, Problem
-from motorgrad.lab._python import to_python
-from motorgrad.lab._record import Record, join
-from motorgrad.lab._registry import BLOCKS
-from motorgrad.lab._run import Run
-from motorgrad.lab._sink import Sink
-from motorgrad.lab._subsystem import cut, group
-from motorgrad.lab._timeline import Change, Timeline, replay
-from motorgrad.lab.blocks._boundary import Inlet, Outlet
-from motorgrad.lab.blocks._compare import Compare, Logic, Not
-from motorgrad.lab.blocks._constant import Constant
-from motorgrad.lab.blocks._data_file import DataFile
-from motorgrad.lab.blocks._delay import Delay
-from motorgrad.lab.blocks._discrete_integrator import DiscreteIntegrator
-from motorgrad.lab.blocks._events import Counter, SampleAndHold
-from motorgrad.lab.blocks._formula import Expression, Function
-from motorgrad.lab.blocks._gain import Gain
-from motorgrad.lab.blocks._hysteresis import Backlash, RateLimit, Relay
-from motorgrad.lab.blocks._integrator import Integrator
-from motorgrad.lab.blocks._lag import DiscreteLag, Lag
-from motorgrad.lab.blocks._limits import DeadZone, Quantiser, Saturation
-from motorgrad.lab.blocks._linear import DiscreteStateSpace, DiscreteTransferFunction, StateSpace, TransferFunction
-from motorgrad.lab.blocks._lookup import LookUp, LookUp2D
-from motorgrad.lab.blocks._noise import NormalNoise, UniformNoise
-from motorgrad.lab.blocks._pid import PID, DiscretePID
-from motorgrad.lab.blocks._policy_map import PolicyMap
-from motorgrad.lab.blocks._product import MatrixGain, Product
-from motorgrad.lab.blocks._raster import Histogram, Raster
-from motorgrad.lab.blocks._recorder import Recorder
-from motorgrad.lab.blocks._scope import Portrait, Scope
-from motorgrad.lab.blocks._state_machine import StateMachine
-from motorgrad.lab.blocks._step import Ramp, Step
-from motorgrad.lab.blocks._sum import Sum
-from motorgrad.lab.blocks._switch import MultiSwitch, Switch
-from motorgrad.lab.blocks._unit_delay import UnitDelay
-from motorgrad.lab.blocks._vectors import Join, Reduce, Select
-from motorgrad.lab.blocks._viewer import Viewer
-from motorgrad.lab.blocks._waves import Chirp, Pulse, Sine
-from motorgrad.lab.blocks.learning import (
-    Adam,
-    AdvantageScale,
-    Ascent,
-    ConstantBaseline,
-    Critic,
-    EligibilityTrace,
-    EpisodicTrace,
-    FixedStepBaseline,
-    Gaussians,
-    GradientMean,
-    GradientSample,
-    GrowingGaussians,
-    Hyperplanes,
-    LaggedTrace,
-    Learner,
-    MeanBaseline,
-    Motoneurons,
-    NamedPolicy,
-    Softmax,
-    WeightDecay,
-    WindowTrace,
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import motorgrad.lab.blocks as _blocks
+from motorgrad.lab.blocks import *  # noqa: F403  (every registered block is exported)
+from motorgrad.lab.compiler import problems
+from motorgrad.lab.diagram import (
+    BLOCKS,
+    Block,
+    Diagram,
+    DiagramError,
+    Host,
+    HostBlock,
+    HostMoment,
+    Moment,
+    Node,
+    Parameter,
+    Port,
+    Ports,
+    Problem,
+    Record,
+    Setting,
+    Signals,
+    Sink,
+    dumps,
+    extract,
+    group,
+    join,
+    load,
+    loads,
+    parameters_of,
+    save,
+    settings_of,
+    to_python,
+    whole_ticks,
 )
-from motorgrad.lab.blocks.worlds import Body, Environment, MujocoModel, MuscleLaw, World
+from motorgrad.lab.engine import (
+    Change,
+    DiagramEnv,
+    DiagramPolicy,
+    Interpreter,
+    Linear,
+    Run,
+    Timeline,
+    linearise,
+    replay,
+)
 from motorgrad.lab.gallery import GALLERY, example
+
+if TYPE_CHECKING:
+    from motorgrad.lab.editor._widget import Editor
 
 __all__ = [
     "BLOCKS",
     "GALLERY",
-    "PID",
-    "Adam",
-    "AdvantageScale",
-    "Ascent",
-    "Backlash",
     "Block",
-    "Body",
     "Change",
-    "Chirp",
-    "Compare",
-    "Constant",
-    "ConstantBaseline",
-    "Counter",
-    "Critic",
-    "DataFile",
-    "DeadZone",
-    "Delay",
     "Diagram",
     "DiagramEnv",
     "DiagramError",
     "DiagramPolicy",
-    "DiscreteIntegrator",
-    "DiscreteLag",
-    "DiscretePID",
-    "DiscreteStateSpace",
-    "DiscreteTransferFunction",
-    "EligibilityTrace",
-    "Environment",
-    "EpisodicTrace",
-    "Expression",
-    "FixedStepBaseline",
-    "Function",
-    "Gain",
-    "Gaussians",
-    "GradientMean",
-    "GradientSample",
-    "GrowingGaussians",
-    "Histogram",
     "Host",
     "HostBlock",
     "HostMoment",
-    "Hyperplanes",
-    "Inlet",
-    "Integrator",
     "Interpreter",
-    "Join",
-    "Lag",
-    "LaggedTrace",
-    "Learner",
     "Linear",
-    "Logic",
-    "LookUp",
-    "LookUp2D",
-    "MatrixGain",
-    "MeanBaseline",
     "Moment",
-    "Motoneurons",
-    "MujocoModel",
-    "MultiSwitch",
-    "MuscleLaw",
-    "NamedPolicy",
     "Node",
-    "NormalNoise",
-    "Not",
-    "Outlet",
     "Parameter",
-    "PolicyMap",
     "Port",
-    "Portrait",
     "Ports",
     "Problem",
-    "Product",
-    "Pulse",
-    "Quantiser",
-    "Ramp",
-    "Raster",
-    "RateLimit",
     "Record",
-    "Recorder",
-    "Reduce",
-    "Relay",
     "Run",
-    "SampleAndHold",
-    "Saturation",
-    "Scope",
-    "Select",
     "Setting",
     "Signals",
-    "Sine",
     "Sink",
-    "Softmax",
-    "StateMachine",
-    "StateSpace",
-    "Step",
-    "Sum",
-    "Switch",
     "Timeline",
-    "TransferFunction",
-    "UniformNoise",
-    "UnitDelay",
-    "Viewer",
-    "WeightDecay",
-    "WindowTrace",
-    "World",
-    "cut",
     "dumps",
     "edit",
     "example",
+    "extract",
     "group",
     "join",
     "linearise",
@@ -259,3 +157,24 @@ __all__ = [
     "to_python",
     "whole_ticks",
 ]
+__all__ += _blocks.__all__
+
+
+def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Editor":
+    """Open TimLab's editor in a notebook cell, in Jupyter or marimo: the same editor as `motorgrad lab` in a browser.
+
+        editor = mg.lab.edit(mg.lab.example("chain"))  # shown when it is the last value of a cell
+        run = mg.lab.Run(editor.diagram)
+
+    **Arguments:**
+
+    - `diagram`: the diagram to begin with; the editor works on a copy. By default the one in `file`, or an empty one.
+    - `file`: where the editor saves it.
+
+    **Returns** a widget. Its `diagram` is a copy of the diagram as edited so far; `close` ends the session.
+
+    **Raises** `ValueError` for a file that does not contain a diagram.
+    """
+    from motorgrad.lab.editor._widget import Editor, Session  # anywidget is loaded only when it is needed
+
+    return Editor(Session(diagram, None if file is None else Path(file).absolute()))

@@ -11,7 +11,7 @@ import pytest
 from block_driver import arrays, of, signal
 
 from motorgrad.lab import BLOCKS, Moment, Sink, parameters_of, settings_of
-from motorgrad.lab._verify import _look
+from motorgrad.lab.diagram import function_problems
 
 ELSEWHERE = ("motorgrad.lab.blocks.learning", "motorgrad.lab.blocks.worlds")  # these have tests of their own
 PLAIN = [name for name, kind in BLOCKS.items() if not kind.__module__.startswith(ELSEWHERE)]
@@ -55,7 +55,7 @@ def test_is_declared_in_full(name):
 @pytest.mark.parametrize("name", PLAIN)
 def test_keeps_what_it_declares(name, tmp_path):
     for block in variants(name, tmp_path):
-        assert list(_look(block)) == []
+        assert list(function_problems(block)) == []
 
 
 @pytest.mark.parametrize("name", PLAIN)

@@ -79,7 +79,7 @@ def test_discrete_state_space_is_that_of_scipy():
 
 def test_matrices_that_do_not_fit_are_refused_by_name():
     for settings, message in (
-        ({"a": ((1.0, 2.0),)}, "a = .*: must be a list of as many rows as columns"),
+        ({"a": ((1.0, 2.0),)}, "a = .*: must be a square list of rows"),
         ({"b": (1.0, 2.0)}, "b = .*: must be a list of 1 numbers"),
         ({"c": (1.0, 2.0)}, "c = .*: must be a list of 1 numbers"),
         ({"d": 1.0}, "d = 1.0: must be 0 unless direct is true"),
@@ -89,7 +89,7 @@ def test_matrices_that_do_not_fit_are_refused_by_name():
         with pytest.raises(ValueError, match=message):
             of("state space", **settings)
     for settings, message in (
-        ({"numerator": (1.0, 2.0, 3.0)}, "numerator = .*: must be of at most 2"),
+        ({"numerator": (1.0, 2.0, 3.0)}, "numerator = .*: must be at most 2"),
         ({"denominator": (0.0, 1.0)}, "denominator = .*: must be a list whose first coefficient is not 0"),
         ({"denominator": (1.0,)}, "denominator = .*: must be of 2 … 21"),
         ({"numerator": 1.0}, "numerator = 1.0: must be a list of coefficients"),

@@ -10,8 +10,7 @@ from block_driver import alone, drive, of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motorgrad.lab.blocks._functions import FUNCTIONS
-from motorgrad.lab.blocks._grammar import LONGEST, evaluate, formula, is_condition, parsed
+from motorgrad.lab.blocks._formulas import FUNCTIONS, LONGEST, evaluate, formula, is_condition, parsed
 
 VALUES = {"a": 2.0, "b": -3.0, "c": 0.5}
 
@@ -70,30 +69,30 @@ def test_every_function_is_tried_above():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "column 1: a number, a name or a bracket is expected, not the end"),
+        ("", "column 1: expected a number, a name or a bracket, not the end"),
         ("a +", "column 4: .* not the end"),
         ("a * / b", "column 5: .* not '/'"),
-        ("a ** 2", "column 4: .*; a power is written \\^"),
-        ("1 < a < 3", "column 7: .*; join comparisons by 'and'"),
-        ("a b", "column 3: an operator or the end is expected, not 'b'"),
-        ("(a + b", "column 7: '\\)' is expected, not the end"),
+        ("a ** 2", "column 4: .*; powers are written with \\^"),
+        ("1 < a < 3", "column 7: .*; combine comparisons with 'and'"),
+        ("a b", "column 3: expected an operator or the end, not 'b'"),
+        ("(a + b", "column 7: expected '\\)', not the end"),
         ("a + q", "column 5: unknown name 'q': .*known are a, b, c"),
         ("sinn(a)", "column 1: unknown function 'sinn': did you mean 'sin'"),
-        ("sin", "column 1: sin is a function: '\\(' is expected"),
+        ("sin", "column 1: sin is a function: expected '\\('"),
         ("max(a)", "column 1: max takes 2 arguments, not 1"),
         ("sin(a, b)", "column 1: sin takes 1 argument, not 2"),
-        ("a & b", "column 3: '&' has no meaning here"),
-        ("a = 1", "column 3: '=' has no meaning here"),
-        ("a.b", "column 2: '.' has no meaning here"),
+        ("a & b", "column 3: '&' is not allowed"),
+        ("a = 1", "column 3: '=' is not allowed"),
+        ("a.b", "column 2: '.' is not allowed"),
         ("1e99", "column 1: 1e99 is too large"),
-        ("__import__('os')", 'column 12: "\'" has no meaning here'),
+        ("__import__('os')", 'column 12: "\'" is not allowed'),
         ("__import__(a)", "column 1: unknown function '__import__'"),
         ("(" * 31 + "a" + ")" * 31, "column 31: nested deeper than 30"),
         ("-" * 31 + "a", "column 31: nested deeper than 30"),
-        ("a" + "+a" * 200, "more than 100 operators on each other"),
+        ("a" + "+a" * 200, "more than 100 nested operators"),
         ("a" * (LONGEST + 1), f"column {LONGEST + 1}: longer than {LONGEST} characters"),
         (None, "column 1: must be a text"),
-        ("a\nb", "column 3: an operator"),
+        ("a\nb", "column 3: expected an operator"),
     ],
 )
 def test_refuses_with_the_column(text, message):
@@ -168,12 +167,12 @@ def test_expression_of_time_moves_within_a_tick():
 
 def test_expression_names_are_checked():
     for arguments, message in (
-        (("u", ("u", "u")), "reads = .*: must be different names, but repeats 'u'"),
+        (("u", ("u", "u")), "reads = .*: must be distinct names; repeated are 'u'"),
         (("u", ("sin",)), "reads\\[0\\] = 'sin': must be another name"),
         (("u", ("2u",)), "reads\\[0\\] = '2u': must be 1 … 40 letters"),
         (("u", ("u",), ("u",)), "constants\\[0\\] = 'u': must be another name"),
         (("u", ("u",), ("k",), (1.0, 2.0)), "numbers: shape = \\(2,\\)"),
-        (("u", "u"), "reads = 'u': must be a list of names"),
+        (("u", "u"), "reads = 'u': must be a list"),
     ):
         with pytest.raises(ValueError, match=message):
             of("expression", *arguments)

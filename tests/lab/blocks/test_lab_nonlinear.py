@@ -70,9 +70,9 @@ def test_look_up_table_of_two_numbers_is_bilinear(beyond):
 
 
 def test_tables_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"points = .*: must be a list of at least two numbers that rise"):
+    with pytest.raises(ValueError, match=r"points = .*: must be a list of at least two numbers that increase"):
         of("look-up table", (0.0, 1.0, 1.0), (1.0, 2.0, 3.0))
-    with pytest.raises(ValueError, match=r"results = .*: must be 2 numbers, as points"):
+    with pytest.raises(ValueError, match=r"results = .*: must be 2 numbers, as many as points"):
         of("look-up table", (0.0, 1.0), (1.0, 2.0, 3.0))
     with pytest.raises(ValueError, match=r"results = .*: must be 2 rows of 2 numbers"):
         of("look-up table 2-D", (0.0, 1.0), (0.0, 1.0), (1.0, 2.0))

@@ -7,7 +7,7 @@ from pyarrow import parquet
 
 from motorgrad.lab import BLOCKS, Diagram, Run
 from motorgrad.lab.blocks._figure import MOST_POINTS, thinned
-from motorgrad.lab.blocks._viewer import Viewer
+from motorgrad.lab.blocks._scopes import Viewer
 
 TICK = 0.01
 
@@ -192,8 +192,8 @@ def test_wrong_sinks_are_refused_by_name():
     for name, arguments, message in (
         ("scope", {"limits": (1.0, 0.0)}, "limits = .*: must be None, or a list of two numbers"),
         ("scope", {"labels": ()}, "labels = .*: must be a list of 1"),
-        ("scope", {"window": 0}, "window = 0: must be a positive number"),
-        ("recorder", {"labels": ("time",)}, "labels = .*: must be other names than seed"),
+        ("scope", {"window": 0}, "window = 0.0: must be a positive number"),
+        ("recorder", {"labels": ("time",)}, "labels = .*: must be names other than seed"),
         ("histogram", {"bins": 0}, "bins = 0: must be a whole number"),
         ("policy map", {"axes": (0, 2)}, "axes = .*: must be two different whole numbers in 0 … 1"),
         ("policy map", {"forces": ((1, 2), (3, 4))}, "forces = .*: must be None, or 1 rows"),

@@ -149,7 +149,7 @@ def test_wrong_machines_are_refused_by_name():
         ({"transitions": (("of", "u", "on"),)}, r"unknown state in transitions\[0\] 'of': did you mean 'off'"),
         ({"transitions": (("off", "u", "no"),)}, r"unknown state in transitions\[0\] 'no'"),
         ({"transitions": (("off", "v > 0", "on"),)}, r"transitions\[0\] = 'v > 0': column 1: unknown name 'v'"),
-        ({"transitions": (("off", "u"),)}, r"transitions\[0\] = .*: must be a list of a state, a condition"),
+        ({"transitions": (("off", "u"),)}, r"transitions\[0\] = .*: must be a list of 3 entries"),
         ({"states": ()}, "states = .*: must be a list of 1 … 100 names"),
         ({"initial": "dead"}, "unknown state in initial 'dead': .*known are off, on"),
         ({"initial": ("on", "off")}, r"initial = .*: must be one state, or a list of them of shape \(\)"),

@@ -109,7 +109,7 @@ def test_wires_that_do_not_fit_say_why(opened):
     mouse.down()
     mouse.move(end["x"] - 40, end["y"] + 5, steps=4)
     mouse.move(end["x"] + 5, end["y"] + 5, steps=4)
-    why = "gain.u takes one float, but vector.y gives floats of shape (2)"
+    why = "gain.u accepts one float, but vector.y outputs floats of shape (2)"
     expect(editor.page.get_by_text(why)).to_be_visible()
     expect(target).to_have_class(re.compile("unfit"))
     mouse.up()

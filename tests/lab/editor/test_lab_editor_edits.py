@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from motorgrad import lab
 from motorgrad.lab import gallery
-from motorgrad.lab._plan import plan
-from motorgrad.lab.editor import _messages
+from motorgrad.lab.compiler import plan
 from motorgrad.lab.editor._document import Document
-from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
+from motorgrad.lab.editor._edits import SetParameter, selection
 from motorgrad.lab.editor._program import leaves
+from motorgrad.lab.editor._protocol import operation_from
 from motorgrad.lab.editor._views import difference, view
 
 KINDS = ["add", "add", "add", "connect", "connect", "remove", "rename", "set", "head", "move", "group", "ungroup", "x"]
@@ -27,7 +27,12 @@ def plain(value):
 
 def operation(op, **fields):
     """An operation as it comes over the wire."""
-    return _messages.operation({"op": op, **plain(fields)})
+    return operation_from({"op": op, **plain(fields)})
+
+
+def edited(diagram, change):
+    """A diagram after a change."""
+    return change.apply(diagram)
 
 
 def paths(diagram, at=()):
@@ -84,7 +89,7 @@ def test_undo_all_is_the_document_before_and_clients_see_every_step(data):
         before, change = document.diagram, data.draw(drawn(document.diagram))
         kept = before.copy()
         try:
-            document.put(edited(before, change))
+            document.update(edited(before, change))
         except ValueError:
             assert document.diagram is before
             continue
@@ -152,21 +157,21 @@ def test_pasted_blocks_are_new_ones_with_their_own_chance():
 
 def test_parameters_and_single_units_by_address():
     diagram = gallery.example("motoneuron-pool")
-    assert leaves(retuned(diagram, "paid.numbers", [1.0, 0.0]))["paid"].numbers == (1.0, 0.0)
-    one = frozen(diagram, operation("freeze", address="policy", on=True, unit=2))
+    assert leaves(SetParameter("paid.numbers", [1.0, 0.0]).apply(diagram))["paid"].numbers == (1.0, 0.0)
+    one = edited(diagram, operation("freeze", address="policy", on=True, unit=2))
     assert leaves(one)["policy"].frozen == (False, False, True, False)
-    both = frozen(one, operation("freeze", address="policy", on=True, unit=0))
-    assert leaves(frozen(both, operation("freeze", address="policy", on=False, unit=2)))["policy"].frozen == (
+    both = edited(one, operation("freeze", address="policy", on=True, unit=0))
+    assert leaves(edited(both, operation("freeze", address="policy", on=False, unit=2)))["policy"].frozen == (
         (True, False, False, False)
     )
-    assert leaves(frozen(diagram, operation("freeze", address="ascent", on=True)))["ascent"].frozen is True
+    assert leaves(edited(diagram, operation("freeze", address="ascent", on=True)))["ascent"].frozen is True
     for wrong, message in [
         ({"address": "load", "on": True}, "load.*must be a block that learns"),
         ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be a whole number in 0 … 3"),
         ({"address": "ascent", "on": True, "unit": 0}, "must be null|0 … 0|as one"),
     ]:
         with pytest.raises(ValueError, match=message):
-            frozen(diagram, operation("freeze", **wrong))
+            edited(diagram, operation("freeze", **wrong))
 
 
 @pytest.mark.parametrize(
@@ -177,15 +182,15 @@ def test_parameters_and_single_units_by_address():
         ({"op": "add", "at": [], "type": "data file"}, "data file: path must be given"),
         ({"op": "add", "at": [], "type": "gain", "fields": {"gian": 1}}, "did you mean 'gain'"),
         ({"op": "add", "at": [], "type": "gain", "fields": {"gain": "much"}}, "gain = 'much': must be finite"),
-        ({"op": "add", "at": [], "type": "gain", "position": [1]}, "position.*a list of 2 numbers"),
-        ({"op": "add", "type": "gain"}, "add: at = None: must be given"),
+        ({"op": "add", "at": [], "type": "gain", "position": [1]}, "add.position = .*: must be a list"),
+        ({"op": "add", "type": "gain"}, "add.at: must be given"),
         ({"op": "remove", "at": [], "names": ["wrld"]}, "did you mean 'world'"),
-        ({"op": "rename", "at": [], "name": "world", "to": "policy"}, "must be a new one"),
+        ({"op": "rename", "at": [], "name": "world", "to": "policy"}, "must be a new name"),
         ({"op": "rename", "at": [], "name": "world", "to": "a/b"}, "without '.' and '/'"),
         ({"op": "set", "at": [], "name": "ascent", "field": "rate", "value": -1}, "rate = -1: must be"),
         ({"op": "set", "at": [], "field": "tick", "value": 0}, "tick = 0: must be a positive"),
         ({"op": "set", "at": [], "name": "ascent", "field": "rat", "value": 1}, "did you mean 'rate'"),
-        ({"op": "connect", "at": [], "source": "policy.score", "target": "baseline.reward"}, "takes one float"),
+        ({"op": "connect", "at": [], "source": "policy.score", "target": "baseline.reward"}, "accepts one float"),
         ({"op": "disconnect", "at": [], "target": "world.reward"}, "unknown input of world"),
         ({"op": "move", "at": [], "positions": {"nothing": [0, 0]}}, "unknown block 'nothing'"),
         ({"op": "ungroup", "at": [], "name": "world"}, "must be a subsystem"),
@@ -193,12 +198,12 @@ def test_parameters_and_single_units_by_address():
         ({"op": "comment", "at": [], "text": "x"}, "box = None: must be x, y, width"),
         ({"op": "paste", "at": [], "fragment": {"format": "other"}}, "format = 'other'"),
         ({"op": "hop", "at": []}, "unknown op 'hop'"),
-        ({"op": "tick", "n": 1.5}, "tick: n = 1.5: must be a whole number"),
-        ({"op": "undo", "much": 1}, "unknown field of undo 'much'"),
+        ({"op": "tick", "n": 1.5}, "tick.n = 1.5: must be an integer"),
+        ({"op": "undo", "much": 1}, "unknown setting of undo 'much'"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(change, message):
     diagram = gallery.example("chain")
     with pytest.raises(ValueError, match=message):
-        edited(diagram, _messages.operation(change))
+        edited(diagram, operation_from(change))
     assert diagram == gallery.example("chain")

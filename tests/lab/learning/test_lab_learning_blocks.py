@@ -7,9 +7,9 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from motorgrad import lab, learning, policies
-from motorgrad.lab._stack import stack
 from motorgrad.lab.blocks import learning as learning_blocks
 from motorgrad.lab.blocks import worlds as world_blocks
+from motorgrad.lab.compiler import stack
 
 SIZE, TICKS = 3, 30
 

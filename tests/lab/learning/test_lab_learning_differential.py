@@ -7,7 +7,7 @@ from learning_diagrams import diagram_of, flat, learnt, stepper
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
-from motorgrad.lab.blocks.worlds._body import BODIES
+from motorgrad.lab.blocks.worlds._tasks import BODIES
 from motorgrad.lab.gallery import learner
 from motorgrad.training import AgentSettings
 

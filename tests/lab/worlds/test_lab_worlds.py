@@ -9,8 +9,8 @@ import pytest
 
 import motorgrad as mg
 from motorgrad import lab
-from motorgrad.lab._streams import SPAN, draw_span, draw_start
-from motorgrad.lab.blocks.worlds._world import NAMES
+from motorgrad.lab.blocks.worlds._tasks import NAMES
+from motorgrad.lab.compiler import SPAN, draw_span, draw_start
 
 SEEDS = [2, 5]
 SETTINGS = {

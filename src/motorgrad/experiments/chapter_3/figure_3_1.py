@@ -243,8 +243,9 @@ def _trade_off(values: Values) -> list[Claim]:
 
 def _learnt(values: Values) -> Claim:
     share, numbers = share_of(values["earned"][:, -1] >= GOOD), numbers_of(agent_for(ThreeState()).hyperparameters)
+    decay, rate = numbers["estimator.trace.decay"], numbers["optimizer.learning_rate"]
     return Claim(
-        f"From θ = 0, OLGARB (β = {numbers['estimator.trace.decay']:g}, α = {numbers['optimizer.learning_rate']:g}) reaches an average reward of {GOOD} of 0.8.",
+        f"From θ = 0, OLGARB (β = {decay:g}, α = {rate:g}) reaches an average reward of {GOOD} of 0.8.",
         SOURCE,
         "every seed: 1",
         share,

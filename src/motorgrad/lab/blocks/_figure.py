@@ -1,4 +1,4 @@
-"""How sinks draw. This loads matplotlib, so it is itself loaded when first used."""
+"""Drawing for sinks. This module loads matplotlib, so it is imported on first use."""
 
 import io
 import itertools
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 # Okabe and Ito's colours, which colour-blind people can tell apart; their yellow is too pale for lines on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LOOK: Any = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}
-MOST_POINTS = 4000  # of a line; with more, each stretch is drawn by its least and greatest value
+MOST_POINTS = 4000  # of a line; longer ones are drawn by the minimum and maximum of each stretch
 MOST_NAMES = 12  # in a legend
 
 
@@ -29,7 +29,7 @@ class Picture(Figure):
 
 
 def picture(width: float = 6.5, height: float = 3.0) -> tuple[Picture, Axes]:
-    """An empty figure of so many inches, and its axes."""
+    """An empty figure of this size in inches, and its axes."""
     with matplotlib.rc_context(LOOK):
         figure = Picture(figsize=(width, height), layout="constrained")
         return figure, figure.subplots()
@@ -38,7 +38,7 @@ def picture(width: float = 6.5, height: float = 3.0) -> tuple[Picture, Axes]:
 def draw_series(
     axes: Axes, times: Float[np.ndarray, " samples"], values: Float[np.ndarray, "seeds samples"], place: int, name: str
 ) -> None:
-    """A signal over time: of one seed a line, of more their median and a band between their quartiles."""
+    """Draw a signal over time: a line for one seed; for several seeds the median and a band between the quartiles."""
     colour = COLOURS[place % len(COLOURS)]
     style = ("solid", "dashed", "dotted", "dashdot")[place // len(COLOURS) % 4]
     low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0) if len(values) > 1 else [values[0]] * 3
@@ -50,8 +50,9 @@ def draw_series(
 
 
 def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A line of at most `MOST_POINTS` points that looks the same: of every stretch the least and the greatest value, in
-    the order in which they came."""
+    """A line of at most `MOST_POINTS` points that looks the same: the minimum and maximum of every stretch, in
+    order.
+    """
     if len(times) <= MOST_POINTS:
         return times, values
     edges = np.linspace(0, len(times), MOST_POINTS // 2 + 1).astype(int)
@@ -63,7 +64,7 @@ def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def finish(axes: Axes, x: str, y: str, seeds: int, names: Sequence[str]) -> None:
-    """Labels, and a legend where names are to be told apart."""
+    """Set labels, and a legend where there are several names."""
     axes.set(xlabel=x, ylabel=names[0] if not y and len(names) == 1 else y)
     if seeds > 1:
         axes.set_title(f"median and quartiles of {seeds} seeds", loc="left", fontsize=8, color="0.35")

@@ -1,4 +1,4 @@
-"""Signals as a table in a file."""
+"""Recording signals to tables and Parquet files."""
 
 import dataclasses
 import os
@@ -10,20 +10,22 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._files import check_writable
-from motorgrad.lab._record import Record
-from motorgrad.lab.blocks._viewer import Labelled
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
+from motorgrad.lab.blocks._scopes import Labelled
+from motorgrad.lab.diagram import Record
 
 
 @dataclasses.dataclass(frozen=True)
 class Recorder(Labelled):
-    """Keeps signals for a table, which `write` puts into a Parquet file when asked: running a diagram writes no file.
+    """Record signals for a table, which `write` saves as a Parquet file; running a diagram writes no file.
 
-    The columns are `seed`, `tick`, `time` in seconds, and one for each number: `u`, or `u[0]`, `u[1]`, … of a list. Two
-    labels may not be the names of the first three.
+        recorder.write(run.stream(100_000), "recorder", "signals.parquet")
+
+    The columns are `seed`, `tick`, `time` in seconds, and one per number: `u`, or `u[0]`, `u[1]`, … for a list. Labels
+    may not be named like the first three.
     """
 
     name: ClassVar[str] = "recorder"
@@ -32,16 +34,16 @@ class Recorder(Labelled):
     def validate(self) -> None:
         super().validate()
         taken = [label for label in self.labels if label in ("seed", "tick", "time")]
-        check(not taken, "labels", self.labels, "other names than seed, tick and time")
+        check(not taken, "labels", self.labels, "names other than seed, tick and time")
 
     def table(self, record: Record, path: str, seeds: Sequence[int] | None = None) -> "pa.Table":
-        """What was seen as an Arrow table, a row for each seed and sample, seed by seed.
+        """The recorded signals as an Arrow table, one row per seed and sample, grouped by seed.
 
         **Arguments:** a record; the sink's `path` in the diagram; the seeds, by default 0, 1, …
         """
         import pyarrow as pa
 
-        signals = [self.seen(record, path, label) for label in self.labels]
+        signals = [self.recorded(record, path, label) for label in self.labels]
         count, samples, _ = signals[0].shape
         own = np.arange(count) if seeds is None else np.asarray(seeds)
         check(own.shape == (count,), "seeds", own.tolist(), f"as many as the record has, {count}")
@@ -57,12 +59,12 @@ class Recorder(Labelled):
     def write(
         self, records: Record | Iterable[Record], path: str, file: str | Path, seeds: Sequence[int] | None = None
     ) -> Path:
-        """Write a Parquet file, whole or not at all.
+        """Write a Parquet file atomically.
 
-        **Arguments:** a record, or records one after the other, such as those of `Run.stream`, of which only one is in
-        memory; the sink's `path` in the diagram; the file; the seeds, by default 0, 1, …
+        **Arguments:** a record, or consecutive records such as those of `Run.stream`, of which only one is in memory at
+        a time; the sink's `path` in the diagram; the file; the seeds, by default 0, 1, …
 
-        **Returns** the file's path. **Raises** `ValueError` before anything runs where it cannot be written.
+        **Returns** the file's path. **Raises** `ValueError` before anything runs if the file cannot be written.
         """
         from pyarrow import parquet
 
@@ -88,6 +90,6 @@ class Recorder(Labelled):
         return file
 
     def figure(self, record: Record, path: str) -> "Figure":
-        from motorgrad.lab.blocks._scope import Scope
+        from motorgrad.lab.blocks._scopes import Scope
 
         return Scope(self.labels, self.shape).figure(record, path)

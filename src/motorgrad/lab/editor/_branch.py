@@ -5,12 +5,40 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.lab._record import Record
-from motorgrad.lab._run import Run
-from motorgrad.lab._timeline import Change, Timeline
-from motorgrad.lab.editor._log import FORMAT
+from motorgrad._errors import check
+from motorgrad.lab.diagram import Record
 from motorgrad.lab.editor._program import Program, Values, digest, size_of
 from motorgrad.lab.editor._traces import Traces
+from motorgrad.lab.engine import MOST_TICKS, Change, Run, Timeline
+
+LOG_FORMAT = "motorgrad log"
+
+
+def checked_log(log: Any) -> dict[str, Any]:
+    """A log, seen to be one. **Raises** `ValueError` that says what is wrong with it."""
+    check(isinstance(log, dict) and log.get("format") == LOG_FORMAT, "format", log.get("format"), f"{LOG_FORMAT!r}")
+    check(log.get("version") == 1, "version", log.get("version"), "1, which this release reads")
+    seeds, parts = log.get("seeds"), log.get("parts")
+    tick: Any = log.get("tick")
+    check(isinstance(seeds, list) and seeds, "seeds", seeds, "a list of integers")
+    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "a whole number from 0")
+    check(isinstance(parts, list) and parts, "parts", parts, "a list of at least one part")
+    now = 0
+    for part in parts or ():
+        check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
+        check(part.get("from") == now, "from", part.get("from"), f"{now}, where the part before ends")
+        last: Any = part.get("until")
+        check(isinstance(last, int) and now <= last <= tick, "until", last, f"a whole number in {now} … {tick}")
+        check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
+        for change in part["changes"]:
+            known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}
+            at: Any = change["tick"] if known else None
+            check(isinstance(at, int) and now <= at <= last, "change", change, "in order, with tick, address and value")
+            now = at
+        now = last
+    check(now == tick, "tick", tick, f"{now}, where the last part ends")
+    return {"digest": None, **log}
+
 
 EVERY = 16  # ticks from one state that is kept to the next, at first
 COST = 1e-3  # seconds; where a state takes longer, they lie farther apart
@@ -19,7 +47,7 @@ LARGEST = 256 * 2**20  # bytes of them
 Part = dict[str, Any]
 
 
-class Onward:
+class ForwardOnly:
     """A timeline of a run that cannot go back."""
 
     def __init__(self, run: Run):
@@ -60,7 +88,7 @@ class Branch:
             self.past = parent.parts()
         self._inherited = len(self.timeline.log)
         self.traces = Traces(program)
-        self._known = {placed.path for placed in self.run.plan.blocks}
+        self._paths = {placed.path for placed in self.run.plan.blocks}
 
     @property
     def run(self) -> Run:
@@ -73,18 +101,18 @@ class Branch:
         """The first tick that its timeline can go back to."""
         return min(self.timeline.snapshots)
 
-    def put(self, values: Values) -> None:
+    def set_parameters(self, values: Values) -> None:
         """Set parameters from now on; of blocks that do not run, such as inlets with a wire, nothing is set."""
         for address, value in values.items():
-            if address.rpartition(".")[0] in self._known:
+            if address.rpartition(".")[0] in self._paths:
                 self.timeline[address] = value
 
-    def otherwise(self, values: Values) -> Values:
+    def overrides(self, values: Values) -> Values:
         """Those of its parameters that are not these values, to single precision."""
-        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self._known}
+        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self._paths}
         return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
-    def use(self, program: Program) -> None:
+    def switch_program(self, program: Program) -> None:
         """Go on with the same diagram compiled otherwise."""
         program.run.restore(self.run.state)
         self.run.close()
@@ -99,7 +127,7 @@ class Branch:
 
     def log(self) -> dict[str, Any]:
         """All that its state follows from, as plain data, and a digest of it."""
-        own = {"format": FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": self.parts()}
+        own = {"format": LOG_FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": self.parts()}
         state = None if self.program.fixed else digest(self.run.state)
         return own | {"tick": self.timeline.tick, "digest": state}
 
@@ -119,7 +147,7 @@ def _timeline(program: Program) -> Any:
     """The timeline of a program's run. The larger its states, the fewer are kept; the longer one takes, the farther
     they lie apart."""
     if program.fixed is not None:
-        return Onward(program.run)
+        return ForwardOnly(program.run)
     start = time.perf_counter()
     state = program.run.state
     every = EVERY * max(1, round((time.perf_counter() - start) / COST))

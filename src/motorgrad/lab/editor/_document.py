@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check
-from motorgrad.lab._diagram import Diagram
+from motorgrad.lab.diagram import Diagram
 
 LONGEST = 500  # changes that can be taken back
 TOGETHER = 1.0  # seconds within which changes of one thing are taken back as one
@@ -41,7 +41,7 @@ class Document:
     def saved(self) -> bool:
         return self._saved is not None and (self._saved is self.diagram or self._saved == self.diagram)
 
-    def put(self, diagram: Diagram, key: Any = None, time: float = 0.0) -> None:
+    def update(self, diagram: Diagram, key: Any = None, time: float = 0.0) -> None:
         """Another version of the diagram. Those with the same `key`, soon after each other, count as one change."""
         together = key is not None and self._last[0] == key and time - self._last[1] < TOGETHER and not self._after
         self._step(Version(diagram, self.now.file), bool(together and self._before))
@@ -63,14 +63,14 @@ class Document:
         check(self._before, "undo", "", "after a change")
         self._after.append(self.now)
         self.now = self._before.pop()
-        self._turn()
+        self._count_revision()
 
     def redo(self) -> None:
         """Make the last change again that was taken back."""
         check(self._after, "redo", "", "after an undo")
         self._before.append(self.now)
         self.now = self._after.pop()
-        self._turn()
+        self._count_revision()
 
     @property
     def flags(self) -> dict[str, Any]:
@@ -88,8 +88,8 @@ class Document:
             self._before = [*self._before[-LONGEST + 1 :], self.now]
         self._after = []
         self.now = version
-        self._turn()
+        self._count_revision()
 
-    def _turn(self) -> None:
+    def _count_revision(self) -> None:
         self.revision += 1
         self._last = None, 0.0

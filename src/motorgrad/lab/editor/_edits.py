@@ -1,130 +1,315 @@
-"""Changes of a diagram. None alters the diagram it is given: what did not change is shared with the one before."""
+"""Changes of a diagram. They never modify the diagram that they are given; what does not change is shared with it."""
 
+import abc
 import dataclasses
-import functools
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.lab import _files
-from motorgrad.lab._block import Block
-from motorgrad.lab._diagram import Diagram, Node
-from motorgrad.lab._parameter import parameters_of
-from motorgrad.lab._registry import BLOCKS
-from motorgrad.lab.blocks._boundary import Inlet, Outlet
-from motorgrad.lab.editor import _protocol as ask
-from motorgrad.lab.editor._names import fresh_id, fresh_name
-from motorgrad.lab.editor._subsystems import group, ungroup
+from motorgrad.lab.diagram import (
+    HEAD,
+    SUBSYSTEM,
+    Block,
+    Diagram,
+    Inlet,
+    Node,
+    Outlet,
+    dumps,
+    loads,
+    make_block,
+    parameters_of,
+    with_fields,
+)
+from motorgrad.lab.editor._protocol import Operation
+from motorgrad.lab.editor._subsystems import fresh_id, fresh_name, group, ungroup
 
-HEAD = tuple(_files.HEAD)
+Path = tuple[str, ...]
+Point = tuple[float, float]
+Box = tuple[float, ...]
 
 
-def edited(document: Diagram, edit: ask.Edit) -> Diagram:
-    """The document after a change. **Raises** `ValueError` where that cannot be."""
-    scopes = opened(document, edit.at)
-    _apply(edit, scopes[-1], scopes[0])
-    if len(scopes) > 1:
-        _follow(scopes[-2], edit)
-    return scopes[0]
+@dataclasses.dataclass(frozen=True)
+class Change(Operation, abc.ABC, op=""):
+    """A change of the document that depends on the document alone. It can be undone."""
+
+    @abc.abstractmethod
+    def apply(self, document: Diagram) -> Diagram:
+        """The document after the change. **Raises** `ValueError` where the change is impossible."""
 
 
-def opened(document: Diagram, at: list[str]) -> list[Diagram]:
-    """Copies of the diagrams from the outermost to the one `at`, which may be altered; all else is shared."""
-    scopes = [shallow(document)]
+@dataclasses.dataclass(frozen=True)
+class Edit(Change, op=""):
+    """A change of the diagram `at`."""
+
+    at: Path
+
+    def apply(self, document: Diagram) -> Diagram:
+        scopes = opened(document, self.at)
+        self.change(scopes[-1], scopes[0])
+        if len(scopes) > 1:
+            _update_outer_wires(scopes[-2], self)
+        return scopes[0]
+
+    @abc.abstractmethod
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        """Change `scope`, the copied diagram `at`, in place; `document` is the outermost diagram."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Add(Edit):
+    """Add a new block, by default named like its type; the type `"diagram"` is an empty subsystem."""
+
+    type: str
+    name: str | None = None
+    fields: dict[str, Any] = dataclasses.field(default_factory=dict)
+    position: Point | None = None
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        if self.type == SUBSYSTEM:
+            check(set(self.fields) <= set(HEAD), "fields", self.fields, f"some of {', '.join(HEAD)}")
+            block: Block | Diagram = Diagram(**self.fields)
+        else:
+            block = make_block(self.type, self.fields)
+        name = fresh_name(scope, self.type) if self.name is None else self.name
+        scope.add(name, block, fresh_id(document, name))
+        if self.position is not None:
+            _set_positions(scope, {name: self.position})
+
+
+@dataclasses.dataclass(frozen=True)
+class Remove(Edit):
+    """Remove blocks with their wires; and `comments`, by their ids."""
+
+    names: tuple[str, ...] = ()
+    comments: tuple[str, ...] = ()
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        for name in dict.fromkeys(self.names):
+            scope.remove(name)
+        _set_positions(scope, dict.fromkeys(self.names))
+        comments = _comments(scope, self.comments)
+        _set_layout(scope, "comments", {id: own for id, own in comments.items() if id not in self.comments})
+
+
+@dataclasses.dataclass(frozen=True)
+class Rename(Edit):
+    """Rename a block. An inlet or outlet of a subsystem keeps its wires outside."""
+
+    name: str
+    to: str
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        scope.rename(self.name, self.to)
+        places = scope.layout.get("positions", {})
+        renamed = {self.to if name == self.name else name: place for name, place in places.items()}
+        _set_layout(scope, "positions", renamed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Set(Edit):
+    """Set a field of a block, or several at once in `fields`. Without a name it sets fields of the diagram itself:
+    title, comment, tick, substeps.
+    """
+
+    name: str | None = None
+    field: str | None = None
+    value: Any = None
+    fields: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        values = self.fields if self.field is None else {**self.fields, self.field: self.value}
+        check(values, "fields", values, "at least one")
+        if self.name is None:
+            _set_head(scope, values)
+            return
+        node = _node(scope, self.name)
+        if isinstance(node.block, Diagram):
+            inner = shallow_copy(node.block)
+            _set_head(inner, values)
+            scope.nodes[self.name] = Node(inner, node.id)
+        else:
+            scope.replace(self.name, with_fields(node.block, values))
+
+
+@dataclasses.dataclass(frozen=True)
+class Connect(Edit):
+    """Connect an output, `"block.port"`, to an input; a wire that leads to the input already is removed."""
+
+    source: str
+    target: str
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        wrong = scope.mismatch(self.source, self.target)
+        if wrong:
+            raise ValueError(wrong)
+        scope.wires.pop(scope.end(self.target, "inputs"), None)
+        scope.connect(self.source, self.target)
+
+
+@dataclasses.dataclass(frozen=True)
+class Disconnect(Edit):
+    """Remove the wire to an input."""
+
+    target: str
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        scope.disconnect(self.target)
+
+
+@dataclasses.dataclass(frozen=True)
+class Move(Edit):
+    """Move blocks; and comments, by their ids: `boxes` are `[x, y, width, height]`."""
+
+    positions: dict[str, Point] = dataclasses.field(default_factory=dict)
+    boxes: dict[str, Box] = dataclasses.field(default_factory=dict)
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        check(self.positions or self.boxes, "positions", self.positions, "at least one")
+        for name in self.positions:
+            _node(scope, name)
+        _set_positions(scope, self.positions)
+        comments = _comments(scope, self.boxes)
+        moved = {id: comments[id] | {"box": _checked_box(box)} for id, box in self.boxes.items()}
+        _set_layout(scope, "comments", comments | moved)
+
+
+@dataclasses.dataclass(frozen=True)
+class Comment(Edit):
+    """Write a new comment, or change the one with this id; `box` is `[x, y, width, height]`."""
+
+    text: str
+    box: Box | None = None
+    id: str | None = None
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        comments = _comments(scope, [] if self.id is None else [self.id])
+        id = self.id or next(str(n) for n in range(1, len(comments) + 2) if str(n) not in comments)
+        box = comments.get(id, {}).get("box") if self.box is None else self.box
+        _set_layout(scope, "comments", comments | {id: {"text": self.text, "box": _checked_box(box)}})
+
+
+@dataclasses.dataclass(frozen=True)
+class Paste(Edit):
+    """Add the blocks of a document, under new names where theirs exist already."""
+
+    fragment: dict[str, Any]
+    position: Point | None = None
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        given = loads(json.dumps(self.fragment))
+        check(given.nodes, "fragment", "no blocks", "at least one block")
+        places = given.layout.get("positions", {})
+        corner = [min((place[n] for place in places.values()), default=0.0) for n in (0, 1)]
+        named = {}
+        for name, node in given.nodes.items():
+            named[name] = fresh_name(scope, name)
+            scope.add(named[name], node.block, fresh_id(document, named[name]))
+        scope.wires |= {(named[t], p): (named[s], q) for (t, p), (s, q) in given.wires.items()}
+        to = corner if self.position is None else self.position
+        moved = {named[n]: (x - corner[0] + to[0], y - corner[1] + to[1]) for n, (x, y) in places.items()}
+        _set_positions(scope, moved)
+
+
+@dataclasses.dataclass(frozen=True)
+class Group(Edit):
+    """Turn blocks into a subsystem."""
+
+    names: tuple[str, ...]
+    name: str | None = None
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        for name in self.names:
+            _node(scope, name)
+        group(scope, document, list(dict.fromkeys(self.names)), self.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ungroup(Edit):
+    """Replace a subsystem by its blocks."""
+
+    name: str
+
+    def change(self, scope: Diagram, document: Diagram) -> None:
+        check(isinstance(_node(scope, self.name).block, Diagram), "name", self.name, "a subsystem")
+        ungroup(scope, document, self.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class SetParameter(Change, op="parameter"):
+    """Set a parameter in the document, and in the run from its next tick on. Quick successive changes of one parameter
+    are undone as one.
+    """
+
+    address: str
+    value: Any
+
+    def apply(self, document: Diagram) -> Diagram:
+        path, _, name = self.address.rpartition(".")
+        *at, block = path.split("/")
+        node = _node(opened(document, at)[-1], block)
+        known = () if isinstance(node.block, Diagram) else parameters_of(type(node.block))
+        if name not in known:
+            raise unknown(f"parameter of {path}:", name, known)
+        return Set(tuple(at), block, name, self.value).apply(document)
+
+
+@dataclasses.dataclass(frozen=True)
+class Freeze(Change):
+    """Freeze what a block has learned, or let it learn again: the whole block, or one of its units."""
+
+    address: str
+    on: bool
+    unit: int | None = None
+
+    def apply(self, document: Diagram) -> Diagram:
+        path = self.address.removesuffix(".frozen")
+        *at, name = path.split("/")
+        block = _node(opened(document, at)[-1], name).block
+        learns = not isinstance(block, Diagram) and "frozen" in parameters_of(type(block))
+        check(learns, "address", self.address, "a block that learns, with the parameter 'frozen'")
+        frozen = block.values()["frozen"]  # type: ignore[union-attr]
+        if self.unit is None:
+            value = np.full(frozen.shape, self.on)
+        else:
+            check(frozen.ndim == 1, "unit", self.unit, "null: the units of this block are frozen together")
+            check(0 <= self.unit < len(frozen), "unit", self.unit, f"a whole number in 0 … {len(frozen) - 1}")
+            value = np.where(np.arange(len(frozen)) == self.unit, self.on, frozen)
+        return SetParameter(f"{path}.frozen", value.tolist()).apply(document)
+
+
+def opened(document: Diagram, at: Sequence[str]) -> list[Diagram]:
+    """Copies of the diagrams from the outermost one to the one `at`, which may be modified; the rest is shared."""
+    scopes = [shallow_copy(document)]
     for name in at:
         node = scopes[-1].nodes.get(name)
         if node is None or not isinstance(node.block, Diagram):
             raise unknown("subsystem", name, [n for n, x in scopes[-1].nodes.items() if isinstance(x.block, Diagram)])
-        inner = shallow(node.block)
+        inner = shallow_copy(node.block)
         scopes[-1].nodes[name] = Node(inner, node.id)
         scopes.append(inner)
     return scopes
 
 
-def shallow(diagram: Diagram) -> Diagram:
-    """A copy whose blocks and subsystems are those of the original."""
+def shallow_copy(diagram: Diagram) -> Diagram:
+    """A copy that shares blocks and subsystems with the original."""
     other = Diagram(diagram.tick, diagram.substeps, diagram.title, diagram.comment)
     other.nodes, other.wires, other.layout = dict(diagram.nodes), dict(diagram.wires), dict(diagram.layout)
     return other
 
 
-def with_fields(block: Block, fields: dict[str, Any]) -> Block:
-    """A block with other values of its fields."""
-    names = [field.name for field in dataclasses.fields(block) if field.init]
-    for name in fields:
-        if name not in names:
-            raise unknown(f"setting of {block.name}", name, names)
-    return dataclasses.replace(block, **fields)
-
-
-@functools.singledispatch
-def _apply(edit: ask.Edit, scope: Diagram, document: Diagram) -> None:
-    raise NotImplementedError(type(edit).__name__)
-
-
-@_apply.register
-def _(edit: ask.Add, scope: Diagram, document: Diagram) -> None:
-    if edit.type == _files.SUBSYSTEM:
-        check(set(edit.fields) <= set(HEAD), "fields", edit.fields, f"some of {', '.join(HEAD)}")
-        block: Block | Diagram = Diagram(**edit.fields)
-    elif edit.type in BLOCKS:
-        block = _made(edit.type, edit.fields)
-    else:
-        raise unknown("type of block", edit.type, (*BLOCKS, _files.SUBSYSTEM))
-    name = fresh_name(scope, edit.type) if edit.name is None else edit.name
-    scope.add(name, block, fresh_id(document, name))
-    if edit.position is not None:
-        _place(scope, {name: edit.position})
-
-
-def _made(kind: str, fields: dict[str, Any]) -> Block:
-    cls = BLOCKS[kind]
-    for field in dataclasses.fields(cls):
-        given = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
-        if field.init and not given and field.name not in fields:
-            raise ValueError(f"{kind}: {field.name} must be given")
-    known = [field.name for field in dataclasses.fields(cls) if field.init]
-    for name in fields:
-        if name not in known:
-            raise unknown(f"setting of {kind}", name, known)
-    return cls(**fields)
-
-
-@_apply.register
-def _(edit: ask.Remove, scope: Diagram, document: Diagram) -> None:
-    for name in dict.fromkeys(edit.names):
-        scope.remove(name)
-    _place(scope, dict.fromkeys(edit.names))
-    comments = dict(scope.layout.get("comments", {}))
-    for id in dict.fromkeys(edit.comments):
-        if id not in comments:
-            raise unknown("comment", id, comments)
-        del comments[id]
-    _lay(scope, "comments", comments)
-
-
-@_apply.register
-def _(edit: ask.Rename, scope: Diagram, document: Diagram) -> None:
-    scope.rename(edit.name, edit.to)
-    places = scope.layout.get("positions", {})
-    _lay(scope, "positions", {edit.to if name == edit.name else name: place for name, place in places.items()})
-
-
-@_apply.register
-def _(edit: ask.Set, scope: Diagram, document: Diagram) -> None:
-    check(edit.values, "fields", edit.values, "at least one")
-    if edit.name is None:
-        _set_head(scope, edit.values)
-        return
-    node = _node(scope, edit.name)
-    if isinstance(node.block, Diagram):
-        inner = shallow(node.block)
-        _set_head(inner, edit.values)
-        scope.nodes[edit.name] = Node(inner, node.id)
-    else:
-        scope.replace(edit.name, with_fields(node.block, edit.values))
+def selection(document: Diagram, at: Sequence[str], names: Sequence[str]) -> dict[str, Any]:
+    """Some blocks and the wires between them, as a document that can be pasted."""
+    scope = opened(document, at)[-1]
+    for name in names:
+        _node(scope, name)
+    part, chosen = Diagram(scope.tick), set(names)
+    part.nodes = {name: node for name, node in scope.nodes.items() if name in chosen}
+    part.wires = {t: s for t, s in scope.wires.items() if t[0] in chosen and s[0] in chosen}
+    _set_positions(part, {name: at for name, at in scope.layout.get("positions", {}).items() if name in chosen})
+    return json.loads(dumps(part))
 
 
 def _set_head(scope: Diagram, values: dict[str, Any]) -> None:
@@ -138,83 +323,16 @@ def _set_head(scope: Diagram, values: dict[str, Any]) -> None:
         setattr(scope, name, getattr(checked, name))
 
 
-@_apply.register
-def _(edit: ask.Connect, scope: Diagram, document: Diagram) -> None:
-    wrong = scope.misfit(edit.source, edit.target)
-    if wrong:
-        raise ValueError(wrong)
-    target = scope._end(edit.target, "inputs")
-    scope.wires.pop(target, None)
-    scope.connect(edit.source, edit.target)
-
-
-@_apply.register
-def _(edit: ask.Disconnect, scope: Diagram, document: Diagram) -> None:
-    scope.disconnect(edit.target)
-
-
-@_apply.register
-def _(edit: ask.Move, scope: Diagram, document: Diagram) -> None:
-    check(edit.positions or edit.boxes, "positions", edit.positions, "at least one")
-    for name in edit.positions:
-        _node(scope, name)
-    _place(scope, edit.positions)
-    comments = dict(scope.layout.get("comments", {}))
-    for id, box in edit.boxes.items():
-        if id not in comments:
-            raise unknown("comment", id, comments)
-        comments[id] = comments[id] | {"box": _box(box)}
-    _lay(scope, "comments", comments)
-
-
-@_apply.register
-def _(edit: ask.Comment, scope: Diagram, document: Diagram) -> None:
-    comments = dict(scope.layout.get("comments", {}))
-    if edit.id is not None and edit.id not in comments:
-        raise unknown("comment", edit.id, comments)
-    id = edit.id or next(str(n) for n in range(1, len(comments) + 2) if str(n) not in comments)
-    box = comments.get(id, {}).get("box") if edit.box is None else edit.box
-    _lay(scope, "comments", comments | {id: {"text": edit.text, "box": _box(box)}})
-
-
-@_apply.register
-def _(edit: ask.Paste, scope: Diagram, document: Diagram) -> None:
-    given = _files.loads(json.dumps(edit.fragment))
-    check(given.nodes, "fragment", "no blocks", "at least one block")
-    places = given.layout.get("positions", {})
-    corner = [min((place[n] for place in places.values()), default=0.0) for n in (0, 1)]
-    named = {}
-    for name, node in given.nodes.items():
-        named[name] = fresh_name(scope, name)
-        scope.add(named[name], node.block, fresh_id(document, named[name]))
-    scope.wires |= {(named[t], p): (named[s], q) for (t, p), (s, q) in given.wires.items()}
-    to = corner if edit.position is None else edit.position
-    _place(scope, {named[name]: (x - corner[0] + to[0], y - corner[1] + to[1]) for name, (x, y) in places.items()})
-
-
-@_apply.register
-def _(edit: ask.Group, scope: Diagram, document: Diagram) -> None:
-    for name in edit.names:
-        _node(scope, name)
-    group(scope, document, list(dict.fromkeys(edit.names)), edit.name)
-
-
-@_apply.register
-def _(edit: ask.Ungroup, scope: Diagram, document: Diagram) -> None:
-    check(isinstance(_node(scope, edit.name).block, Diagram), "name", edit.name, "a subsystem")
-    ungroup(scope, document, edit.name)
-
-
-def _follow(outer: Diagram, edit: ask.Edit) -> None:
-    """Keep the wires outside in step with the ports of a subsystem that changed inside."""
+def _update_outer_wires(outer: Diagram, edit: Edit) -> None:
+    """Adjust the wires at a subsystem whose ports changed: follow a renamed port, drop wires at removed ones."""
     name = edit.at[-1]
     inner = outer.nodes[name].block
-    if isinstance(edit, ask.Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet):  # type: ignore[union-attr]
+    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet):  # type: ignore[union-attr]
 
-        def swap(end: tuple[str, str]) -> tuple[str, str]:
+        def renamed(end: tuple[str, str]) -> tuple[str, str]:
             return (name, edit.to) if end == (name, edit.name) else end
 
-        outer.wires = {swap(target): swap(source) for target, source in outer.wires.items()}
+        outer.wires = {renamed(target): renamed(source) for target, source in outer.wires.items()}
     inputs, outputs = inner.inputs, inner.outputs
     outer.wires = {
         target: source
@@ -229,58 +347,31 @@ def _node(scope: Diagram, name: str) -> Node:
     return scope.nodes[name]
 
 
-def _place(scope: Diagram, positions: Any) -> None:
-    """Note where blocks are; at `None` they are nowhere any more."""
+def _comments(scope: Diagram, ids: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
+    """The comments of a diagram, of which these must exist."""
+    comments = dict(scope.layout.get("comments", {}))
+    for id in ids:
+        if id not in comments:
+            raise unknown("comment", id, comments)
+    return comments
+
+
+def _set_positions(scope: Diagram, positions: Mapping[str, Any]) -> None:
+    """Record the positions of blocks; `None` removes a position."""
     places = {
         **scope.layout.get("positions", {}),
         **{name: None if at is None else [float(x) for x in at] for name, at in positions.items()},
     }
-    _lay(scope, "positions", {name: at for name, at in places.items() if at is not None})
+    _set_layout(scope, "positions", {name: at for name, at in places.items() if at is not None})
 
 
-def _lay(scope: Diagram, part: str, table: dict[str, Any]) -> None:
+def _set_layout(scope: Diagram, part: str, table: dict[str, Any]) -> None:
     rest = {name: value for name, value in scope.layout.items() if name != part}
     scope.layout = {**rest, part: table} if table else rest
 
 
-def _box(box: Any) -> list[float]:
-    check(box is not None and len(box) == 4 and min(box[2:]) > 0, "box", box, "x, y, width and height, these above 0")
+def _checked_box(box: Any) -> list[float]:
+    check(
+        box is not None and len(box) == 4 and min(box[2:]) > 0, "box", box, "x, y, width and height, the latter above 0"
+    )
     return [float(x) for x in box or ()]
-
-
-def retuned(document: Diagram, address: str, value: Any) -> Diagram:
-    """The document with another value of the parameter at an address."""
-    path, _, name = address.rpartition(".")
-    *at, block = path.split("/")
-    node = _node(opened(document, at)[-1], block)
-    known = () if isinstance(node.block, Diagram) else parameters_of(type(node.block))
-    if name not in known:
-        raise unknown(f"parameter of {path}:", name, known)
-    return edited(document, ask.Set(at, block, name, value))
-
-
-def frozen(document: Diagram, change: ask.Freeze) -> Diagram:
-    """The document with a block, or one of its units, frozen or thawed."""
-    path = change.address.removesuffix(".frozen")
-    *at, name = path.split("/")
-    block = _node(opened(document, at)[-1], name).block
-    can = not isinstance(block, Diagram) and "frozen" in parameters_of(type(block))
-    check(can, "address", change.address, "a block that learns, with the parameter 'frozen'")
-    now = block.values()["frozen"]  # type: ignore[union-attr]
-    if change.unit is None:
-        return retuned(document, f"{path}.frozen", np.full(now.shape, change.on).tolist())
-    check(now.ndim == 1, "unit", change.unit, "null: the units of this block are frozen as one")
-    check(0 <= change.unit < len(now), "unit", change.unit, f"a whole number in 0 … {len(now) - 1}")
-    return retuned(document, f"{path}.frozen", np.where(np.arange(len(now)) == change.unit, change.on, now).tolist())
-
-
-def selection(document: Diagram, at: list[str], names: list[str]) -> dict[str, Any]:
-    """Some blocks and the wires between them, as a document to be pasted."""
-    scope = opened(document, at)[-1]
-    for name in names:
-        _node(scope, name)
-    part, chosen = Diagram(scope.tick), set(names)
-    part.nodes = {name: node for name, node in scope.nodes.items() if name in chosen}
-    part.wires = {t: s for t, s in scope.wires.items() if t[0] in chosen and s[0] in chosen}
-    _place(part, {name: at for name, at in scope.layout.get("positions", {}).items() if name in chosen})
-    return json.loads(_files.dumps(part))

@@ -6,15 +6,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab._files import dumps
-from motorgrad.lab._parameter import parameters_of
-from motorgrad.lab._plan import Plan, plan
-from motorgrad.lab._run import Run
-from motorgrad.lab._sink import Sink
-from motorgrad.lab._state import State
-from motorgrad.lab._verify import kind_of
-from motorgrad.lab.blocks._boundary import Outlet
+from motorgrad.lab.compiler import Plan, plan
+from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of, parameters_of
+from motorgrad.lab.engine import Run, State
 
 Values = dict[str, Any]
 
@@ -46,7 +40,7 @@ def signature(diagram: Diagram) -> Any:
         return kind_of(block)
 
     placed = [(p.path, p.identity, sorted(p.sources.items()), p.ticks, kind(p.block)) for p in made.blocks]
-    return made.tick, made.substeps, placed
+    return made.tick, made.substeps, made.moving, placed
 
 
 def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
@@ -74,7 +68,7 @@ def outputs(diagram: Diagram) -> list[str]:
     return [f"{placed.path}.{port}" for placed in plan(diagram).blocks for port in placed.block.outputs]
 
 
-def shown(diagram: Diagram, path: str) -> Any:
+def sink_at(diagram: Diagram, path: str) -> Any:
     """The sink at a path, where it is one that draws; an outlet draws lines."""
     block = leaves(diagram).get(path)
     return block if isinstance(block, Sink) and not isinstance(block, Outlet) else None

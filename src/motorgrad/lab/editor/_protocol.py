@@ -1,192 +1,73 @@
-"""What clients ask of a session, and what it tells them. All are JSON objects, one to a message.
+"""The editor's protocol: the operations that clients send, and the events that they receive. All are JSON objects, one
+per message.
 
-**Operations**, from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`; the classes below
-and those of `_run_protocol` say which there are, and their fields. `at` is a list of names of subsystems, `[]` for the
-outermost diagram; an `address` is `"block.port"` or `"block.parameter"`, of blocks in subsystems
-`"subsystem/block.port"`.
+**Operations** come from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`. Each is a
+class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the outermost
+diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is `"subsystem/block.port"`.
 
-**Events**, to clients; `"event"` has the name.
+**Events** go to clients; `"event"` is the name.
 
-- Answers, to the one who asked: `done {client, sequence, revision}`; `refused {client, sequence, message, path?}`;
+- Answers to the client that asked: `done {client, sequence, revision}`; `refused {client, sequence, message, path?}`;
   `fragment {fragment}`; `text {text}`; `files {files}`; `log {log}`.
-- `declarations {categories, blocks, gallery}`: after `hello`, once.
-- `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole; see `_views`.
+- `declarations {categories, blocks, gallery}`: once, after `hello`.
+- `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
-- `problems {revision, list: [{path, port, message}]}`: all that keeps the diagram from running.
-- `run {…}`: how the run stands; see `_runner`.
-- `samples {branch, fresh, signals}`: what sinks and watched outputs saw; see `_traces`.
-- `recoverable {list}`: work of sessions that ended unsaved; see `_autosave`.
+- `problems {revision, list: [{path, port, message}]}`: everything that keeps the diagram from running.
+- `run {…}`: the state of the run; see `_runner`.
+- `samples {branch, fresh, signals}`: what sinks and watched outputs recorded; see `_traces`.
+- `recoverable {list}`: unsaved work of sessions that have ended; see `_storage`.
 - `saved {file}`, `replayed {branch, tick, matches}`, `error {message}`.
 """
 
 import dataclasses
+import json
 from typing import Any, ClassVar
 
-Path = list[str]
-Point = tuple[float, float]
+from motorgrad._errors import check, choice
+from motorgrad._settings import build
+
+LARGEST = 50_000_000  # characters of a message
+OPERATIONS: "dict[str, type[Operation]]" = {}
+"""Every operation by its name in messages."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Operation:
-    """What a client asks for."""
+    """What a client asks for.
+
+    A subclass is registered in `OPERATIONS` under its own name in lower case, or under `op`; `op=""` makes it abstract.
+    """
 
     op: ClassVar[str]
 
-
-@dataclasses.dataclass(frozen=True)
-class Edit(Operation):
-    """A change of the diagram `at`; it can be undone."""
-
-    at: Path
+    def __init_subclass__(cls, op: str | None = None):
+        cls.op = cls.__name__.lower() if op is None else op
+        if cls.op:
+            OPERATIONS[cls.op] = cls
 
 
 @dataclasses.dataclass(frozen=True)
-class Add(Edit):
-    """Put in a new block, by default under the name of its type; `"diagram"` is an empty subsystem."""
+class Hello(Operation):
+    """The first message of a connection. A client that reconnects gives the session and revision that it has."""
 
-    op: ClassVar[str] = "add"
-    type: str
-    name: str | None = None
-    fields: dict[str, Any] = dataclasses.field(default_factory=dict)
-    position: Point | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Remove(Edit):
-    """Take out blocks, with their wires; also `comments`, by their ids."""
-
-    op: ClassVar[str] = "remove"
-    names: list[str] = dataclasses.field(default_factory=list)
-    comments: list[str] = dataclasses.field(default_factory=list)
-
-
-@dataclasses.dataclass(frozen=True)
-class Rename(Edit):
-    """Give a block another name; one that is a port of a subsystem keeps its wires outside."""
-
-    op: ClassVar[str] = "rename"
-    name: str
-    to: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Set(Edit):
-    """Set a field of a block, or several at once by `fields`; of the diagram itself (title, comment, tick, substeps)
-    without a name."""
-
-    op: ClassVar[str] = "set"
-    name: str | None = None
-    field: str | None = None
-    value: Any = None
-    fields: dict[str, Any] = dataclasses.field(default_factory=dict)
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """What is set to what."""
-        return self.fields if self.field is None else {**self.fields, self.field: self.value}
-
-
-@dataclasses.dataclass(frozen=True)
-class Connect(Edit):
-    """Lead a wire from an output, `"block.port"`, to an input; one that leads there is taken out."""
-
-    op: ClassVar[str] = "connect"
-    source: str
-    target: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Disconnect(Edit):
-    """Take out the wire to an input."""
-
-    op: ClassVar[str] = "disconnect"
-    target: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Move(Edit):
-    """Put blocks elsewhere; and comments, by their ids: `boxes` are `[x, y, width, height]`."""
-
-    op: ClassVar[str] = "move"
-    positions: dict[str, Point] = dataclasses.field(default_factory=dict)
-    boxes: dict[str, list[float]] = dataclasses.field(default_factory=dict)
-
-
-@dataclasses.dataclass(frozen=True)
-class Group(Edit):
-    """Make a subsystem of blocks."""
-
-    op: ClassVar[str] = "group"
-    names: list[str]
-    name: str | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Ungroup(Edit):
-    """Put the blocks of a subsystem in its place."""
-
-    op: ClassVar[str] = "ungroup"
-    name: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Paste(Edit):
-    """Put in the blocks of a document, under new names where theirs are taken."""
-
-    op: ClassVar[str] = "paste"
-    fragment: dict[str, Any]
-    position: Point | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Comment(Edit):
-    """Write a new comment, or another text in the one with this id; `box` is `[x, y, width, height]`."""
-
-    op: ClassVar[str] = "comment"
-    text: str
-    box: list[float] | None = None
-    id: str | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class ParameterEdit(Operation):
-    """Set a parameter, in the document and in the run, from its next tick on. Quick changes of one are undone as
-    one."""
-
-    op: ClassVar[str] = "parameter"
-    address: str
-    value: Any
-
-
-@dataclasses.dataclass(frozen=True)
-class Freeze(Operation):
-    """Freeze what a block has learnt, or let it learn on: of all it has, or of one of its units."""
-
-    op: ClassVar[str] = "freeze"
-    address: str
-    on: bool
-    unit: int | None = None
+    session: str | None = None
+    revision: int | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Undo(Operation):
-    """Take back the last change of the document."""
-
-    op: ClassVar[str] = "undo"
+    """Undo the last change of the document."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Redo(Operation):
-    """Make again what was taken back."""
-
-    op: ClassVar[str] = "redo"
+    """Redo the last change that was undone."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Open(Operation):
-    """Work on another diagram: from a text, the gallery, or a file in the session's folder. It can be undone."""
+    """Open another diagram: a text, an example of the gallery, or a file in the session's folder. It can be undone."""
 
-    op: ClassVar[str] = "open"
     text: str | None = None
     gallery: str | None = None
     file: str | None = None
@@ -194,57 +75,163 @@ class Open(Operation):
 
 @dataclasses.dataclass(frozen=True)
 class New(Operation):
-    """Work on an empty diagram. It can be undone."""
-
-    op: ClassVar[str] = "new"
+    """Open an empty diagram. It can be undone."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Save(Operation):
-    """Write the diagram to its file, or to another in the session's folder; `over` says that it may replace one."""
+    """Save the diagram to its file, or to another one in the session's folder; `over` allows replacing a file."""
 
-    op: ClassVar[str] = "save"
     file: str | None = None
     over: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class Recover(Operation):
-    """Take up unsaved work of a session that ended, or (`drop`) forget it."""
+    """Recover the unsaved work of a session that has ended, or discard it (`drop`)."""
 
-    op: ClassVar[str] = "recover"
     id: str
     drop: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
-class Hello(Operation):
-    """The first message of a connection; with the session and revision that the client has, if it was lost."""
-
-    op: ClassVar[str] = "hello"
-    session: str | None = None
-    revision: int | None = None
-
-
-@dataclasses.dataclass(frozen=True)
 class Fragment(Operation):
-    """Ask for blocks as a document, to be pasted elsewhere: the answer is `fragment`."""
+    """Copy blocks as a document that can be pasted. The answer is `fragment`."""
 
-    op: ClassVar[str] = "fragment"
-    at: Path
-    names: list[str]
+    at: tuple[str, ...]
+    names: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Text(Operation):
-    """Ask for the diagram as the text of a file, or as Python."""
+    """Get the diagram as the text of a file, or as Python. The answer is `text`."""
 
-    op: ClassVar[str] = "text"
     python: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class Files(Operation):
-    """Ask for the names of the diagrams in the session's folder."""
+    """List the diagrams in the session's folder. The answer is `files`."""
 
-    op: ClassVar[str] = "files"
+
+@dataclasses.dataclass(frozen=True)
+class RunOperation(Operation, op=""):
+    """An operation on the run, performed in the thread of the run. `branch` is the name of a branch."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Play(RunOperation):
+    """Run at `speed` simulated seconds per second, or as fast as possible without a speed."""
+
+    speed: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Speed(RunOperation):
+    """Change the speed of a run that plays."""
+
+    speed: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Pause(RunOperation):
+    """Pause after the tick in progress."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Tick(RunOperation):
+    """Run `n` ticks, in addition to those requested earlier that are still pending, then pause."""
+
+    n: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Reset(RunOperation):
+    """Restart at tick 0 with the current diagram, and discard all branches."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Seeds(RunOperation):
+    """Restart with the seeds 0 … n − 1, or with a list of seeds."""
+
+    n: int | tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Watch(RunOperation):
+    """Record these outputs too; outputs watched before that are not listed are no longer recorded."""
+
+    addresses: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Scrub(RunOperation):
+    """Go to a tick that a branch has reached before; the ticks after it are kept."""
+
+    branch: str
+    tick: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Fork(RunOperation):
+    """Begin a new branch at a tick of another one, by default at its current tick."""
+
+    branch: str
+    tick: int | None = None
+    name: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Prune(RunOperation):
+    """Delete a branch."""
+
+    branch: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Log(RunOperation):
+    """Get the log of a branch, by default of the current one: all that its numbers follow from. The answer is `log`."""
+
+    branch: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Replay(RunOperation):
+    """Replay a log as a new set of branches, and report whether it ends in the same state bit for bit."""
+
+    log: dict[str, Any]
+
+
+def read_message(text: str) -> tuple[str, int, Operation]:
+    """Parse a message into client, sequence number and operation.
+
+    **Raises** `ValueError` that names the wrong field.
+    """
+    check(len(text) <= LARGEST, "message", text, f"at most {LARGEST:,} characters")
+    try:
+        data = json.loads(text, parse_constant=_refuse_constant)
+    except RecursionError:
+        raise ValueError("message: has too many nested lists") from None
+    check(isinstance(data, dict), "message", data, "a JSON object")
+    client, sequence = data.pop("client", None), data.pop("sequence", None)
+    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a text of 1 … 100 characters")
+    whole = isinstance(sequence, int) and not isinstance(sequence, bool)
+    check(whole and 0 <= sequence < 2**63, "sequence", sequence, "a whole number from 0")
+    return client, sequence, operation_from(data)
+
+
+def operation_from(data: dict[str, Any]) -> Operation:
+    """The operation that a JSON object describes. **Raises** `ValueError` that names the wrong field."""
+    fields = dict(data)
+    op = fields.pop("op", None)
+    choice("op", op, OPERATIONS)
+    return build(OPERATIONS[op], fields, op)
+
+
+def operation_data(operation: Operation) -> dict[str, Any]:
+    """An operation as a JSON object, the inverse of `operation_from`."""
+    return {"op": operation.op, **dataclasses.asdict(operation)}
+
+
+def _refuse_constant(constant: str) -> None:
+    raise ValueError(f"message: contains {constant}: must have finite numbers")

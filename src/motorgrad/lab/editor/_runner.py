@@ -15,11 +15,9 @@ from collections.abc import Callable
 from typing import Any
 
 from motorgrad._errors import check
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab._problems import DiagramError
-from motorgrad.lab.editor import _run_protocol as run
+from motorgrad.lab.diagram import Diagram, DiagramError
+from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._program import parameters, signature
-from motorgrad.lab.editor._protocol import Operation
 from motorgrad.lab.editor._tree import Tree
 
 FRAME = 1 / 30  # seconds
@@ -31,14 +29,14 @@ Command = Callable[[], None]
 class Runner:
     """Plays a diagram.
 
-    **Arguments:** the diagram, and what takes its events, in the thread of the run.
+    **Arguments:** the diagram, and what takes its events, in the thread of the ask.
     """
 
-    def __init__(self, diagram: Diagram, tell: Callable[[Event], None]):
-        self._tell = tell
+    def __init__(self, diagram: Diagram, emit: Callable[[Event], None]):
+        self._emit = emit
         self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
-        self._newest: Operation | None = None
-        self._tree = Tree(diagram, self._tell, self._say, self._commands.empty)
+        self._newest: ask.RunOperation | None = None
+        self._tree = Tree(diagram, self._emit, self._report, self._commands.empty)
         self._playing, self._until = False, None
         self._finish: list[Done] = []
         self._speed: float | None = 1.0
@@ -46,11 +44,11 @@ class Runner:
         self._next, self._span = 0.0, (0.0, 0)
         self.status: Event = {"event": "run"}
         """The last event `run`, whole."""
-        self._say(whole=True)
-        self._thread = threading.Thread(target=self._live, name="motorgrad-lab-run", daemon=True)
+        self._report(whole=True)
+        self._thread = threading.Thread(target=self._work, name="motorgrad-lab-run", daemon=True)
         self._thread.start()
 
-    def put(self, operation: Operation, done: Done, answer: Callable[[Event], None]) -> None:
+    def submit(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> None:
         """Have an operation performed; `done` hears when it was, or why not."""
 
         def perform() -> None:
@@ -67,16 +65,16 @@ class Runner:
     def edit(self, diagram: Diagram, fresh: bool = False) -> None:
         """Go on with a diagram that was changed; with a `fresh` one nothing of the run before is left."""
 
-        def follow() -> None:
+        def apply() -> None:
             if fresh:
-                self._tree.drop(diagram)
+                self._tree.discard(diagram)
                 self._pause()
             else:
-                self._follow(diagram)
+                self._apply_edit(diagram)
 
-        self._commands.put(follow)
+        self._commands.put(apply)
 
-    def welcome(self, send: Callable[[Event], None]) -> None:
+    def greet(self, send: Callable[[Event], None]) -> None:
         """Tell a client that comes later how things are, and were."""
         send(dict(self.status))
         self._commands.put(lambda: self._tree.resend(send))
@@ -86,15 +84,15 @@ class Runner:
         self._commands.put(None)
         self._thread.join(60)
 
-    def _live(self) -> None:
+    def _work(self) -> None:
         while True:
-            command = self._awaited()
+            command = self._next_command()
             if command is None:
                 self._tree.close()
                 return
             command()
 
-    def _awaited(self) -> Command | None:
+    def _next_command(self) -> Command | None:
         """The next command; a frame, where none comes in time."""
         if not self._playing:
             return self._commands.get()
@@ -103,66 +101,66 @@ class Runner:
         except queue.Empty:
             return self._frame
 
-    def _perform(self, operation: Operation, done: Done, answer: Callable[[Event], None]) -> bool:
+    def _perform(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> bool:
         """Do it. **Returns** whether it is done at once."""
         tree = self._tree
         match operation:
-            case run.Play():
-                self._go(operation.speed)
+            case ask.Play():
+                self._start(operation.speed)
                 return True
-            case run.Tick():
+            case ask.Tick():
                 check(operation.n >= 1, "n", operation.n, "a whole number from 1")
                 if self._until is None:
-                    self._go(None, operation.n)
+                    self._start(None, operation.n)
                 else:
                     self._until += operation.n
                 self._finish.append(done)
                 self._frame()  # at once: what is asked for next finds them made
                 return False
-            case run.Speed():
-                self._speed = _checked(operation.speed)
-                self._rebase()
-            case run.Pause():
+            case ask.Speed():
+                self._speed = _checked_speed(operation.speed)
+                self._restart_clock()
+            case ask.Pause():
                 self._pause()
-            case run.Reset():
+            case ask.Reset():
                 self._pause()
                 tree.begin()
-            case run.Seeds():
+            case ask.Seeds():
                 self._pause()
                 tree.reseed(operation.n)
-            case run.Watch():
-                tree.watch_at(operation.addresses)
-            case run.Scrub():
+            case ask.Watch():
+                tree.set_watches(operation.addresses)
+            case ask.Scrub():
                 self._pause()
-                if self._newest is operation or not isinstance(self._newest, run.Scrub):
-                    tree.go(operation.branch, operation.tick)
-            case run.Fork():
+                if self._newest is operation or not isinstance(self._newest, ask.Scrub):
+                    tree.seek(operation.branch, operation.tick)
+            case ask.Fork():
                 tree.fork(operation.branch, operation.tick, operation.name)
-                self._rebase()
-            case run.Prune():
+                self._restart_clock()
+            case ask.Prune():
                 tree.prune(operation.branch)
-            case run.Log():
+            case ask.Log():
                 answer({"event": "log", "log": tree.log(operation.branch)})
-            case run.Replay():
+            case ask.Replay():
                 self._pause()
-                self._tell({"event": "replayed", **tree.replay(operation.log)})
-        self._say(whole=True)
+                self._emit({"event": "replayed", **tree.replay(operation.log)})
+        self._report(whole=True)
         return True
 
-    def _go(self, speed: float | None, ticks: int | None = None) -> None:
+    def _start(self, speed: float | None, ticks: int | None = None) -> None:
         """Begin to play, for so many ticks or until told otherwise."""
-        speed = _checked(speed)
+        speed = _checked_speed(speed)
         self._pause()
-        self._tree.ready()
+        self._tree.ensure_compiled()
         self._speed = speed
         self._playing, self._until = True, None if ticks is None else self._tree.tick + ticks
-        self._rebase()
-        self._say(whole=True)
+        self._restart_clock()
+        self._report(whole=True)
 
     def _pause(self) -> None:
         self._playing, self._until = False, None
         finished, self._finish = self._finish, []
-        self._say(whole=True)
+        self._report(whole=True)
         for done in finished:
             done(None)
 
@@ -176,7 +174,7 @@ class Runner:
             wanted = self._begun + (now - self._since) * self._speed / tree.step
             due = int(wanted) - tree.tick
             if due > 3 * most:  # it cannot keep up: what was missed is not caught up with
-                self._rebase()
+                self._restart_clock()
         ticks = min(due, most)
         if self._until is not None:
             ticks = min(ticks, self._until - tree.tick)
@@ -188,20 +186,20 @@ class Runner:
                     rate = ticks / max(1e-6, time.perf_counter() - start)
                     self._rate = min(rate, 4 * self._rate) if self._rate else min(rate, 1000.0)
         except Exception as error:
-            self._tell({"event": "error", "message": " ".join(str(error).splitlines())})
+            self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
             return
         if self._until is not None and tree.tick >= self._until:
             self._pause()
         else:
-            self._say()
+            self._report()
 
-    def _rebase(self) -> None:
+    def _restart_clock(self) -> None:
         """Count what is due from here."""
         self._since, self._begun = time.monotonic(), self._tree.tick
         self._span = self._since, self._begun
 
-    def _follow(self, diagram: Diagram) -> None:
+    def _apply_edit(self, diagram: Diagram) -> None:
         """Take in a changed diagram: new parameters at once, a new structure when it next runs, or now if it does."""
         tree = self._tree
         tree.diagram = diagram
@@ -216,17 +214,17 @@ class Runner:
         stale, tree.stale = tree.stale, not same
         try:
             if same:
-                tree.retune(parameters(diagram))
+                tree.update_parameters(parameters(diagram))
             elif self._playing:
-                tree.ready()
-                self._rebase()
+                tree.ensure_compiled()
+                self._restart_clock()
         except Exception as error:
-            self._tell({"event": "error", "message": " ".join(str(error).splitlines())})
+            self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
         if same or stale != tree.stale or self._playing:
-            self._say(whole=True)
+            self._report(whole=True)
 
-    def _say(self, whole: bool = False, compiling: bool = False) -> None:
+    def _report(self, whole: bool = False, compiling: bool = False) -> None:
         """Tell how the run stands."""
         tree = self._tree
         state = "compiling" if compiling else "playing" if self._playing else "paused" if tree.running else "empty"
@@ -234,7 +232,7 @@ class Runner:
         if whole:
             event |= {"speed": self._speed, **tree.summary()}
         self.status = self.status | event
-        self._tell(event)
+        self._emit(event)
 
     def _achieved(self) -> float | None:
         """The speed of the last second or so."""
@@ -247,6 +245,6 @@ class Runner:
         return None if seconds < 0.2 else (self._tree.tick - begun) * self._tree.step / seconds
 
 
-def _checked(speed: float | None) -> float | None:
+def _checked_speed(speed: float | None) -> float | None:
     check(speed is None or 0 < speed <= 1e9, "speed", speed, "a number above 0, or null for the greatest")
     return speed

@@ -24,8 +24,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from motorgrad._errors import check
-from motorgrad.lab.editor._built import STATIC
-from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._session import STATIC, Session
 
 HOST = "127.0.0.1"
 LARGEST = 64 * 2**20  # bytes of a message

@@ -12,22 +12,20 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check
-from motorgrad.lab import _files, gallery
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab._plan import problems
-from motorgrad.lab._problems import DiagramError
-from motorgrad.lab._python import to_python
+from motorgrad.lab.compiler import problems
+from motorgrad.lab.diagram import Diagram, DiagramError, dumps, load, loads, to_python
+from motorgrad.lab.editor import _edits as edits
 from motorgrad.lab.editor import _protocol as ask
-from motorgrad.lab.editor import _run_protocol as run
-from motorgrad.lab.editor._autosave import Journal
-from motorgrad.lab.editor._declarations import declarations
+from motorgrad.lab.editor._branch import checked_log
 from motorgrad.lab.editor._document import Document
-from motorgrad.lab.editor._edits import edited, frozen, retuned, selection
-from motorgrad.lab.editor._folder import Folder
-from motorgrad.lab.editor._log import checked_log
-from motorgrad.lab.editor._messages import read
+from motorgrad.lab.editor._protocol import read_message
 from motorgrad.lab.editor._runner import Runner
-from motorgrad.lab.editor._views import difference, view
+from motorgrad.lab.editor._storage import Folder, Journal
+from motorgrad.lab.editor._views import declarations, difference, view
+from motorgrad.lab.gallery import example
+
+STATIC = Path(__file__).parent / "static"
+
 
 Event = dict[str, Any]
 Send = Callable[[Event], None]
@@ -53,8 +51,8 @@ class Session:
         self.id = secrets.token_hex(8)
         self._folder = Folder(folder or (file.parent if file else Path.cwd()))
         if diagram is None and file is not None and file.exists():
-            diagram = _files.load(file)
-            self._folder.know(file)
+            diagram = load(file)
+            self._folder.mark_seen(file)
         self._document = Document((diagram or Diagram()).copy(), file)
         self._journal = Journal(file, states)
         self._lock = threading.RLock()
@@ -62,9 +60,9 @@ class Session:
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
         self._problems: Event = {"event": "problems", "revision": -1, "list": []}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
-        self._runner = Runner(self._document.diagram, self._tell)
+        self._runner = Runner(self._document.diagram, self._emit)
         atexit.register(self.close)  # compiled code must not run when the interpreter is taken down
-        self._look()
+        self._find_problems()
 
     @property
     def diagram(self) -> Diagram:
@@ -86,7 +84,7 @@ class Session:
     def handle(self, text: str, answer: Send) -> None:
         """Do what a message asks. The answer may come later, from another thread."""
         try:
-            client, sequence, operation = read(text)
+            client, sequence, operation = read_message(text)
         except ValueError as error:
             answer(_refused(text, error))
             return
@@ -106,10 +104,10 @@ class Session:
                 answer(_answer(own, error))
 
             try:
-                if isinstance(operation, run.Replay):
-                    self._take_up(operation)
-                if isinstance(operation, run.RUN):
-                    self._runner.put(operation, done, answer)
+                if isinstance(operation, ask.Replay):
+                    self._open_log_diagram(operation)
+                if isinstance(operation, ask.RunOperation):
+                    self._runner.submit(operation, done, answer)
                     return
                 self._do(operation, answer)
             except (ValueError, TypeError, OSError) as error:
@@ -119,7 +117,7 @@ class Session:
 
     def resend(self, send: Send) -> None:
         """Tell one client again how the run stands, and what was seen in it."""
-        self._runner.welcome(send)
+        self._runner.greet(send)
 
     def close(self, keep: bool = True) -> None:
         """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
@@ -132,11 +130,11 @@ class Session:
     def _do(self, operation: ask.Operation, answer: Send) -> None:
         match operation:
             case ask.Hello():
-                self._welcome(operation, answer)
+                self._greet(operation, answer)
             case ask.Fragment():
-                answer({"event": "fragment", "fragment": selection(self.diagram, operation.at, operation.names)})
+                answer({"event": "fragment", "fragment": edits.selection(self.diagram, operation.at, operation.names)})
             case ask.Text():
-                text = (to_python if operation.python else _files.dumps)(self._document.diagram)
+                text = (to_python if operation.python else dumps)(self._document.diagram)
                 answer({"event": "text", "text": text, "python": operation.python})
             case ask.Files():
                 answer({"event": "files", "files": self._folder.names()})
@@ -144,7 +142,7 @@ class Session:
                 self._save(operation)
             case ask.Recover(drop=True):
                 self._journal.drop(operation.id)
-                self._tell(self._recoverable())
+                self._emit(self._recoverable())
             case _:
                 self._change(operation)
 
@@ -162,35 +160,37 @@ class Session:
             case ask.Open():
                 document.open(*self._opened(operation))
             case ask.Recover():
-                diagram, own = self._journal.recovered(operation.id, changed)
+                diagram, own = self._journal.recovered(operation.id)
                 if own == (str(file) if file else None) and saved:
-                    document.put(diagram)
+                    document.update(diagram)
                 else:
                     document.open(diagram, None, saved=False)
-            case ask.ParameterEdit():
-                document.put(changed(before, operation), operation.address, time.time())
+            case edits.SetParameter():
+                document.update(operation.apply(before), operation.address, time.time())
+            case edits.Change():
+                document.update(operation.apply(before))
             case _:
-                document.put(changed(before, operation))
+                raise ValueError(f"{operation.op}: is not an operation on the document")
         whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
         if whole or document.now.file != file:  # unsaved work on the one before can be recovered later too
-            self._journal.follow(document.now.file, keep=not saved)
-        self._written(before, operation)
+            self._journal.switch(document.now.file, keep=not saved)
+        self._record_change(before, operation)
         if isinstance(operation, ask.Recover):
             self._journal.drop(operation.id)
         if whole:
-            self._tell(self._recoverable())
+            self._emit(self._recoverable())
         scopes = list(difference(before, document.diagram))
-        self._tell(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
+        self._emit(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
 
-    def _written(self, before: Diagram, operation: ask.Operation) -> None:
+    def _record_change(self, before: Diagram, operation: ask.Operation) -> None:
         """Write a change down, and let the run and the search for problems follow."""
         try:
-            self._journal.note(before, self._document.diagram, operation)
+            self._journal.record(before, self._document.diagram, operation)
         except OSError as error:
-            self._tell({"event": "error", "message": f"autosave: {error}"})
-        if not isinstance(operation, ask.Move | ask.Comment):  # these change nothing that runs
+            self._emit({"event": "error", "message": f"autosave: {error}"})
+        if not isinstance(operation, edits.Move | edits.Comment):  # these change nothing that runs
             self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
-            self._look()
+            self._find_problems()
 
     def _opened(self, operation: ask.Open) -> tuple[Diagram, Path | None]:
         given = [name for name in ("text", "gallery", "file") if getattr(operation, name) is not None]
@@ -198,8 +198,8 @@ class Session:
         if operation.file is not None:
             return self._folder.load(operation.file)
         if operation.text is not None:
-            return _files.loads(operation.text), None
-        return gallery.example(operation.gallery or ""), None
+            return loads(operation.text), None
+        return example(operation.gallery or ""), None
 
     def _save(self, operation: ask.Save) -> None:
         file = self._document.now.file
@@ -208,29 +208,29 @@ class Session:
             raise ValueError("file: must be given: the diagram has none yet")
         path = self._folder.save(self._document.diagram, name, operation.over)
         self._document.mark_saved(path)
-        self._journal.follow(path, keep=False)
-        self._tell({"event": "saved", **self._document.flags})
+        self._journal.switch(path, keep=False)
+        self._emit({"event": "saved", **self._document.flags})
 
-    def _welcome(self, operation: ask.Hello, answer: Send) -> None:
+    def _greet(self, operation: ask.Hello, answer: Send) -> None:
         """All that a client needs to know at first, or since its connection was lost."""
         self._aside.submit(lambda: answer({"event": "declarations", **declarations()}))
         if (operation.session, operation.revision) != (self.id, self._document.revision):
             answer(self._whole())
         answer(self._problems)
         answer(self._recoverable())
-        self._runner.welcome(answer)
+        self._runner.greet(answer)
 
-    def _take_up(self, operation: run.Replay) -> None:
+    def _open_log_diagram(self, operation: ask.Replay) -> None:
         """Make the diagram that a log ends with the document."""
         part = checked_log(operation.log)["parts"][-1]
-        diagram = _files.loads(part["diagram"])
+        diagram = loads(part["diagram"])
         for change in part["changes"]:
-            diagram = retuned(diagram, change["address"], change["value"])
+            diagram = edits.SetParameter(change["address"], change["value"]).apply(diagram)
         before, saved = self._document.diagram, self._document.saved
         self._document.open(diagram, None)
-        self._journal.follow(None, keep=not saved)
-        self._written(before, operation)
-        self._tell(self._whole())
+        self._journal.switch(None, keep=not saved)
+        self._record_change(before, operation)
+        self._emit(self._whole())
 
     def _whole(self) -> Event:
         shown = view(self._document.diagram)
@@ -239,19 +239,19 @@ class Session:
     def _recoverable(self) -> Event:
         return {"event": "recoverable", "list": self._journal.others()}
 
-    def _look(self) -> None:
+    def _find_problems(self) -> None:
         """See what is wrong with the diagram, aside: a type of block that is new takes a while."""
         revision, diagram = self._document.revision, self._document.diagram
 
-        def look() -> None:
+        def find() -> None:
             if revision == self._document.revision:
                 found = [problem._asdict() for problem in problems(diagram)]
                 self._problems = {"event": "problems", "revision": revision, "list": found}
-                self._tell(self._problems)
+                self._emit(self._problems)
 
-        self._aside.submit(look)
+        self._aside.submit(find)
 
-    def _tell(self, event: Event) -> None:
+    def _emit(self, event: Event) -> None:
         with self._lock:
             listeners = list(self._listeners.values())
         for send in listeners:
@@ -265,18 +265,6 @@ class Session:
         while len(known) > REMEMBERED:
             known.popitem(last=False)
         return known
-
-
-def changed(diagram: Diagram, operation: ask.Operation) -> Diagram:
-    """A diagram after an operation that needs nothing else to be known."""
-    match operation:
-        case ask.Edit():
-            return edited(diagram, operation)
-        case ask.ParameterEdit():
-            return retuned(diagram, operation.address, operation.value)
-        case ask.Freeze():
-            return frozen(diagram, operation)
-    raise ValueError(f"{operation.op}: cannot be done to a diagram alone")
 
 
 def _answer(own: Event, error: Exception | None) -> Event:

@@ -1,13 +1,31 @@
 """Blocks into a subsystem, and out of it again."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from motorgrad._errors import check
-from motorgrad.lab import _subsystem
-from motorgrad.lab._diagram import Diagram, End, Node
-from motorgrad.lab.blocks._boundary import Inlet, Outlet
-from motorgrad.lab.blocks._constant import Constant
-from motorgrad.lab.editor._names import fresh_id, fresh_name
+from motorgrad.lab.blocks import Constant
+from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Inlet, Node, Outlet, numbered_names
+from motorgrad.lab.diagram import group as group_blocks
+
+
+def fresh_name(scope: Diagram, like: str) -> str:
+    """A name for a new block, that one has not in the diagram: `like`, or that with a number."""
+    return next(name for name in numbered_names(like) if name not in scope.nodes)
+
+
+def fresh_id(document: Diagram, like: str) -> str:
+    """An id that nothing has anywhere in the document, as a subsystem may leave the ids of its blocks as they are."""
+    taken = set(_ids(document))
+    return next(id for id in numbered_names(like[:LONGEST_NAME]) if id not in taken)
+
+
+def _ids(diagram: Diagram) -> Iterator[str]:
+    for node in diagram.nodes.values():
+        yield node.id
+        if isinstance(node.block, Diagram):
+            yield from _ids(node.block)
+
 
 ASIDE = 160.0  # between a block and the inlet or outlet beside it
 BELOW = 70.0  # between one inlet and the next
@@ -19,7 +37,7 @@ def group(scope: Diagram, document: Diagram, names: list[str], name: str | None)
         boundary = isinstance(scope.nodes[each].block, Inlet | Outlet)
         check(not boundary, "names", each, "no inlet or outlet: these stay in their diagram")
     title = fresh_name(scope, "subsystem") if name is None else name
-    made = _subsystem.group(scope, names, title)
+    made = group_blocks(scope, names, title)
     scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
     inner: Any = made.nodes[title].block
     scope.nodes[title] = Node(inner, "")

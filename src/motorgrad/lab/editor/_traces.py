@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.lab._record import Record, sampled
-from motorgrad.lab.editor._program import Program, shown
+from motorgrad.lab.diagram import Record, sampled
+from motorgrad.lab.editor._program import Program, sink_at
 
 STRETCHES = 500  # in the window of a scope
 WINDOW = 10.0  # seconds, of what has none of its own
@@ -31,7 +31,7 @@ class Traces:
         self._kept: dict[str, list[Parts]] = {}
         self._every: dict[str, int] = {}
 
-    def take(self, record: Record) -> dict[str, Any]:
+    def add(self, record: Record) -> dict[str, Any]:
         """Keep what was seen. **Returns** it as clients draw it."""
         found = {}
         for address, signal in record.signals.items():
@@ -41,8 +41,8 @@ class Traces:
             parts = self._thinned(address, signal, record)
             kept = self._kept.setdefault(address, [])
             kept.append(parts)
-            self._bound(address)
-            found[address] = self._shown(address, parts)
+            self._limit(address)
+            found[address] = self._event_data(address, parts)
         return found
 
     def all(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class Traces:
             late = max(0, len(parts["ticks"]) - RESENT // 2)
             some = np.unique(np.linspace(0, late, RESENT // 2, endpoint=False).astype(int)) if late else []
             chosen = np.concatenate([np.asarray(some, int), np.arange(late, len(parts["ticks"]))])
-            found[address] = self._shown(address, {name: array[chosen] for name, array in parts.items()})
+            found[address] = self._event_data(address, {name: array[chosen] for name, array in parts.items()})
         return found
 
     def _thinned(self, address: str, signal: np.ndarray, record: Record) -> Parts:
@@ -63,12 +63,12 @@ class Traces:
         ticks = sampled(record.first, record.ticks, every)
         seeds, samples = signal.shape[:2]
         numbers = signal.reshape(seeds, samples, -1)[..., :COLUMNS]
-        window = getattr(shown(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
+        window = getattr(sink_at(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
         stretch = max(1, round(window / record.tick / STRETCHES / every), -(-samples // FRAME))
         if drawing != "lines":
             seeds = 1 if drawing == "map" else min(seeds, SEEDS)
             beside = numbers[:seeds].transpose(1, 0, 2).reshape(samples, -1)[:, :COLUMNS]
-            return _fired(ticks, beside, stretch) if drawing == "raster" else _strided(ticks, beside, stretch)
+            return _events(ticks, beside, stretch) if drawing == "raster" else _strided(ticks, beside, stretch)
         if seeds > 1:
             chosen = np.arange(stretch - 1, samples, stretch) if samples >= stretch else np.array([samples - 1])
             low, median, high = np.quantile(numbers[:, chosen].astype(float), (0.25, 0.5, 0.75), axis=0)
@@ -77,17 +77,17 @@ class Traces:
 
     def _drawing(self, address: str) -> str:
         path = address.rpartition(".")[0]
-        drawing = getattr(shown(self._program.diagram, path), "drawing", "lines")
+        drawing = getattr(sink_at(self._program.diagram, path), "drawing", "lines")
         return "lines" if drawing == "table" else drawing
 
-    def _shown(self, address: str, parts: Parts) -> dict[str, Any]:
+    def _event_data(self, address: str, parts: Parts) -> dict[str, Any]:
         own: dict[str, Any] = {"every": self._every[address]}
         seeds = len(self._program.seeds)
         if self._drawing(address) != "lines":
             own["seeds"] = 1 if self._drawing(address) == "map" else min(seeds, SEEDS)
         return own | {name: _plain(array) for name, array in parts.items()}
 
-    def _bound(self, address: str) -> None:
+    def _limit(self, address: str) -> None:
         """Of too much, the older half is kept in half the detail."""
         pieces = self._kept[address]
         if sum(piece["ticks"].size * (piece[next(iter(set(piece) - {"ticks"}))].shape[-1]) for piece in pieces) <= MOST:
@@ -116,7 +116,7 @@ def _strided(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
     return {"ticks": ticks[chosen], "rows": numbers[chosen]}
 
 
-def _fired(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
+def _events(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
     """Whether a number was not 0 in a stretch."""
     starts = np.arange(0, len(ticks), stretch)
     return {"ticks": ticks[starts], "rows": np.logical_or.reduceat(numbers != 0, starts).astype(np.float32)}

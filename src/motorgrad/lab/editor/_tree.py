@@ -1,21 +1,18 @@
 """The branches of a run, and which of them moves."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from motorgrad._errors import check, unknown
-from motorgrad.lab._diagram import Diagram, numbered
-from motorgrad.lab._files import loads
-from motorgrad.lab._run import MOST_SEEDS, MOST_TICKS
-from motorgrad.lab._timeline import Timeline
-from motorgrad.lab.editor._branch import Branch
-from motorgrad.lab.editor._log import checked_log
+from motorgrad.lab.diagram import Diagram, loads, numbered_names
+from motorgrad.lab.editor._branch import Branch, checked_log
 from motorgrad.lab.editor._program import Program, Values, outputs, parameters
+from motorgrad.lab.engine import MOST_SEEDS, MOST_TICKS, Timeline
 
 Event = dict[str, Any]
 MOST = 64  # branches
-LOOK = 0.03  # seconds, on the way to a tick, after which it looks whether something else is asked for
+POLL = 0.03  # seconds, on the way to a tick, after which it looks whether something else is asked for
 
 
 class Tree:
@@ -26,12 +23,12 @@ class Tree:
     """
 
     def __init__(
-        self, diagram: Diagram, tell: Callable[[Event], None], say: Callable[..., None], idle: Callable[[], bool]
+        self, diagram: Diagram, emit: Callable[[Event], None], report: Callable[..., None], idle: Callable[[], bool]
     ):
         self.diagram = diagram
         """As it is in the document, compiled or not."""
         self.stale = False
-        self._tell, self._say, self._idle = tell, say, idle
+        self._emit, self._report, self._idle = emit, report, idle
         self._branches: dict[str, Branch] = {}
         self._now: Branch | None = None
         self._seeds, self._watch = [0], []
@@ -99,19 +96,19 @@ class Tree:
         self.close()
         self._branches, self._fresh, self.stale = {}, [], False
         self._values = parameters(self.diagram)
-        self._grow("main", program, None)
+        self._add_branch("main", program, None)
 
-    def drop(self, diagram: Diagram) -> None:
+    def discard(self, diagram: Diagram) -> None:
         """Forget all, for another document."""
         self.close()
         self.diagram, self._branches, self._now = diagram, {}, None
         self._fresh, self._watch, self.stale = [], [], False
 
-    def reseed(self, seeds: int | list[int]) -> None:
+    def reseed(self, seeds: int | Sequence[int]) -> None:
         """Begin again with other seeds."""
         if isinstance(seeds, int):
             check(1 <= seeds <= MOST_SEEDS, "n", seeds, f"a whole number in 1 … {MOST_SEEDS:,}")
-        chosen = list(range(seeds)) if isinstance(seeds, int) else seeds
+        chosen = list(range(seeds) if isinstance(seeds, int) else seeds)
         before, self._seeds = self._seeds, chosen
         try:
             self.begin()
@@ -119,7 +116,7 @@ class Tree:
             self._seeds = before
             raise
 
-    def ready(self) -> None:
+    def ensure_compiled(self) -> None:
         """See that what is compiled is the diagram as it stands: otherwise go on with that, as far as its blocks are
         the same, in a branch of its own."""
         if self._now is None:
@@ -135,11 +132,11 @@ class Tree:
         if program.fixed is not None:
             self.begin()
             return
-        self._fresh = program.run.adopt(old.run.state)
+        self._fresh = program.run.restore_matching(old.run.state)
         self.stale, self._values = False, parameters(self.diagram)
-        self._grow("edit", program, old, edited=True)
+        self._add_branch("edit", program, old, edited=True)
 
-    def watch_at(self, addresses: list[str]) -> None:
+    def set_watches(self, addresses: Sequence[str]) -> None:
         """Record these outputs too."""
         known = outputs(self.diagram)
         for address in addresses:
@@ -147,9 +144,9 @@ class Tree:
                 raise unknown("output", address, known)
         self._watch = list(dict.fromkeys(addresses))
         if self._now is not None:
-            self._look()
+            self._recompile_watches()
 
-    def retune(self, values: Values) -> None:
+    def update_parameters(self, values: Values) -> None:
         """Take in the parameters of the document that changed."""
         changed = {a: value for a, value in values.items() if a not in self._values or self._values[a] != value}
         self._values = values
@@ -158,7 +155,7 @@ class Tree:
         timeline = self.now.timeline
         if self.tick < timeline.end or (timeline.log and timeline.log[-1].tick > self.tick):
             self.fork(self.now.name, None, None)  # what was to come stays, in its own branch
-        self.now.put(changed)
+        self.now.set_parameters(changed)
 
     def advance(self, ticks: int) -> None:
         """Make ticks, as they were made where they are known."""
@@ -166,18 +163,18 @@ class Tree:
         stop = self.tick + ticks
         check(stop <= MOST_TICKS, "ticks", stop, f"at most {MOST_TICKS:,}")
         if not self.warm:
-            self._say(compiling=True)
+            self._report(compiling=True)
         if self.tick < timeline.end:
             timeline.advance(min(stop, timeline.end) - self.tick)
         if self.tick < stop:
-            signals = branch.traces.take(timeline.advance(stop - self.tick))
+            signals = branch.traces.add(timeline.advance(stop - self.tick))
             if signals:
-                self._tell({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
+                self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
         branch.run.wait()
 
-    def go(self, name: str, tick: int) -> None:
+    def seek(self, name: str, tick: int) -> None:
         """Go to a tick that was made: by the last state before it, and from there as it went."""
-        branch, end = self._named(name), self._named(name).timeline.end
+        branch, end = self._branch(name), self._branch(name).timeline.end
         check(0 <= tick <= end, "tick", tick, f"a whole number in 0 … {end}, where {name!r} has been")
         check(branch.program.fixed is None, "scrub", name, f"a run that can go back; {branch.program.fixed}")
         while tick < branch.first:
@@ -185,7 +182,7 @@ class Tree:
             branch = branch.parent
         self._now = branch
         if branch.program.watch != self._watch:
-            self._look()
+            self._recompile_watches()
         nearest = max(known for known in branch.timeline.snapshots if known <= tick)
         if tick < self.tick or nearest > self.tick:
             branch.timeline.seek(nearest)
@@ -195,19 +192,19 @@ class Tree:
         """A new branch, at a tick of one; it is the one that moves then."""
         check(len(self._branches) < MOST, "branches", len(self._branches), f"at most {MOST}: forget some")
         check(to is None or (to and to not in self._branches), "name", to, "a new one")
-        parent = self._named(name)
+        parent = self._branch(name)
         check(parent.program.fixed is None, "fork", name, f"a run that can be saved; {parent.program.fixed}")
         if tick is not None:
-            self.go(name, tick)
+            self.seek(name, tick)
             check(self.tick == tick, "fork", name, "left alone until it is there")
             parent = self.now
         timeline = parent.timeline.fork()
         timeline.forget()
-        self._grow(to or parent.name, parent.program, parent, timeline=timeline)
+        self._add_branch(to or parent.name, parent.program, parent, timeline=timeline)
 
     def prune(self, name: str) -> None:
         """Forget a branch."""
-        branch = self._named(name)
+        branch = self._branch(name)
         check(len(self._branches) > 1, "branch", name, "one of several")
         below = [each.name for each in self._branches.values() if each.parent is branch]
         check(not below, "branch", name, f"one without branches of its own; it has {', '.join(below)}")
@@ -219,7 +216,7 @@ class Tree:
 
     def log(self, name: str | None) -> Event:
         """All that a branch's numbers follow from, up to where it is now."""
-        return (self.now if name is None else self._named(name)).log()
+        return (self.now if name is None else self._branch(name)).log()
 
     def replay(self, log: Event) -> Event:
         """Run a log again. **Returns** `branch`, `tick`, and whether it `matches` the log's digest bit for bit."""
@@ -230,12 +227,12 @@ class Tree:
         for part in parts:
             if part is not parts[0]:
                 self.diagram, self.stale = loads(part["diagram"]), True
-                self.ready()
+                self.ensure_compiled()
             for change in part["changes"]:
-                self._reach(change["tick"])
+                self._advance_to(change["tick"])
                 self.now.timeline[change["address"]] = change["value"]
                 self._values[change["address"]] = change["value"]
-            self._reach(part["until"])
+            self._advance_to(part["until"])
         again = self.now.log()["digest"]
         matches = None if again is None or log["digest"] is None else again == log["digest"]
         return {"branch": self.now.name, "tick": self.tick, "matches": matches}
@@ -245,7 +242,7 @@ class Tree:
         for branch in self._branches.values():
             branch.run.close()
 
-    def _reach(self, tick: int) -> None:
+    def _advance_to(self, tick: int) -> None:
         """Advance to a tick. **Raises** `ValueError` if something else is asked for meanwhile."""
         self._travel(tick)
         check(self.tick == tick, "replay", self.tick, f"left alone until tick {tick}")
@@ -256,10 +253,10 @@ class Tree:
         while self.tick < to and self._idle():
             start = time.perf_counter()
             self.advance(min(ticks, to - self.tick))
-            if time.perf_counter() - start < LOOK:
+            if time.perf_counter() - start < POLL:
                 ticks *= 2
 
-    def _grow(
+    def _add_branch(
         self,
         like: str,
         program: Program,
@@ -267,25 +264,25 @@ class Tree:
         edited: bool = False,
         timeline: Timeline | None = None,
     ) -> None:
-        name = next(each for each in numbered(like) if each not in self._branches)
+        name = next(each for each in numbered_names(like) if each not in self._branches)
         self._now = self._branches[name] = Branch(name, program, parent, edited, timeline)
-        self._tell({"event": "samples", "branch": name, "fresh": True, "signals": {}})
+        self._emit({"event": "samples", "branch": name, "fresh": True, "signals": {}})
 
-    def _look(self) -> None:
+    def _recompile_watches(self) -> None:
         """Have the branch that moves record what is watched now."""
         old = self.now.program
         check(old.fixed is None, "watch", self.now.name, f"asked for before it runs; {old.fixed}")
-        self.now.use(self._compiled(old.diagram))
+        self.now.switch_program(self._compiled(old.diagram))
 
     def _compiled(self, diagram: Diagram) -> Program:
-        self._say(compiling=True)
+        self._report(compiling=True)
         return Program(diagram, self._seeds, self._watch)
 
-    def _named(self, name: str) -> Branch:
+    def _branch(self, name: str) -> Branch:
         if name not in self._branches:
             raise unknown("branch", name, self._branches)
         return self._branches[name]
 
     def _overrides(self) -> Values:
         """The parameters of the run that are otherwise in the document."""
-        return {} if self._now is None or self.stale else self._now.otherwise(self._values)
+        return {} if self._now is None or self.stale else self._now.overrides(self._values)

@@ -1,22 +1,28 @@
-"""What clients are shown of a diagram.
-
-The view of a diagram has its `head` (title, comment, tick, substeps), its `nodes` by name, its `wires` (from `source`
-to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `comments` by id, each a `text` and a
-`box`.
-
-A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs`, which are lists of ports, and its
-`position`, `null` where it was never put anywhere; a subsystem, of type `"diagram"`, has the view of its diagram as
-`inner`. A sink that draws has the way in which it does as `drawing`. What learns and can be frozen has `frozen`, one
-truth value; or one for each unit, where units can be frozen singly.
-"""
+"""What there is to build with: every type of block, and the ready diagrams."""
 
 import dataclasses
+import functools
+import inspect
+import typing
 from collections.abc import Iterator
 from typing import Any
 
-from motorgrad.lab._block import Block
-from motorgrad.lab._diagram import Diagram, Node
-from motorgrad.lab._files import HEAD, SUBSYSTEM
+import numpy as np
+
+from motorgrad._settings import fields_of
+from motorgrad.lab.diagram import (
+    BLOCKS,
+    HEAD,
+    SCHEDULE,
+    SUBSYSTEM,
+    Block,
+    Diagram,
+    Node,
+    parameters_of,
+    required_fields,
+    settings_of,
+)
+from motorgrad.lab.gallery import GALLERY
 
 View = dict[str, Any]
 
@@ -56,7 +62,7 @@ def _subsystem(diagram: Diagram, inner: bool) -> View:
 
 
 def _block(block: Block) -> View:
-    fields = {field.name: getattr(block, field.name) for field in dataclasses.fields(block) if field.init}
+    fields = {name: getattr(block, name) for name in fields_of(type(block))}
     own = {"type": block.name, "category": block.category, "fields": fields}
     drawing = getattr(type(block), "drawing", None)
     own |= {} if drawing is None else {"drawing": drawing}
@@ -104,3 +110,68 @@ def _face(node: Node, diagram: Diagram, name: str) -> Any:
     block = node.block
     own: Any = (head(block), dict(block.inputs), dict(block.outputs)) if isinstance(block, Diagram) else block
     return node.id, own, diagram.layout.get("positions", {}).get(name)
+
+
+def declarations() -> dict[str, Any]:
+    """All that a palette and its forms need: `categories`, each with the names of its types; `blocks` by type, the
+    subsystem among them; `gallery`, entries with name, title and comment."""
+    kinds = {name: declaration(cls) for name, cls in sorted(BLOCKS.items())}
+    kinds[SUBSYSTEM] = _SUBSYSTEM
+    categories: dict[str, list[str]] = {}
+    for name, kind in kinds.items():
+        categories.setdefault(kind["category"], []).append(name)
+    return {"categories": dict(sorted(categories.items())), "blocks": kinds, "gallery": _gallery()}
+
+
+@functools.cache
+def declaration(cls: type[Block]) -> dict[str, Any]:
+    """One type: name, category, `help`, `fields` in order, and the ports of a new one, `null` where it has fields that
+    must be given."""
+    parameters, settings, hints = parameters_of(cls), settings_of(cls), typing.get_type_hints(cls)
+    fields = []
+    required = required_fields(cls)
+    for name in sorted(fields_of(cls), key=SCHEDULE.__contains__):  # the schedule comes last
+        own: dict[str, Any] = {"name": name, "type": _hint_text(hints[name]), "required": name in required}
+        if name in parameters:
+            declared = parameters[name]
+            own |= dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
+            own |= {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
+        elif name in settings:
+            own |= dataclasses.asdict(settings[name]) | {"role": "setting"}
+        fields.append(own)
+    new = None if required else cls()
+    for field in fields:
+        field["default"] = None if new is None else getattr(new, field["name"])
+    return {
+        "name": cls.name,
+        "category": cls.category,
+        "help": inspect.cleandoc(cls.__doc__ or ""),
+        "fields": fields,
+        "inputs": None if new is None else ports(new.inputs),
+        "outputs": None if new is None else ports(new.outputs),
+        "drawing": getattr(cls, "drawing", None),
+    }
+
+
+_SUBSYSTEM: dict[str, Any] = {
+    "name": SUBSYSTEM,
+    "category": "subsystems",
+    "help": "A diagram as a block of this one. Inlets and outlets in it are its ports.",
+    "fields": [],
+    "inputs": [],
+    "outputs": [],
+    "drawing": None,
+}
+
+
+@functools.cache
+def _gallery() -> list[dict[str, str]]:
+    made = {name: make() for name, make in GALLERY.items()}
+    return [{"name": name, "title": each.title, "comment": each.comment} for name, each in made.items()]
+
+
+def _hint_text(hint: Any) -> str:
+    """A type as it is written, such as `int`, `float | None` or `tuple[int, ...]`."""
+    if isinstance(hint, type) and not typing.get_args(hint):
+        return hint.__name__
+    return str(hint).replace("typing.", "").replace("collections.abc.", "")

@@ -5,14 +5,12 @@ import queue
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import anywidget
 
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab.editor._built import STATIC
-from motorgrad.lab.editor._session import Session
+from motorgrad.lab.diagram import Diagram
+from motorgrad.lab.editor._session import STATIC, Session
 
 BUILT = STATIC / "widget.js", STATIC / "widget.css"
 
@@ -32,8 +30,8 @@ class Editor(anywidget.AnyWidget):
         self.session = session
         self._events: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._end = session.listen(self._events.put)
-        self.on_msg(self._hear)
-        _thread()(target=self._tell, name="motorgrad-lab-widget", daemon=True).start()
+        self.on_msg(self._receive)
+        _thread_class()(target=self._send_events, name="motorgrad-lab-widget", daemon=True).start()
 
     @property
     def diagram(self) -> Diagram:
@@ -49,22 +47,17 @@ class Editor(anywidget.AnyWidget):
             self._events.put(None)
         super().close()
 
-    def _tell(self) -> None:
+    def _send_events(self) -> None:
         """Send events on, one after the other, from whatever threads they come."""
         while (event := self._events.get()) is not None:
             self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
 
-    def _hear(self, widget: Any, content: Any, buffers: Any) -> None:
+    def _receive(self, widget: Any, content: Any, buffers: Any) -> None:
         if isinstance(content, str):
             self.session.handle(content, self._events.put)
 
 
-def _thread() -> Any:
+def _thread_class() -> Any:
     """The kind of thread that may talk to the notebook: marimo has its own."""
     marimo = sys.modules.get("marimo")
     return marimo.Thread if marimo is not None and marimo.running_in_notebook() else threading.Thread
-
-
-def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> Editor:
-    """What `motorgrad.lab.edit` gives; see there."""
-    return Editor(Session(diagram, None if file is None else Path(file).absolute()))

@@ -3,13 +3,9 @@
 from collections.abc import Callable
 
 from motorgrad._errors import unknown
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab.gallery._chain import chain
-from motorgrad.lab.gallery._hopper import hopper
-from motorgrad.lab.gallery._leg_controller import leg_controller
-from motorgrad.lab.gallery._linear_recruitment import linear_recruitment
-from motorgrad.lab.gallery._motoneuron_pool import motoneuron_pool
-from motorgrad.lab.gallery._particle import constructive_pool, orbit, particle
+from motorgrad.lab.diagram import Diagram
+from motorgrad.lab.gallery._plain_blocks import leg_controller, motoneuron_pool
+from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, orbit, particle
 from motorgrad.lab.gallery._wiring import learner
 
 GALLERY: dict[str, Callable[[], Diagram]] = {
@@ -22,12 +18,14 @@ GALLERY: dict[str, Callable[[], Diagram]] = {
     "hopper": hopper,
     "leg-controller": leg_controller,
 }
-"""Functions that make the diagrams, by name. A new one is a file and a line here."""
+"""Functions that build the diagrams, by name. A new example is a function and a line here."""
 
 
 def example(name: str) -> Diagram:
-    """The diagram of the gallery called `name`, a new one that may be changed. **Raises** `ValueError` for an unknown
-    name, with the nearest."""
+    """A new copy of the gallery's diagram `name`, which may be changed.
+
+    **Raises** `ValueError` for an unknown name, naming the nearest known one.
+    """
     if name not in GALLERY:
         raise unknown("diagram of the gallery", name, GALLERY)
     return GALLERY[name]()

@@ -2,12 +2,9 @@
 
 from typing import Any
 
-from motorgrad.lab._block import Block
-from motorgrad.lab._diagram import Diagram
-from motorgrad.lab.blocks._lag import DiscreteLag
+from motorgrad.lab.blocks import Ascent, DiscreteLag, EligibilityTrace, GradientSample, MeanBaseline, Scope
 from motorgrad.lab.blocks._policy_map import PolicyMap
-from motorgrad.lab.blocks._scope import Scope
-from motorgrad.lab.blocks.learning import Ascent, EligibilityTrace, GradientSample, MeanBaseline
+from motorgrad.lab.diagram import Block, Diagram
 
 
 def connect(diagram: Diagram, *wires: tuple[str, str]) -> None:

@@ -10,7 +10,6 @@ at once; then they act. The trace takes in the new score for the next tick, whic
 order of `motorgrad.train`, and leads to the same parameters.
 """
 
-from motorgrad.lab._block import Block
 from motorgrad.lab.blocks.learning._ascent import Adam, Ascent, WeightDecay
 from motorgrad.lab.blocks.learning._baselines import ConstantBaseline, FixedStepBaseline, MeanBaseline
 from motorgrad.lab.blocks.learning._credit import AdvantageScale, GradientMean, GradientSample
@@ -23,6 +22,7 @@ from motorgrad.lab.blocks.learning._motoneurons import Motoneurons
 from motorgrad.lab.blocks.learning._policy import NamedPolicy
 from motorgrad.lab.blocks.learning._softmax import Softmax
 from motorgrad.lab.blocks.learning._traces import EligibilityTrace, EpisodicTrace, LaggedTrace, WindowTrace
+from motorgrad.lab.diagram import Block
 
 BLOCKS: tuple[type[Block], ...] = (
     Adam,

@@ -9,11 +9,9 @@ from jaxtyping import Array, Float
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.lab._block import Block, Moment, Ports, Signals
-from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.learning._counts import check_size
 from motorgrad.lab.blocks.learning._traced import paid, traced, where
+from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
 DUE = Port((), "bool", default=1.0, help="whether to step at this tick")
 Groups = Annotated[tuple[int, ...], Setting("how many parameters each `rate` is of, one after the other; none for all")]

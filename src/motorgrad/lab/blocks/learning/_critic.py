@@ -9,11 +9,9 @@ from jaxtyping import Array, Float
 
 from motorgrad import learning, policies
 from motorgrad._errors import check
-from motorgrad.lab._block import Block, Moment, Ports, Signals
-from motorgrad.lab._parameter import Setting
-from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.learning._counts import check_count, check_numbers
 from motorgrad.lab.blocks.learning._traced import VALID, paid, where
+from motorgrad.lab.diagram import Block, Moment, Port, Ports, Setting, Signals
 
 
 @dataclasses.dataclass(frozen=True)

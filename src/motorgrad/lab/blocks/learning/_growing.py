@@ -10,14 +10,12 @@ from jaxtyping import Array, Float
 
 from motorgrad import learning, policies
 from motorgrad._errors import check
-from motorgrad.lab._block import Moment, Ports, Signals
-from motorgrad.lab._parameter import Setting
-from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.learning._counts import check_numbers
 from motorgrad.lab.blocks.learning._gaussians import Gaussians
 from motorgrad.lab.blocks.learning._policy import key_from
 from motorgrad.lab.blocks.learning._traced import VALID, paid, where
 from motorgrad.lab.blocks.learning._units import unflat
+from motorgrad.lab.diagram import Moment, Port, Ports, Setting, Signals
 from motorgrad.policies import Policy, split
 
 

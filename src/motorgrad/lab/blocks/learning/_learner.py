@@ -10,15 +10,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.lab._block import Block, Moment, Ports, Signals
-from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab._port import Port
-from motorgrad.lab.blocks._toml import as_text, read_table
+from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._policy import key_from
 from motorgrad.lab.blocks.learning._settings import agent_of
 from motorgrad.lab.blocks.learning._traced import VALID, where
 from motorgrad.lab.blocks.learning._units import flat, kind_of, size_of
+from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 from motorgrad.policies import trainable
 
 if TYPE_CHECKING:

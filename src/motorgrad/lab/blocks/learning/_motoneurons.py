@@ -7,9 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import policies
-from motorgrad.lab._parameter import Parameter, Setting
 from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._units import Units, spread
+from motorgrad.lab.diagram import Parameter, Setting
 
 
 @dataclasses.dataclass(frozen=True)

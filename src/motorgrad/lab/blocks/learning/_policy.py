@@ -10,11 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import policies
-from motorgrad.lab._parameter import Setting
-from motorgrad.lab.blocks._toml import as_text, read_table
+from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.learning._counts import check_count
 from motorgrad.lab.blocks.learning._settings import agent_of
 from motorgrad.lab.blocks.learning._units import Units
+from motorgrad.lab.diagram import Setting
 
 NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))  # these ask for more
 

@@ -5,8 +5,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
-from motorgrad.lab._block import Moment, Signals
-from motorgrad.lab._port import Port
+from motorgrad.lab.diagram import Moment, Port, Signals
 
 T = TypeVar("T")
 

@@ -8,11 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import learning
-from motorgrad.lab._block import Block, Moment, Ports, Signals
-from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab._port import Port
 from motorgrad.lab.blocks.learning._counts import check_numbers, check_size
 from motorgrad.lab.blocks.learning._traced import traced, where
+from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

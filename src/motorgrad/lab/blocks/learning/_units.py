@@ -12,9 +12,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from motorgrad.lab._block import Block, Moment, Ports, Signals
-from motorgrad.lab._parameter import Parameter, Setting
-from motorgrad.lab._port import Kind, Port
+from motorgrad.lab.diagram import Block, Kind, Moment, Parameter, Port, Ports, Setting, Signals
 from motorgrad.policies import Policy, split, trainable
 
 

@@ -1,23 +1,156 @@
-"""Any MuJoCo model as a block, with a port for each actuator and each sensor."""
+"""MuJoCo models and the muscle law as blocks."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
-
 import dataclasses
 import functools
+import math
+import types
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, choice
-from motorgrad.lab._block import Ports
-from motorgrad.lab._host import HostBlock
-from motorgrad.lab._parameter import Setting
-from motorgrad.lab._port import Port
-from motorgrad.lab.blocks.worlds._mjcf import read_model
-from motorgrad.lab.blocks.worlds._mujoco_host import MujocoHost, steps_in
+from motorgrad.bodies import compile_model, tension
+from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
+
+LONGEST = 1_000_000  # characters of a text
+MOST_COPIES = 10_000
+MOST_MEMORY = 2**31  # bytes
+
+
+def read_model(xml: str, file: str = "") -> mujoco.MjModel:
+    """Compile MJCF text, or a file with its meshes beside it.
+
+    The model may come from anywhere: what is broken, or would exhaust memory, is one clear error.
+
+    **Raises** `ValueError`, in one line, for input that MuJoCo cannot read, and for a model with more than 10,000
+    copies of a part or 2 GiB.
+    """
+    where = f"file = {file!r}" if file else "xml"
+    if file:
+        check(Path(file).is_file(), "file", file, "an existing MJCF file")
+    check(len(xml) <= LONGEST, "xml", f"{len(xml)} characters", f"at most {LONGEST} characters")
+    try:
+        _check_copies(where, Path(file).read_bytes() if file else xml)
+        spec = mujoco.MjSpec.from_file(file) if file else mujoco.MjSpec.from_string(xml)
+        check(spec.memory <= MOST_MEMORY, f"{where}: memory", spec.memory, f"at most {MOST_MEMORY} bytes")
+        return compile_model(spec)
+    except (ValueError, UnicodeError, OSError, mujoco.FatalError) as error:
+        told = " ".join(str(error).split())
+        if told.startswith(where):
+            raise ValueError(told) from None
+        raise ValueError(f"{where}: MuJoCo cannot read it: {told}") from None
+
+
+def _check_copies(where: str, text: str | bytes) -> None:
+    """Refuse parts with too many copies before MuJoCo makes them; MuJoCo reports other errors."""
+    try:
+        todo = [(ElementTree.fromstring(text), 1.0)]
+    except (ElementTree.ParseError, ValueError, LookupError):
+        return
+    while todo:
+        node, copies = todo.pop()
+        try:
+            copies *= math.prod(max(1.0, float(word)) for word in node.get("count", "1").split())
+        except ValueError:
+            continue
+        check(copies <= MOST_COPIES, f"{where}: copies of a part", copies, f"at most {MOST_COPIES}")
+        todo += [(inner, copies) for inner in node]
+
+
+_WARNING = mujoco.mjtWarning
+# MuJoCo silently resets a simulation that raises one of these warnings; only a counter shows it.
+_BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
+MOST_STEPS = 100_000  # per tick
+_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+class MujocoHost(Host):
+    """One row per seed, stepped together by `mujoco.batch`."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        seeds: int,
+        key: int,
+        actuators: Sequence[str],
+        sensors: Mapping[str, slice],
+        threads: int,
+    ):
+        self._key, self._actuators, self._sensors = key, tuple(actuators), sensors
+        self._timestep, self._substeps = float(model.opt.timestep), 0
+        self._batch = mujoco_batch.Batch(model, seeds, int(threads), persistent=True)
+        self._control, self._bad = self._batch.bind("ctrl"), self._batch.warning[:, _BAD, 1]
+        self._sources = {"sensors": "sensordata", "qpos": "qpos", "qvel": "qvel"}
+        self._diverged = np.zeros(seeds, bool)
+        self._reset(np.arange(seeds))
+
+    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+        if self._substeps == 0:  # the first call
+            self._substeps = steps_in("tick of the block", now.step, self._timestep)
+        readings = self._readings
+        sensors = {
+            name: readings["sensors"][:, part.start] if part.stop - part.start == 1 else readings["sensors"][:, part]
+            for name, part in self._sensors.items()
+        }
+        state = {name: readings[name] for name in ("qpos", "qvel") if readings[name].shape[1]}
+        return {**sensors, **state, "diverged": self._diverged}
+
+    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+        for place, name in enumerate(self._actuators):
+            self._control[:, place] = inputs[name]
+        failed: Any = []
+        try:
+            self._batch.step(None, self._substeps, _STAGE)
+        except mujoco_batch.SimulationError as error:
+            failed = error.ids
+        self._diverged = self._bad.any(axis=1)
+        self._diverged[failed] = True
+        back = np.flatnonzero(self._diverged | np.asarray(inputs["reset"], bool))
+        self._read()
+        if back.size:
+            self._reset(back)
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        readings = {name: value.copy() for name, value in self._readings.items()}
+        return {"state": self._batch.state.copy(), "diverged": self._diverged.copy(), **readings}
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        own = self.snapshot()
+        fits = set(snapshot) == set(own) and all(np.shape(snapshot[n]) == own[n].shape for n in own)
+        check(fits, "snapshot", sorted(snapshot), "a snapshot of this block with as many seeds")
+        np.copyto(self._batch.state, snapshot["state"])
+        self._diverged = np.array(snapshot["diverged"], bool)
+        # after a restore contact sensors read 0 until the next step, so the readings are part of the snapshot
+        self._readings = {name: np.array(snapshot[name]) for name in self._sources}
+        self._bad[...] = 0
+
+    def _reset(self, rows: np.ndarray) -> None:
+        self._batch.reset(rows, self._key)
+        self._bad[rows] = 0
+        self._read()
+
+    def _read(self) -> None:
+        bound = {name: np.asarray(self._batch.bind(source)) for name, source in self._sources.items()}
+        self._readings = {name: value.reshape(len(self._diverged), -1).copy() for name, value in bound.items()}
+
+
+def steps_in(name: str, length: float, step: float) -> int:
+    """The number of simulation steps per tick. **Raises** `ValueError` unless it is whole."""
+    steps = round(length / step)
+    whole = 1 <= steps <= MOST_STEPS and abs(length / step - steps) <= 1e-6 * steps
+    wanted = f"a whole number of simulation steps of {step:g} s, and at most {MOST_STEPS}"
+    check(whole, name, length, wanted)
+    return steps
+
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -36,29 +169,29 @@ PENDULUM = """
 
 @dataclasses.dataclass(frozen=True)
 class MujocoModel(HostBlock):
-    """Any MuJoCo model. Every actuator is an input, of its control, and every sensor an output; those without a name
-    are called by their number. `qpos` and `qvel` are all positions and velocities. Where `reset` is true it is back at
-    its start at the next tick; so it is, with `diverged`, where the simulation breaks.
+    """Any MuJoCo model. Every actuator is an input for its control, every sensor an output; unnamed ones are numbered.
+    `qpos` and `qvel` are all positions and velocities. Where `reset` is true the model returns to its initial state at
+    the next tick; it does so too, with `diverged`, if the simulation diverges.
 
-    Seeds are stepped together, on as many threads as there are processors. A tick of the block has a whole number
-    of the model's time steps.
+    Seeds are stepped together, on as many threads as there are processors. A tick of the block is a whole number of the
+    model's time steps.
     """
 
     name: ClassVar[str] = "mujoco model"
     category: ClassVar[str] = "bodies and worlds"
 
-    xml: Annotated[str, Setting("the model as MJCF, where there is no file")] = PENDULUM
-    file: Annotated[str, Setting("an MJCF or URDF file by its path from the working folder; meshes lie beside it")] = ""
-    keyframe: Annotated[str, Setting("the name of the keyframe that it starts in; none for the model's own start")] = ""
+    xml: Annotated[str, Setting("the model as MJCF, if there is no file")] = PENDULUM
+    file: Annotated[
+        str, Setting("path of an MJCF or URDF file, relative to the working folder, with its meshes beside it")
+    ] = ""
+    keyframe: Annotated[str, Setting("name of the initial keyframe; empty for the model's default state")] = ""
 
     def validate(self) -> None:
-        for name in ("xml", "file", "keyframe"):
-            check(isinstance(getattr(self, name), str), name, getattr(self, name), "a text")
         if self.keyframe:
             choice("keyframe", self.keyframe, [self.model.key(i).name for i in range(self.model.nkey)])
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
             for name in names:
-                check(name not in taken, "name in the model", name, f"another than {', '.join(taken)}")
+                check(name not in taken, "name in the model", name, f"different from {', '.join(taken)}")
 
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
@@ -67,12 +200,12 @@ class MujocoModel(HostBlock):
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:
-        """The names of its actuators."""
+        """The names of the actuators."""
         return tuple(self.model.actuator(i).name or f"actuator {i + 1}" for i in range(self.model.nu))
 
     @functools.cached_property
     def sensors(self) -> dict[str, slice]:
-        """Where each sensor is among all sensors' numbers, by name."""
+        """The slice of each sensor in the array of all sensor readings, by name."""
         found = {}
         for i in range(self.model.nsensor):
             sensor = self.model.sensor(i)
@@ -90,11 +223,15 @@ class MujocoModel(HostBlock):
         return self._outputs
 
     @functools.cached_property
-    def _outputs(self) -> Ports:  # asked for at every tick
+    def _outputs(self) -> Ports:  # read at every tick
         sizes = {name: part.stop - part.start for name, part in self.sensors.items()}
         sensors = {name: Port(() if size == 1 else (size,)) for name, size in sizes.items()}
         state = {name: Port((size,)) for name, size in (("qpos", self.model.nq), ("qvel", self.model.nv)) if size}
-        return {**sensors, **state, "diverged": Port((), "bool", help="whether it broke in the tick before")}
+        return {
+            **sensors,
+            **state,
+            "diverged": Port((), "bool", help="whether the simulation diverged in the previous tick"),
+        }
 
     def ticks(self, tick: float) -> int:
         ticks = super().ticks(tick)
@@ -106,9 +243,47 @@ class MujocoModel(HostBlock):
         key = names.index(self.keyframe) if self.keyframe else -1
         return MujocoHost(self.model, len(seeds), key, self.actuators, self.sensors, threads)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # the compiled model stays behind
-        return _again, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+    def __reduce__(self) -> tuple[Any, ...]:  # the compiled model is not pickled
+        return _rebuild, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
 
 
-def _again(kind: type[MujocoModel], fields: dict[str, Any]) -> MujocoModel:
+def _rebuild(kind: type[MujocoModel], fields: dict[str, Any]) -> MujocoModel:
     return kind(**fields)
+
+
+# The function that the physics uses, with JAX's NumPy in place of NumPy: the law is written in one place.
+_tension = types.FunctionType(tension.__code__, {**tension.__globals__, "np": jnp}, "tension", tension.__defaults__)
+
+
+@dataclasses.dataclass(frozen=True)
+class MuscleLaw(Block):
+    r"""Muscle tension, $F = a f_\max \exp(-(L/r - 1)^2/k) + d\,\dot L$ (`motorgrad.bodies.tension`)."""
+
+    name: ClassVar[str] = "muscle"
+    category: ClassVar[str] = "bodies and worlds"
+
+    strength: Annotated[Any, Parameter(r"$f_\max$, largest force", "N", low=0.0)] = 100.0
+    rest_length: Annotated[Any, Parameter("$r$, length of the largest force", "m", low=1e-6)] = 0.2
+    curve: Annotated[Any, Parameter("$k$, width of the force–length curve", low=1e-6)] = 0.5
+    damping: Annotated[Any, Parameter("$d$", "N s/m", low=0.0)] = 0.0
+    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+
+    def validate(self) -> None:
+        for name in ("strength", "rest_length", "curve", "damping"):
+            self.check_broadcasts(name, self.shape)
+
+    @property
+    def inputs(self) -> Ports:
+        return {
+            "activation": Port(self.shape, help="from 0 to 1"),
+            "length": Port(self.shape, unit="m"),
+            "velocity": Port(self.shape, default=0.0, unit="m/s", help="positive while the muscle lengthens"),
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        return {"tension": Port(self.shape, unit="N", help="positive for a pull")}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        moved = (jnp.clip(inputs["activation"], 0, 1), inputs["length"], inputs["velocity"])
+        return {"tension": _tension(*moved, self.strength, self.rest_length, self.curve, self.damping)}

@@ -1,23 +1,33 @@
-"""What the blocks of tasks show: ports, and the functions of one seed behind them."""
+"""Tasks behind blocks: their ports, the functions of one seed, and the host of tasks whose dynamics run on the host."""
 
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad.lab._block import Ports, Signals
-from motorgrad.lab._port import Port
-from motorgrad.tasks import Task, outcome
+from motorgrad._errors import check
+from motorgrad.lab.diagram import Host, HostMoment, Port, Ports, Signals
+from motorgrad.tasks import HostBatch, HostTask, Task, outcome
 
 OWN = ("observation", "reward", "terminated", "truncated", "ended", "valid", "next_observation")
 
 
 class Scene(NamedTuple):
-    """A task between two decisions: its `memory`; the `observation` that the next action is chosen on; what the last
-    action led to, before any reset (`reached`), its `reward`, whether the episode `terminated` or was `truncated`;
-    whether that counts (`valid`: not before the first action, nor where the dynamics broke); decisions `elapsed`, or
-    `None`; the last value of each of the task's `readings`."""
+    """A task between two decisions.
+
+    - `memory`: the task's memory.
+    - `observation`: the observation for the next action.
+    - `reached`: the observation that the last action led to, before any reset.
+    - `reward`: of the last action.
+    - `terminated`, `truncated`: how the episode ended, if it did.
+    - `valid`: whether the reward counts: not before the first action, nor after the dynamics diverged.
+    - `elapsed`: decisions in this episode, or `None`.
+    - `readings`: the last value of each of the task's readings.
+    """
 
     memory: Any
     observation: Float[Array, " inputs"]
@@ -31,44 +41,44 @@ class Scene(NamedTuple):
 
 
 def action_port(task: Task) -> Port:
-    """The port of a task's actions."""
+    """The port for a task's actions."""
     if task.actions == "discrete":
-        return Port((), "int", feedthrough=False, help=f"one of {task.action_size}, from 0")
+        return Port((), "int", feedthrough=False, help=f"index of one of {task.action_size} actions")
     return Port((task.action_size,), feedthrough=False)
 
 
 def scene_ports(task: Task) -> Ports:
-    """The outputs of a task."""
+    """The output ports of a task."""
     size, flag = (task.observation_size,), Port((), "bool")
     return {
-        "observation": Port(size, help="what the next action is chosen on"),
-        "reward": Port(help="of the action before; 0 at the first tick"),
+        "observation": Port(size, help="observation for the next action"),
+        "reward": Port(help="reward of the previous action; 0 at the first tick"),
         "terminated": flag,
         "truncated": flag,
-        "ended": Port((), "bool", help="whether a new episode begins at this tick, for whatever reason"),
-        "valid": Port((), "bool", help="whether something was paid: not at the first tick, nor where dynamics broke"),
-        "next_observation": Port(size, help="what the action before led to, before any reset"),
-        **{name: Port(help="its last value") for name in task.reports},
+        "ended": Port((), "bool", help="whether a new episode begins at this tick, for any reason"),
+        "valid": Port((), "bool", help="whether the reward counts: not at the first tick, nor after divergence"),
+        "next_observation": Port(size, help="observation after the previous action, before any reset"),
+        **{name: Port(help="last value") for name in task.reports},
     }
 
 
-def shown(scene: Scene, started: Any) -> Signals:
-    """The outputs of a scene, of one seed or of many; `started` says whether an action was taken yet."""
-    broken = ~scene.valid & started
+def scene_outputs(scene: Scene, started: Any) -> Signals:
+    """The outputs for a scene, of one seed or many; `started` tells whether an action has been taken."""
+    diverged = ~scene.valid & started
     return {
         "observation": scene.observation,
         "reward": scene.reward,
         "terminated": scene.terminated,
         "truncated": scene.truncated,
-        "ended": scene.terminated | scene.truncated | broken,
+        "ended": scene.terminated | scene.truncated | diverged,
         "valid": scene.valid,
         "next_observation": scene.reached,
         **scene.readings,
     }
 
 
-def begin(task: Task, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> Scene:
-    """Before the first action, the dynamics being in `state`."""
+def initial_scene(task: Task, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> Scene:
+    """The scene before the first action, with the dynamics in `state`."""
     memory, observation = task.observe(task.init(init), state, observe)
     no, zero = jnp.zeros((), bool), jnp.zeros(())
     elapsed = jnp.zeros((), jnp.int32) if task.episode_limit else None
@@ -76,28 +86,94 @@ def begin(task: Task, state: Any, init: Float[Array, " _"], observe: Float[Array
     return Scene(memory, observation, observation, zero, no, no, no, elapsed, readings)
 
 
-def settle(
-    task: Task, scene: Scene, state: Any, action: Array, observe: Float[Array, " _"], broken: Any = False
+def advance_scene(
+    task: Task, scene: Scene, state: Any, action: Array, observe: Float[Array, " _"], diverged: Any = False
 ) -> tuple[Scene, Bool[Array, ""]]:
-    """What an action led to, the dynamics having moved on to `state`; and whether a new episode is to begin."""
+    """The scene after an action moved the dynamics to `state`, and whether a new episode must begin."""
     led = outcome(task, scene.memory, state, action, observe, scene.elapsed)
-    terminated, truncated, broken = (jnp.asarray(flag, bool) for flag in (led.terminated, led.truncated, broken))
+    terminated, truncated, diverged = (jnp.asarray(flag, bool) for flag in (led.terminated, led.truncated, diverged))
     named = task.readings(led.memory, state)
     readings = {
-        name: jnp.where(jnp.logical_and(named[name][1], ~broken), named[name][0], last)
+        name: jnp.where(jnp.logical_and(named[name][1], ~diverged), named[name][0], last)
         for name, last in scene.readings.items()
     }
-    reward = jnp.where(broken, 0.0, led.reward)
+    reward = jnp.where(diverged, 0.0, led.reward)
     seen = led.observation
-    after = Scene(led.memory, seen, seen, reward, terminated, truncated, ~broken, led.elapsed, readings)
-    return after, terminated | truncated | broken
+    after = Scene(led.memory, seen, seen, reward, terminated, truncated, ~diverged, led.elapsed, readings)
+    return after, terminated | truncated | diverged
 
 
-def restart(
+def restart_scene(
     task: Task, scene: Scene, state: Any, where: Bool[Array, ""], init: Float[Array, " _"], look: Float[Array, " _"]
 ) -> Scene:
-    """Begin a new episode `where` one has ended, the dynamics having been put back to `state`."""
+    """Begin a new episode `where` one has ended, with the dynamics reset to `state`."""
     memory, observation = task.observe(task.renew(scene.memory, init), state, look)
     elapsed = None if scene.elapsed is None else jnp.zeros_like(scene.elapsed)
     fresh = scene._replace(memory=memory, observation=observation, elapsed=elapsed)
     return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, scene)
+
+
+class Functions(NamedTuple):
+    """A task's functions for all seeds, compiled; `numbers` has one row per seed."""
+
+    begin: Callable[..., Scene]
+    advance: Callable[..., Any]
+    restart: Callable[..., Scene]
+
+
+def functions(task: HostTask, unpack: Callable[[Any], Any]) -> Functions:
+    """The functions of a task that reads its dynamics through `unpack`."""
+    look, init = task.uniforms, task.init_uniforms
+
+    def begin(packed: Any, numbers: Any) -> Scene:
+        return initial_scene(task, unpack(packed), numbers[:init], numbers[init:])
+
+    def advance(scene: Scene, action: Any, packed: Any, numbers: Any) -> Any:
+        return advance_scene(task, scene, unpack(packed), action, numbers[:look], packed[-1] > 0)
+
+    def restart(scene: Scene, packed: Any, ended: Any, numbers: Any) -> Scene:
+        rest = numbers[look:]
+        return restart_scene(task, scene, unpack(packed), ended, rest[:init], rest[init:])
+
+    return Functions(*(jax.jit(jax.vmap(function)) for function in (begin, advance, restart)))
+
+
+class TaskHost(Host):
+    """The dynamics of all seeds, and the task on them."""
+
+    def __init__(self, task: HostTask, batch: HostBatch, compiled: Functions, numbers: np.ndarray):
+        self.task, self.batch, self._compiled = task, batch, compiled
+        self._scene = _to_numpy(compiled.begin(batch.packed.copy(), numbers))
+
+    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+        return {name: np.asarray(value) for name, value in scene_outputs(self._scene, now.tick > 0).items()}
+
+    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+        action, numbers = inputs["action"], now.uniforms
+        control = np.asarray(self.task.control(action, self._scene.memory), np.float32)
+        self.batch.step(control.reshape(len(control), -1))
+        scene, ended = _to_numpy(self._compiled.advance(self._scene, action, self.batch.packed.copy(), numbers))
+        if ended.any():
+            self.batch.reset(np.flatnonzero(ended))
+            scene = _to_numpy(self._compiled.restart(scene, self.batch.packed.copy(), ended, numbers))
+        self._scene = scene
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        own = {f"dynamics.{name}": value for name, value in self.batch.snapshot().items()}
+        leaves = jax.tree.leaves(self._scene)
+        return own | {f"scene.{number}": np.array(leaf) for number, leaf in enumerate(leaves)}
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        leaves, structure = jax.tree.flatten(self._scene)
+        names = [f"scene.{number}" for number in range(len(leaves))]
+        own = {name.removeprefix("dynamics."): value for name, value in snapshot.items() if name not in names}
+        fits = set(names) <= set(snapshot)
+        fits = fits and all(np.shape(snapshot[n]) == leaf.shape for n, leaf in zip(names, leaves, strict=True))
+        check(fits, "snapshot", sorted(snapshot), "a snapshot of this block with as many seeds")
+        self.batch.restore(own)
+        kept = [np.array(snapshot[n], leaf.dtype) for n, leaf in zip(names, leaves, strict=True)]
+        self._scene = jax.tree.unflatten(structure, kept)
+
+
+_to_numpy = functools.partial(jax.tree.map, np.array)
+"""Copies in NumPy; waits for the computation."""

@@ -1,0 +1,270 @@
+"""Diagrams: named blocks, and wires from outputs to inputs. A diagram is itself a block of other diagrams."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Self
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
+from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting
+
+
+@dataclasses.dataclass(frozen=True)
+class Inlet(Block):
+    """An input of the diagram that contains it. Without a wire from outside it outputs its `value`.
+
+    In the outermost diagram it is an external input: `value` is a parameter like any other and can be set between
+    ticks.
+    """
+
+    name: ClassVar[str] = "inlet"
+    category: ClassVar[str] = "subsystems"
+
+    value: Annotated[Any, Parameter("the output where no wire leads to the inlet")] = 0.0
+    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
+    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+
+    def validate(self) -> None:
+        self.check_broadcasts("value", self.shape)
+
+    @property
+    def port(self) -> Port:
+        """The input port that it gives the subsystem."""
+        return Port(self.shape, self.kind, default=0.0)
+
+    @property
+    def outputs(self) -> Ports:
+        return {"y": Port(self.shape, self.kind)}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        return {"y": jnp.broadcast_to(self.value, self.shape).astype(self.port.dtype)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Outlet(Sink):
+    """An output of the diagram that contains it. In the outermost diagram it is recorded."""
+
+    name: ClassVar[str] = "outlet"
+    category: ClassVar[str] = "subsystems"
+
+    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
+    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+
+    @property
+    def port(self) -> Port:
+        """The output port that it gives the subsystem."""
+        return Port(self.shape, self.kind)
+
+    @property
+    def inputs(self) -> Ports:
+        return {"u": self.port}
+
+
+End = tuple[str, str]
+"""One end of a wire: the name of a block in the diagram, and the name of one of its ports."""
+LONGEST_NAME = 100  # characters of a name
+
+
+@dataclasses.dataclass(frozen=True)
+class Node:
+    """A block in a diagram. Random numbers and state go by its `id`, which stays the same when it is renamed or
+    moved.
+    """
+
+    block: "Block | Diagram"
+    id: str
+
+
+class Diagram:
+    """Named blocks, and wires between them.
+
+        diagram = Diagram(tick=0.01)
+        diagram.add("input", Constant(1.0))
+        diagram.add("level", Integrator())
+        diagram.connect("input", "level")
+
+    `Inlet` and `Outlet` blocks are the ports of a diagram that is part of another one. In the outermost diagram an
+    inlet is a number that can be set during a run, and an outlet is a recorded signal.
+
+    **Arguments:**
+
+    - `tick` (s): the length of a tick.
+    - `substeps`: RK4 steps per tick. Both count for the outermost diagram only.
+    - `title`, `comment`: for people.
+
+    `nodes` (by name), `wires` (the source of every connected input) and `layout` (block positions and other data of an
+    editor, ignored by the engine) are plain dictionaries to read.
+    """
+
+    def __init__(self, tick: float = 0.01, substeps: int = 1, title: str = "", comment: str = ""):
+        number = isinstance(tick, int | float) and not isinstance(tick, bool)
+        check(number and 0 < tick < np.inf, "tick", tick, "a positive number of seconds")
+        whole = isinstance(substeps, int) and not isinstance(substeps, bool)
+        check(whole and 1 <= substeps <= 1000, "substeps", substeps, "a whole number in 1 … 1000")
+        self.tick, self.substeps = float(tick), substeps
+        self.title, self.comment = title, comment
+        self.nodes: dict[str, Node] = {}
+        self.wires: dict[End, End] = {}
+        self.layout: dict[str, Any] = {}
+
+    def add(self, name: str, block: "Block | Diagram", id: str | None = None) -> str:
+        """Add a block, or a diagram as a subsystem.
+
+        **Arguments:**
+
+        - `name`: a new name, without `.` and `/`.
+        - `block`: the block or diagram.
+        - `id`: by default the name, numbered if another block has that id. A subsystem with the id `""` leaves the ids
+          of its blocks unchanged.
+
+        **Returns** the name.
+        """
+        _check_name(name)
+        check(name not in self.nodes, "name", name, "a new name in the diagram")
+        check(isinstance(block, Block | Diagram), name, block, "a block or a diagram")
+        check(
+            not isinstance(block, Diagram) or not block.contains(self),
+            name,
+            block,
+            "a diagram that does not contain this one",
+        )
+        taken = {node.id for node in self.nodes.values()}
+        if id is None:
+            id = next(new for new in numbered_names(name) if new not in taken)
+        elif id != "" or not isinstance(block, Diagram):
+            _check_name(id, "id")
+            check(id not in taken, "id", id, "a new id in the diagram")
+        self.nodes[name] = Node(block, id)
+        return name
+
+    def remove(self, name: str) -> None:
+        """Remove a block and its wires."""
+        self._node(name)
+        del self.nodes[name]
+        self.wires = {to: source for to, source in self.wires.items() if name not in (to[0], source[0])}
+
+    def rename(self, old: str, new: str) -> None:
+        """Rename a block. Its position, wires and id stay the same."""
+        self._node(old)
+        _check_name(new)
+        check(new == old or new not in self.nodes, "name", new, "a new name in the diagram")
+
+        def renamed(end: End) -> End:
+            return (new, end[1]) if end[0] == old else end
+
+        self.nodes = {new if name == old else name: node for name, node in self.nodes.items()}
+        self.wires = {renamed(to): renamed(source) for to, source in self.wires.items()}
+
+    def replace(self, name: str, block: "Block | Diagram") -> None:
+        """Replace a block and keep its id. Wires at ports that the new block lacks are removed."""
+        node = self._node(name)
+        check(isinstance(block, Block | Diagram), name, block, "a block or a diagram")
+        self.nodes[name] = dataclasses.replace(node, block=block)
+        inputs, outputs = block.inputs, block.outputs
+        lost = {(t, s) for t, s in self.wires.items() if t[0] == name and t[1] not in inputs}
+        lost |= {(t, s) for t, s in self.wires.items() if s[0] == name and s[1] not in outputs}
+        self.wires = {t: s for t, s in self.wires.items() if (t, s) not in lost}
+
+    def connect(self, source: str, target: str) -> None:
+        """Connect an output, `"block.port"`, to an input. The port may be omitted where a block has only one.
+
+        Shapes and kinds are checked when the diagram is compiled, or by `mismatch`.
+        """
+        start, end = self.end(source, "outputs"), self.end(target, "inputs")
+        held = self.wires.get(end)
+        check(held is None, ".".join(end), source, f"disconnected first: {'.'.join(held or ())} leads there")
+        self.wires[end] = start
+
+    def disconnect(self, target: str) -> None:
+        """Remove the wire to an input."""
+        end = self.end(target, "inputs")
+        check(end in self.wires, "target", target, "an input with a wire")
+        del self.wires[end]
+
+    def mismatch(self, source: str, target: str) -> str | None:
+        """Why an output cannot be connected to an input; `None` if it can."""
+        try:
+            start, end = self.end(source, "outputs"), self.end(target, "inputs")
+        except ValueError as error:
+            return str(error)
+        given, wanted = self.nodes[start[0]].block.outputs[start[1]], self.nodes[end[0]].block.inputs[end[1]]
+        return port_mismatch(".".join(start), given, ".".join(end), wanted)
+
+    @property
+    def inputs(self) -> Ports:
+        """Its input ports: the inlets by name."""
+        return {name: block.port for name, block in self._blocks_of(Inlet)}
+
+    @property
+    def outputs(self) -> Ports:
+        """Its output ports: the outlets by name."""
+        return {name: block.port for name, block in self._blocks_of(Outlet)}
+
+    def contains(self, other: "Diagram") -> bool:
+        """Whether `other` is this diagram or part of it, at any depth."""
+        inner = [node.block for node in self.nodes.values() if isinstance(node.block, Diagram)]
+        return self is other or any(diagram.contains(other) for diagram in inner)
+
+    def copy(self) -> Self:
+        """A copy that can be changed independently; subsystems are copied too."""
+        other = type(self)(self.tick, self.substeps, self.title, self.comment)
+        for name, node in self.nodes.items():
+            block = node.block.copy() if isinstance(node.block, Diagram) else node.block
+            other.nodes[name] = Node(block, node.id)
+        other.wires, other.layout = dict(self.wires), dict(self.layout)
+        return other
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Diagram) and self._content() == other._content()
+
+    __hash__ = object.__hash__
+
+    def __repr__(self) -> str:
+        return f"Diagram({self.title!r}, {len(self.nodes)} blocks, {len(self.wires)} wires)"
+
+    def _content(self) -> tuple[Any, ...]:
+        return self.tick, self.substeps, self.title, self.comment, list(self.nodes.items()), self.wires, self.layout
+
+    def _blocks_of(self, kind: type[Any]) -> Iterator[tuple[str, Any]]:
+        return ((name, node.block) for name, node in self.nodes.items() if isinstance(node.block, kind))
+
+    def _node(self, name: str) -> Node:
+        if name not in self.nodes:
+            raise unknown("block", name, self.nodes)
+        return self.nodes[name]
+
+    def end(self, address: str, side: str) -> End:
+        """The end of a wire at an address, `"block.port"` or `"block"`; `side` is `"inputs"` or `"outputs"`."""
+        check(isinstance(address, str), side.removesuffix("s"), address, 'an address, "block.port"')
+        name, _, port = address.partition(".")
+        ports = getattr(self._node(name).block, side)
+        if not port and len(ports) == 1:
+            return name, next(iter(ports))
+        if port not in ports:
+            raise unknown(f"{side.removesuffix('s')} of {name}:", port, ports)
+        return name, port
+
+
+def port_mismatch(source: str, given: Port, target: str, wanted: Port) -> str | None:
+    """Why an output port cannot be wired to an input port, in one line; `None` if it can."""
+    if wanted.accepts(given):
+        return None
+    return f"{target}: accepts {wanted.describe()}, but {source} outputs {given.describe()}"
+
+
+def numbered_names(name: str) -> Iterator[str]:
+    """A name, then the name with numbers from 2."""
+    yield name
+    number = 2
+    while True:
+        yield f"{name} {number}"
+        number += 1
+
+
+def _check_name(name: Any, what: str = "name") -> None:
+    text = isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and name.isprintable() and name == name.strip()
+    plain = text and not {".", "/"} & set(name)
+    check(plain, what, name, f"a text of 1 … {LONGEST_NAME} characters without '.' and '/'")

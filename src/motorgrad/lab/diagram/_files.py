@@ -1,0 +1,229 @@
+"""Diagram files: plain JSON in canonical form, one line per block and per wire.
+
+The logic comes first and the layout, which belongs to an editor, last. Loading reads numbers and texts and looks up
+block types by name; no code is executed.
+"""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from motorgrad._errors import LONGEST, check, shown, unknown
+from motorgrad._files import write_atomically
+from motorgrad._settings import default_of, fields_of
+from motorgrad.lab.diagram._block import BLOCKS, Block
+from motorgrad.lab.diagram._diagram import Diagram, Node
+
+FORMAT = "motorgrad diagram"
+VERSION = 1
+SUBSYSTEM = "diagram"
+"""The type of a subsystem in files."""
+LARGEST = 50_000_000  # characters
+DEEPEST = 100  # nested lists and tables
+SCHEDULE = {"every": 1, "period": None}
+"""Fields that are written only where they differ from these defaults."""
+HEAD = {"title": "", "comment": "", "tick": 0.01, "substeps": 1}
+PARTS = ("blocks", "wires", "layout")
+
+
+class _Lines(dict[str, Any]):
+    """A table that is written with one line per entry; other tables are written on one line."""
+
+
+def dumps(diagram: Diagram) -> str:
+    """The text of a diagram's file: equal diagrams give equal texts.
+
+    **Raises** `ValueError` for a layout that is not plain, finite data.
+    """
+    data = _Lines(
+        format=FORMAT, version=VERSION, **{name: getattr(diagram, name) for name in HEAD}, **_content(diagram)
+    )
+    _check_plain(data, (), 0)
+    return _written(data, 1) + "\n"
+
+
+def loads(text: str) -> Diagram:
+    """Parse the text of a file, the inverse of `dumps`.
+
+    The diagram need not be able to run, so that unfinished work can be saved; `problems` reports what is missing or
+    does not fit.
+
+    **Raises** `ValueError` that names the place: for invalid JSON, another format or version, unknown block types,
+    ports or names, and numbers that are not finite or not allowed.
+    """
+    check(isinstance(text, str) and len(text) <= LARGEST, "file", text, f"a text of at most {LARGEST:,} characters")
+    try:
+        data = json.loads(text, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"line {error.lineno}, column {error.colno}: must be JSON: {error.msg}") from None
+    except _PlacedError:
+        raise
+    except ValueError as error:  # an integer of thousands of digits
+        raise ValueError(f"file: must be JSON: {error}") from None
+    except RecursionError:
+        raise ValueError(f"file: must have at most {DEEPEST} nested lists and tables") from None
+    _check_plain(data, (), 0)
+    check(isinstance(data, dict), "file", data, "a table")
+    check(data.get("format") == FORMAT, "format", data.get("format"), f"{FORMAT!r}")
+    version = data.get("version")
+    check(
+        version == VERSION and not isinstance(version, bool), "version", version, f"{VERSION}, which this release reads"
+    )
+    _check_keys("file", data, ("format", "version", *HEAD, *PARTS))
+    return _read_diagram(data, "")
+
+
+def save(diagram: Diagram, path: Path | str) -> None:
+    """Write a diagram to a file, atomically."""
+    write_atomically(Path(path), dumps(diagram).encode())
+
+
+def load(path: Path | str) -> Diagram:
+    """Read a diagram from a file. **Raises** `ValueError` as `loads` does, naming the file, and `OSError` if it cannot
+    be read.
+    """
+    try:
+        return loads(Path(path).read_bytes().decode())
+    except ValueError as error:  # invalid UTF-8 too
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _content(diagram: Diagram) -> dict[str, Any]:
+    blocks = _Lines({name: _node(node) for name, node in diagram.nodes.items()})
+    wires = _Lines({".".join(target): ".".join(source) for target, source in sorted(diagram.wires.items())})
+    return {"blocks": blocks, "wires": wires} | ({"layout": _Lines(diagram.layout)} if diagram.layout else {})
+
+
+def _node(node: Node) -> dict[str, Any]:
+    block = node.block
+    if isinstance(block, Diagram):
+        own = {name: getattr(block, name) for name, usual in HEAD.items() if getattr(block, name) != usual}
+        return _Lines(type=SUBSYSTEM, id=node.id, **own, **_content(block))
+    fields = {name: getattr(block, name) for name in fields_of(type(block))}
+    kept = {name: value for name, value in fields.items() if name not in SCHEDULE or value != SCHEDULE[name]}
+    return {"type": block.name, "id": node.id, **kept}
+
+
+def _written(value: Any, depth: int) -> str:
+    if not isinstance(value, _Lines) or not value:
+        return json.dumps(value, ensure_ascii=False)
+    lines = [
+        f"{'  ' * depth}{json.dumps(name, ensure_ascii=False)}: {_written(x, depth + 1)}" for name, x in value.items()
+    ]
+    return "{\n" + ",\n".join(lines) + f"\n{'  ' * (depth - 1)}}}"
+
+
+def _read_diagram(data: Mapping[str, Any], path: str) -> Diagram:
+    """The diagram of a table; `path` is its place as a subsystem."""
+    for name in ("title", "comment"):
+        check(isinstance(data.get(name, ""), str), f"{path}{name}", data.get(name), "a text")
+    for part in PARTS:
+        check(isinstance(data.get(part, {}), dict), f"{path}{part}", data.get(part), "a table")
+    with _error_context(path.rstrip("/") or "diagram"):
+        diagram = Diagram(**{name: data[name] for name in HEAD if name in data})
+    for name, node in data.get("blocks", {}).items():
+        with _error_context(f"{path}{name}"):
+            check(isinstance(node, dict), "block", node, "a table with its type and settings")
+            id = node.get("id", name)
+            check(isinstance(id, str), "id", id, "a text")
+            diagram.add(name, _block(node, f"{path}{name}"), id)
+    for target, source in data.get("wires", {}).items():
+        with _error_context(f"wire to {path}{target}"):
+            diagram.connect(source, target)
+    diagram.layout = data.get("layout", {})
+    return diagram
+
+
+def _block(node: Mapping[str, Any], place: str) -> Block | Diagram:
+    kind = node.get("type")
+    if kind == SUBSYSTEM:
+        _check_keys(SUBSYSTEM, node, ("type", "id", *HEAD, *PARTS))
+        return _read_diagram(node, f"{place}/")
+    return make_block(kind, {name: value for name, value in node.items() if name not in ("type", "id")})
+
+
+def make_block(kind: Any, fields: Mapping[str, Any]) -> Block:
+    """A block from the name of its type and a table of fields.
+
+    **Raises** `ValueError` for an unknown type or field, and for a missing or invalid field.
+    """
+    if not isinstance(kind, str) or kind not in BLOCKS:
+        raise unknown("type of block", kind, (*BLOCKS, SUBSYSTEM))
+    cls = BLOCKS[kind]
+    _check_keys(kind, fields, fields_of(cls))
+    for name in required_fields(cls):
+        if name not in fields:
+            raise ValueError(f"{kind}: {name} must be given")
+    return cls(**fields)
+
+
+def with_fields(block: Block, fields: Mapping[str, Any]) -> Block:
+    """A block with other values of some fields. **Raises** `ValueError` for an unknown or invalid field."""
+    _check_keys(block.name, fields, fields_of(type(block)))
+    return dataclasses.replace(block, **fields)
+
+
+def required_fields(cls: type[Block]) -> list[str]:
+    """The fields of a block type that have no default."""
+    return [name for name, field in fields_of(cls).items() if default_of(field) is dataclasses.MISSING]
+
+
+class _error_context:
+    """A context that adds the place, a block or a wire, to errors. Errors from within a subsystem have their place
+    already.
+    """
+
+    def __init__(self, place: str):
+        self.place = place
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if isinstance(error, _PlacedError) or not isinstance(error, ValueError | TypeError | OSError):
+            return
+        raise _PlacedError(f"{_place_name(self.place)}: {' '.join(str(error).split())}") from None
+
+
+class _PlacedError(ValueError):
+    pass
+
+
+def _place_name(place: str) -> str:
+    """A place for a message; the names in a file may be anything."""
+    return place if place.isprintable() and len(place) <= 2 * LONGEST else shown(place)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = next(name for name in table if sum(name == other for other, _ in pairs) > 1)
+        raise _PlacedError(f"{shown(twice)}: must occur once in its table")
+    return table
+
+
+def _check_keys(what: str, table: Mapping[str, Any], known: Any) -> None:
+    for name in table:
+        if name not in known:
+            raise unknown(f"setting of {what}", name, known)
+
+
+def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
+    """Refuse data that a file cannot or should not contain, naming its place."""
+    name = _place_name(".".join(place)) or "file"
+    check(depth <= DEEPEST, name, "…", f"in at most {DEEPEST} nested lists and tables")
+    check(data is None or isinstance(data, bool | int | float | str | list | tuple | dict), name, data, "plain data")
+    check(not isinstance(data, float) or math.isfinite(data), name, data, "finite")
+    if isinstance(data, str):
+        check(data.isascii() or not any("\ud800" <= sign <= "\udfff" for sign in data), name, data, "whole characters")
+    elif isinstance(data, dict):
+        for key, value in data.items():
+            check(isinstance(key, str), name, key, "a table whose names are texts")
+            _check_plain(key, place, depth)
+            _check_plain(value, (*place, key), depth + 1)
+    elif isinstance(data, list | tuple):
+        for number, value in enumerate(data):
+            _check_plain(value, (*place, str(number)), depth + 1)

@@ -1,0 +1,193 @@
+"""Flattened diagrams: one list of blocks, with subsystems opened, and the source of each of their inputs."""
+
+import dataclasses
+import zlib
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from motorgrad.lab.diagram._block import Block
+from motorgrad.lab.diagram._diagram import Diagram, End, Inlet, Outlet, port_mismatch
+
+
+class DiagramError(ValueError):
+    """A diagram that cannot run. `problems` lists everything that was found; the message is the first of them."""
+
+    def __init__(self, problems: Sequence["Problem"]):
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        super().__init__(f"{problems[0]}{more}")
+        self.problems = tuple(problems)
+
+
+class Problem(NamedTuple):
+    """Something wrong at a block, given by its path, and possibly at one of its ports."""
+
+    path: str
+    port: str | None
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.path}{f'.{self.port}' if self.port else ''}: {self.message}"
+
+    @classmethod
+    def error(cls, path: str, port: str | None, message: str) -> DiagramError:
+        """The exception for a single problem."""
+        return DiagramError([cls(path, port, message)])
+
+
+DEEPEST = 32  # nested subsystems
+
+
+class Source(NamedTuple):
+    """An output of a block, given by the block's index in the list."""
+
+    block: int
+    port: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Placed:
+    """A block of the flat list, with its `path` of names, its `identity` (path of ids), the sources of its inputs, and
+    the ticks between its evaluations.
+    """
+
+    path: str
+    identity: str
+    block: Block
+    sources: dict[str, Source]
+    ticks: int
+
+    @property
+    def stream(self) -> int:
+        """The key of its random numbers: 32 bits of its identity."""
+        return zlib.crc32(self.identity.encode())
+
+
+@dataclasses.dataclass(frozen=True)
+class _Scope:
+    """A diagram in its place: the block `name` of the diagram `above`."""
+
+    diagram: Diagram
+    above: "_Scope | None" = None
+    name: str = ""
+
+    def path(self, name: str) -> str:
+        return name if self.above is None else f"{self.above.path(self.name)}/{name}"
+
+    def identity(self, id: str) -> str:
+        if self.above is None:
+            return id
+        own = self.above.identity(self.above.diagram.nodes[self.name].id)
+        return f"{own}/{id}".strip("/")
+
+    def leaves(self, depth: int = 0) -> Iterator[tuple["_Scope", str]]:
+        """The blocks that are not diagrams and take part in the computation."""
+        for name, node in self.diagram.nodes.items():
+            if isinstance(node.block, Diagram):
+                if depth == DEEPEST:
+                    raise Problem.error(self.path(name), None, f"more than {DEEPEST} nested subsystems")
+                yield from _Scope(node.block, self, name).leaves(depth + 1)
+            elif not (isinstance(node.block, Outlet) and self.above) and not self._from_above(name):
+                yield self, name
+
+    def _from_above(self, name: str) -> bool:
+        """Whether a block is an inlet that is wired from outside."""
+        inlet = isinstance(self.diagram.nodes[name].block, Inlet)
+        return inlet and self.above is not None and (self.name, name) in self.above.diagram.wires
+
+    def origin(self, end: End, seen: frozenset[str] = frozenset()) -> tuple["_Scope", End]:
+        """The output of a block from which a signal of this diagram comes."""
+        name, port = end
+        if name not in self.diagram.nodes:
+            raise Problem.error(self.path(name), port, "a wire starts at it, but there is no such block")
+        block = self.diagram.nodes[name].block
+        place = f"{self.path(name)}.{port}"
+        if place in seen:
+            raise Problem.error(self.path(name), port, "the wires form a loop that contains no block")
+        seen |= {place}
+        if port not in block.outputs:
+            raise Problem.error(self.path(name), port, "a wire starts at it, but there is no such output")
+        if isinstance(block, Diagram):
+            inner, wire = _Scope(block, self, name), block.wires.get((port, "u"))
+            if wire is None:
+                raise Problem.error(inner.path(port), "u", "not connected")
+            return inner.origin(wire, seen)
+        if self.above is not None and self._from_above(name):
+            return self.above.origin(self.above.diagram.wires[self.name, name], seen)
+        return self, end
+
+
+def flatten(diagram: Diagram) -> tuple[list[Placed], list[Problem]]:
+    """Every block of a diagram and of its subsystems, and all problems with blocks and wires."""
+    problems: list[Problem] = []
+    top = _Scope(diagram)
+    try:
+        leaves = list(top.leaves())
+    except DiagramError as error:
+        return [], list(error.problems)
+    index = {scope.path(name): number for number, (scope, name) in enumerate(leaves)}
+    placed = []
+    for scope, name in leaves:
+        node, path = scope.diagram.nodes[name], scope.path(name)
+        assert isinstance(node.block, Block)
+        sources, ticks = {}, 1
+        for port, declared in node.block.inputs.items():
+            wire = scope.diagram.wires.get((name, port))
+            try:
+                if wire is not None:
+                    origin, end = scope.origin(wire)
+                    given = origin.diagram.nodes[end[0]].block.outputs[end[1]]
+                    source = origin.path(end[0])
+                    sources[port] = Source(index[source], end[1])
+                    wrong = port_mismatch(f"{source}.{end[1]}", given, f"{path}.{port}", declared)
+                    problems += [Problem(path, port, wrong.split(": ", 1)[1])] if wrong else []
+                elif declared.default is None:
+                    problems.append(Problem(path, port, "not connected"))
+            except DiagramError as error:
+                problems += error.problems
+        try:
+            ticks = node.block.ticks(diagram.tick)
+        except ValueError as error:
+            problems.append(Problem(path, None, str(error)))
+        if node.block.is_continuous and ticks > 1:
+            problems.append(Problem(path, None, f"every = {ticks} ticks: must be 1 for a continuous state"))
+        placed.append(Placed(path, scope.identity(node.id), node.block, sources, ticks))
+    problems += _loose_wires(top)
+    problems += _same_identity(placed)
+    return placed, problems
+
+
+def _loose_wires(scope: _Scope) -> Iterator[Problem]:
+    """Wires that lead nowhere, and mismatches at the boundary of a subsystem."""
+    for name, port in scope.diagram.wires:
+        node = scope.diagram.nodes.get(name)
+        if node is None or port not in node.block.inputs:
+            yield Problem(scope.path(name), port, "a wire leads to it, but there is no such input")
+    for name, node in scope.diagram.nodes.items():
+        if isinstance(node.block, Diagram):
+            yield from _boundary_mismatches(scope, name, node.block)
+            yield from _loose_wires(_Scope(node.block, scope, name))
+
+
+def _boundary_mismatches(scope: _Scope, name: str, inner: Diagram) -> Iterator[Problem]:
+    for port, wanted in inner.inputs.items():
+        wire = scope.diagram.wires.get((name, port))
+        source = scope.diagram.nodes.get(wire[0]) if wire else None
+        if wire and source and wire[1] in source.block.outputs:
+            wrong = port_mismatch(
+                ".".join(map(str, (scope.path(wire[0]), wire[1]))), source.block.outputs[wire[1]], "", wanted
+            )
+            if wrong:
+                yield Problem(scope.path(name), port, wrong.split(": ", 1)[1])
+
+
+def _same_identity(placed: list[Placed]) -> Iterator[Problem]:
+    by_identity: dict[str, str] = {}
+    by_stream: dict[int, str] = {}
+    for each in placed:
+        other = by_identity.setdefault(each.identity, each.path)
+        if other != each.path:
+            yield Problem(each.path, None, f"has the same id, {each.identity!r}, as {other}")
+        elif by_stream.setdefault(each.stream, each.path) != each.path:
+            yield Problem(
+                each.path, None, f"its id has the same hash as the id of {by_stream[each.stream]}: change one of them"
+            )

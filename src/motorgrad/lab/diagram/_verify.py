@@ -1,0 +1,123 @@
+"""Checks that a block's functions match its declarations, by abstract evaluation: only shapes and dtypes are
+computed.
+"""
+
+import functools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.lab.diagram._block import Block, HostBlock, Moment
+from motorgrad.lab.diagram._declarations import Port, settings_of
+from motorgrad.lab.diagram._flat import Placed, Problem
+
+Shape = jax.ShapeDtypeStruct
+
+
+def kind_of(block: Block) -> tuple[Any, ...]:
+    """What blocks must share to be evaluated together: type, settings, and shapes of parameters."""
+    settings = [
+        (name, repr(getattr(block, name))) for name in settings_of(type(block)) if name not in ("every", "period")
+    ]
+    shapes = [(name, np.shape(value)) for name, value in block.values().items()]
+    return type(block), tuple(settings), tuple(shapes), jnp.result_type(float).name
+
+
+def verify(placed: Placed) -> list[Problem]:
+    """The problems with a block's functions."""
+    if isinstance(placed.block, HostBlock):
+        return []
+    found = _verified(_ByKind(placed.block))
+    return [Problem(placed.path, port, message) for port, message in found]
+
+
+class _ByKind:
+    """A block that compares equal to all blocks of its kind, so that each kind is checked once."""
+
+    def __init__(self, block: Block):
+        self.block, self.kind = block, kind_of(block)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByKind) and self.kind == other.kind
+
+    def __hash__(self) -> int:
+        return hash(self.kind)
+
+
+@functools.lru_cache(4096)
+def _verified(one: _ByKind) -> list[tuple[str | None, str]]:
+    return list(function_problems(one.block))
+
+
+def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
+    """The problems with a block's functions, each with the output port that it concerns."""
+    real = jnp.result_type(float)
+    values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
+    now: Any = Moment(Shape((), jnp.uint32), Shape((), real), Shape((), real), Shape((block.uniforms,), real))  # type: ignore[arg-type]
+    all_inputs = _signals(block.inputs)
+    direct = _signals({name: port for name, port in block.inputs.items() if port.feedthrough})
+
+    def shapes(name: str, *arguments: Any) -> Any:
+        def function(values: Any, *rest: Any) -> Any:
+            return getattr(block.bound(values), name)(*rest)
+
+        return jax.eval_shape(function, values, *arguments)
+
+    name = "init"
+    try:
+        state = shapes(name, Shape((block.init_uniforms,), real))
+        name = "output"
+        given = shapes(name, state, direct, now)
+        yield from _outputs(block, given)
+        name = "update"
+        after = [(name, shapes(name, state, all_inputs, now))]
+        if block.is_continuous:
+            name = "derivative"
+            after.append((name, shapes(name, state, all_inputs, now)))
+            if not all(jnp.issubdtype(leaf.dtype, jnp.floating) for leaf in jax.tree.leaves(state)):
+                yield None, "init: a continuous state must consist of floats"
+    except KeyError as error:
+        yield None, f"{name}: reads the input {error}, which does not exist or is declared without feedthrough"
+        return
+    except Exception as error:  # the block's own code may raise anything
+        yield None, f"{name}: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        return
+    for name, tree in after:
+        yield from _same(name, tree, state)
+
+
+def _signals(ports: Mapping[str, Port]) -> dict[str, Shape]:
+    return {name: Shape(port.shape, port.dtype) for name, port in ports.items()}
+
+
+def _outputs(block: Block, given: Any) -> Iterator[tuple[str | None, str]]:
+    if not isinstance(given, dict) or set(given) != set(block.outputs):
+        names = sorted(given) if isinstance(given, dict) else type(given).__name__
+        yield None, f"output: returns {names}, but the block declares {sorted(block.outputs)}"
+        return
+    for name, port in block.outputs.items():
+        shape, kind = tuple(given[name].shape), jnp.result_type(given[name])
+        if shape != port.shape or not _converts(kind, port.dtype):
+            yield name, f"output: returns {kind.name}{list(shape)}, but the port declares {port.describe()}"
+
+
+def _same(name: str, tree: Any, state: Any) -> Iterator[tuple[str | None, str]]:
+    if jax.tree.structure(tree) != jax.tree.structure(state):
+        yield None, f"{name}: returns {jax.tree.structure(tree)}, but the state is {jax.tree.structure(state)}"
+        return
+    for (place, leaf), own in zip(jax.tree_util.tree_leaves_with_path(tree), jax.tree.leaves(state), strict=True):
+        if leaf.shape != own.shape or not _converts(leaf.dtype, own.dtype):
+            where = f"state{jax.tree_util.keystr(place)}"
+            yield (
+                None,
+                f"{name}: returns {leaf.dtype}{list(leaf.shape)} for {where}, which is {own.dtype}{list(own.shape)}",
+            )
+
+
+def _converts(given: Any, wanted: Any) -> bool:
+    """Whether a dtype converts to another one without loss of kind."""
+    order = [jnp.issubdtype(kind, jnp.floating) * 2 + jnp.issubdtype(kind, jnp.integer) for kind in (given, wanted)]
+    return order[0] <= order[1]

@@ -1,0 +1,244 @@
+"""Unsaved work on the disk, so that it outlives a process that is killed.
+
+A journal begins with the diagram as it was, and has a line for every change. It is made at the first change, held by a
+lock while its session lives, and deleted when the work is saved. What a process that ended left behind is offered to
+the next one.
+"""
+
+import hashlib
+import json
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+import platformdirs
+from filelock import FileLock, Timeout
+
+from motorgrad._errors import check, unknown
+from motorgrad._files import check_writable
+from motorgrad.lab.diagram import FORMAT, Diagram, dumps, load, loads, save
+from motorgrad.lab.editor._edits import Change
+from motorgrad.lab.editor._protocol import Operation, operation_data, operation_from
+
+SUFFIX = ".json"
+
+
+class Folder:
+    """Where a session opens and saves. Nothing outside it can be named."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder.resolve()
+        self._known: dict[Path, str] = {}
+
+    def names(self) -> list[str]:
+        """The files in it that begin as diagrams do."""
+        return sorted(path.name for path in self.folder.glob(f"*{SUFFIX}") if path.is_file() and _is_diagram(path))
+
+    def load(self, name: str) -> tuple[Diagram, Path]:
+        """The diagram of a file."""
+        path = self._path(name)
+        if not path.is_file():
+            raise unknown("file", name, self.names())
+        diagram = load(path)
+        self._known[path] = _digest(path)
+        return diagram, path
+
+    def save(self, diagram: Diagram, name: str, over: bool) -> Path:
+        """Write a diagram. **Raises** `ValueError` where that would replace what this session has not seen, unless it
+        may go `over` that."""
+        path = self._path(name)
+        check_writable("file", path)
+        seen = not path.exists() or self._known.get(path) == _digest(path)
+        check(over or seen, "file", name, "new, or as it was when it was opened: to replace it, say so")
+        save(diagram, path)
+        self._known[path] = _digest(path)
+        return path
+
+    def mark_seen(self, path: Path) -> None:
+        """Take a file as seen."""
+        if path.exists():
+            self._known[path.resolve()] = _digest(path)
+
+    def _path(self, name: str) -> Path:
+        plain = name == Path(name).name and name.isprintable() and not name.startswith(".") and "\\" not in name
+        check(plain and 0 < len(name) <= 200, "file", name, f"the name of a file in {self.folder}")
+        return self.folder / (name if Path(name).suffix else f"{name}{SUFFIX}")
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _is_diagram(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return f'"format": "{FORMAT}"'.encode() in file.read(200)
+    except OSError:
+        return False
+
+
+JOURNAL_FORMAT = "motorgrad journal"
+
+
+class Journal:
+    """The journal of one session.
+
+    **Arguments:** the `file` of the diagram, beside which it lies; without one, or where nothing can be written there,
+    it lies in `folder`, by default among the user's states.
+    """
+
+    def __init__(self, file: Path | None, folder: Path | None = None):
+        self._states = folder or platformdirs.user_state_path("motorgrad", appauthor=False) / "lab"
+        self._file = file
+        self._lock: FileLock | None = None
+        self._path: Path | None = None
+        self._stream: TextIO | None = None
+
+    def record(self, before: Diagram, after: Diagram, operation: Operation) -> None:
+        """Write down a change. **Raises** `OSError` where it cannot be written."""
+        if self._stream is None:
+            self._begin(before)
+        small = isinstance(operation, Change)
+        self._write({"do": operation_data(operation)} if small else {"diagram": dumps(after)})
+
+    def switch(self, file: Path | None, keep: bool) -> None:
+        """Go on with another document, of this file; what is written is kept, to be recovered, or forgotten."""
+        self.close(keep)
+        self._file = file
+
+    def others(self) -> list[dict[str, Any]]:
+        """What sessions left that are no more: `id`, title, blocks, changes, when, and of which file."""
+        found = []
+        for path in self._journals():
+            if path == self._path or self._held(path):
+                continue
+            head, lines = _lines(path)
+            if not lines:
+                path.unlink(missing_ok=True)  # it was killed before the first change
+                continue
+            diagram = json.loads(head.get("diagram") or "{}")
+            found.append(
+                {
+                    "id": path.name,
+                    "file": head.get("file"),
+                    "title": diagram.get("title", ""),
+                    "changes": len(lines),
+                    "changed": path.stat().st_mtime,
+                }
+            )
+        return sorted(found, key=lambda each: -each["changed"])
+
+    def recovered(self, id: str) -> tuple[Diagram, str | None]:
+        """The diagram as a journal has it at its end, as far as its last whole line; and the file it is of."""
+        head, lines = _lines(self._other(id))
+        diagram = loads(head["diagram"])
+        for line in lines:
+            if "diagram" in line:
+                diagram = loads(line["diagram"])
+                continue
+            change = operation_from(line["do"])
+            assert isinstance(change, Change)
+            diagram = change.apply(diagram)
+        return diagram, head.get("file")
+
+    def drop(self, id: str) -> None:
+        """Delete what another session left."""
+        self._other(id).unlink(missing_ok=True)
+
+    def close(self, keep: bool = True) -> None:
+        """Let it go; it stays on the disk if the work is to be kept."""
+        if keep:
+            self._release()
+        else:
+            self._end()
+
+    def _other(self, id: str) -> Path:
+        known = {path.name: path for path in self._journals() if path != self._path}
+        if id not in known:
+            raise unknown("journal", id, known)
+        check(not self._held(known[id]), "journal", id, "of a session that has ended")
+        return known[id]
+
+    def _journals(self) -> list[Path]:
+        beside = [] if self._file is None else sorted(self._file.parent.glob(f".{self._file.name}*.journal"))
+        return [*beside, *sorted(self._states.glob("*.journal"))]
+
+    def _begin(self, diagram: Diagram) -> None:
+        """Make the file, and hold it."""
+        for folder, stem in self._places():
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                number = 1
+                while not self._take(folder / (f"{stem}.journal" if number == 1 else f"{stem}.{number}.journal")):
+                    number += 1
+                assert self._path is not None
+                self._stream = self._path.open("x", encoding="utf-8")
+            except OSError:
+                self._release()
+                if folder == self._states:
+                    raise
+                continue
+            file = str(self._file) if self._file else None
+            self._write({"format": JOURNAL_FORMAT, "version": 1, "file": file, "diagram": dumps(diagram)})
+            return
+
+    def _places(self) -> list[tuple[Path, str]]:
+        here = [] if self._file is None else [(self._file.parent, f".{self._file.name}")]
+        return [*here, (self._states, time.strftime("%Y-%m-%d-%H%M%S"))]
+
+    def _take(self, path: Path) -> bool:
+        """Hold a journal that is not there yet."""
+        lock = FileLock(f"{path}.lock")
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            return False
+        if path.exists():
+            lock.release()
+            return False
+        self._lock, self._path = lock, path
+        return True
+
+    def _write(self, line: dict[str, Any]) -> None:
+        assert self._stream is not None
+        self._stream.write(json.dumps(line, ensure_ascii=False) + "\n")
+        self._stream.flush()
+
+    def _end(self) -> None:
+        path = self._path
+        self._release()
+        if path is not None:
+            path.unlink(missing_ok=True)
+
+    def _release(self) -> None:
+        if self._stream is not None:
+            self._stream.close()
+        if self._lock is not None:
+            self._lock.release()
+            Path(self._lock.lock_file).unlink(missing_ok=True)
+        self._stream, self._lock, self._path = None, None, None
+
+    @staticmethod
+    def _held(path: Path) -> bool:
+        """Whether a living session holds a journal."""
+        lock = FileLock(f"{path}.lock")
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            return True
+        lock.release()
+        Path(lock.lock_file).unlink(missing_ok=True)
+        return False
+
+
+def _lines(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The head and the changes of a journal; a last line that was cut off is left out."""
+    lines = []
+    for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        try:
+            lines.append(json.loads(text))
+        except ValueError:
+            break
+    if not lines or not isinstance(lines[0], dict) or lines[0].get("format") != JOURNAL_FORMAT:
+        return {}, []
+    return lines[0], lines[1:]

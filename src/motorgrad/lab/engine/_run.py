@@ -1,0 +1,272 @@
+"""Compiled runs of a diagram, with many seeds, that can be advanced, saved and restored."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.lab.compiler import (
+    Carry,
+    HostLoop,
+    Loop,
+    Step,
+    Values,
+    address_of,
+    cached_program,
+    plan,
+    stack,
+    with_watched,
+)
+from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, Sink, join, sampled
+from motorgrad.lab.engine._parameters import Parameters
+from motorgrad.lab.engine._state import State, check_state, mismatches, split_by_block, stack_by_kind
+
+MOST_SEEDS = 1_000_000
+MOST_TICKS = 2**32 - 2**16
+
+
+class Run:
+    """A compiled run of a diagram: many seeds advance in step.
+
+        run = Run(diagram, seeds=16)
+        record = run.advance(1000)
+        run["gain.gain"] = 2.0     # from the next tick on, nothing is compiled
+        later = run.advance(1000)
+
+    **Arguments:**
+
+    - `diagram`: it is compiled as it is; later changes have no effect on the run.
+    - `seeds`: their number, or distinct integers from 0 to 2³¹ − 1. Seeds lead in every array of a run.
+    - `sweep`: parameters that differ between seeds, by address, `{"gain.gain": [1.0, 2.0]}`, seeds leading.
+    - `watch`: addresses of outputs to record in addition to the sinks' inputs.
+    - `threads`: for simulators on the host, 0 for one per processor.
+    - `stacked`: whether blocks of one kind are evaluated together; `False` is for measuring the gain.
+
+    **Raises** `DiagramError` with everything that keeps the diagram from running.
+    """
+
+    def __init__(
+        self,
+        diagram: Diagram,
+        seeds: int | Sequence[int] = 1,
+        sweep: Mapping[str, Any] | None = None,
+        watch: Sequence[str] = (),
+        threads: int = 0,
+        stacked: bool = True,
+    ):
+        self.seeds = _checked_seeds(seeds)
+        self.plan = with_watched(plan(diagram), watch)
+        self.tick = 0
+        """Number of completed ticks."""
+        self._threads = threads
+        self._stacks = stack(self.plan, stacked)
+        self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
+        self._loop = cached_program(self._stacks, self.seeds, self._parameters.axes)
+        self._start()
+
+    def _start(self) -> None:
+        values, loop = self._parameters.values, self._loop
+        self._carry = loop.init(values, self.seeds)
+        self._hosts: dict[int, Host] = (
+            loop.hosts(values, self.seeds, self._threads) if isinstance(loop, HostLoop) else {}
+        )
+        self._last: dict[int, dict[str, np.ndarray]] = {}
+
+    @property
+    def compilations(self) -> int:
+        """How often the loop was compiled: once, whatever parameters change during the run."""
+        return self._loop.compilations
+
+    def advance(self, ticks: int) -> Record:
+        """Run a number of ticks.
+
+        **Returns** what the sinks recorded. Use `stream` for more than memory holds.
+        """
+        records = list(self.stream(ticks))
+        return join(records) if records else self._record(self.tick, 0, self._empty_recording())
+
+    def stream(self, ticks: int) -> Iterator[Record]:
+        """Run a number of ticks, and yield what the sinks recorded piece by piece. Parameters may be set between
+        pieces.
+        """
+        whole = isinstance(ticks, int | np.integer) and not isinstance(ticks, bool)
+        check(whole and ticks >= 0, "ticks", ticks, "a whole number from 0")
+        check(self.tick + ticks <= MOST_TICKS, "ticks", ticks, f"at most {MOST_TICKS - self.tick:,} more")
+        return self._pieces(int(ticks))
+
+    def _pieces(self, ticks: int) -> Iterator[Record]:
+        while ticks > 0:
+            now, first = min(ticks, self._loop.longest), self.tick
+            values = self._parameters.values
+            if isinstance(self._loop, HostLoop):
+                self._carry, seen = self._loop.advance(
+                    values, self._carry, self.seeds, first, now, self._hosts, self._last
+                )
+            else:
+                self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now)
+            self.tick += now
+            ticks -= now
+            yield self._record(first, now, seen)
+
+    def __getitem__(self, address: str) -> Any:
+        """The current value of a parameter, by its address `"block.parameter"`."""
+        return self._parameters[address]
+
+    def __setitem__(self, address: str, value: Any) -> None:
+        """Set a parameter for all seeds, from the next tick on. Nothing is compiled."""
+        self._parameters[address] = value
+
+    @property
+    def no_restore(self) -> dict[str, str]:
+        """The blocks whose state cannot be saved, by path, with the reason. It is known before anything runs."""
+        found = {}
+        for placed in self.plan.blocks:
+            if isinstance(placed.block, HostBlock) and placed.block.no_restore is not None:
+                found[placed.path] = placed.block.no_restore
+        return found
+
+    @property
+    def state(self) -> State:
+        """A copy of everything that the future depends on: `tick`; `blocks`, each block's state by its identity; the
+        current `parameters`; `hosts`, their snapshots. Seeds lead.
+
+        **Raises** `ValueError` if a block cannot be saved.
+        """
+        for path, reason in self.no_restore.items():
+            raise ValueError(f"{path}: cannot be saved: {reason}")
+        hosts = {self._identity(k): host.snapshot() for k, host in self._hosts.items()}
+        last = {self._identity(k): {n: v.copy() for n, v in outputs.items()} for k, outputs in self._last.items()}
+        blocks = split_by_block(self._stacks, self._carry)
+        parameters = self._parameters.by_block()
+        return {"tick": self.tick, "blocks": blocks, "parameters": parameters, "hosts": hosts, "last": last}
+
+    def restore(self, state: State) -> None:
+        """Return to a `state`. What follows is bit for bit what followed it before.
+
+        **Raises** `ValueError` for the state of another diagram.
+        """
+        check_state(state, self.state)
+        self._set_state(state)
+
+    def restore_matching(self, state: State) -> list[str]:
+        """Continue from the state of an earlier version of the diagram, for all blocks that are still the same.
+
+        **Returns** the identities of the blocks that start anew.
+        """
+        own = self.state
+        fresh: list[str] = []
+        mixed: State = {"tick": state["tick"], "last": {}}
+        for part in ("blocks", "hosts"):
+            wrong = mismatches(state[part], own[part])
+            fresh += wrong
+            mixed[part] = {name: (own if name in wrong else state)[part][name] for name in own[part]}
+        mixed["parameters"] = own["parameters"]
+        mixed["last"] = {name: outputs for name, outputs in state["last"].items() if name not in fresh}
+        self._set_state(mixed)
+        return sorted(set(fresh))
+
+    def functions_at(self, row: int) -> tuple[Step, Values, Carry]:
+        """The functions of a tick with the current parameters and state of one seed, for differentiating them."""
+        axes = self._parameters.axes
+        values = {
+            k: {name: array if axes[k][name] is None else array[..., row] for name, array in arrays.items()}
+            for k, arrays in self._parameters.values.items()
+        }
+        return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], self._carry)
+
+    def wait(self) -> None:
+        """Wait until all ticks are computed. Where no sink records them, `advance` may return earlier."""
+        jax.block_until_ready(self._carry)
+
+    def peek(self) -> Record:
+        """What the sinks would record at the next tick, without advancing.
+
+        **Raises** `ValueError` if a host cannot be saved: with hosts, the tick is made and then undone.
+        """
+        if isinstance(self._loop, Loop):
+            return self._record(
+                self.tick, 1, self._loop.peek(self._parameters.values, self._carry, self.seeds, self.tick)
+            )
+        state = self.state
+        try:
+            return self.advance(1)
+        finally:
+            self._set_state(state)
+
+    def reset(self, seeds: int | Sequence[int] | None = None) -> None:
+        """Restart at tick 0 with the current parameters, optionally with the same number of other `seeds`. Nothing is
+        compiled.
+        """
+        if seeds is not None:
+            chosen = _checked_seeds(seeds)
+            check(len(chosen) == len(self.seeds), "seeds", seeds, f"{len(self.seeds)} of them")
+            self.seeds = chosen
+        self.close()
+        self.tick = 0
+        self._start()
+
+    def fork(self) -> Self:
+        """Another run in the same state, which continues independently. Nothing is compiled."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        other._parameters = self._parameters.copy()
+        other._start()
+        other._set_state(self.state)
+        return other
+
+    def close(self) -> None:
+        """Release the hosts."""
+        for host in self._hosts.values():
+            host.close()
+
+    def _set_state(self, state: State) -> None:
+        self._carry = stack_by_kind(self._stacks, state["blocks"], self._carry)
+        self._parameters.restore(state["parameters"])
+        kinds = {self._identity(k): k for k in self._hosts}
+        for identity, snapshot in state["hosts"].items():
+            self._hosts[kinds[identity]].restore(snapshot)
+        self._last = {
+            kinds[identity]: {name: value.copy() for name, value in outputs.items()}
+            for identity, outputs in state["last"].items()
+            if identity in kinds
+        }
+        self.tick = int(state["tick"])
+
+    def _identity(self, k: int) -> str:
+        return self.plan.blocks[self._stacks.kinds[k].members[0]].identity
+
+    def _empty_recording(self) -> Any:
+        """The sinks' recording of zero ticks."""
+        kinds, seeds = self._stacks.kinds, len(self.seeds)
+        return {
+            k: {n: np.zeros((0, len(kind.members), *p.shape, seeds), p.dtype) for n, p in kind.block.inputs.items()}
+            for k, kind in enumerate(kinds)
+            if isinstance(kind.block, Sink)
+        }
+
+    def _record(self, first: int, ticks: int, seen: Any) -> Record:
+        """What the sinks recorded, by address; seeds lead, then samples."""
+        signals, spacing = {}, {}
+        for k, ports in seen.items():
+            for row, i in enumerate(self._stacks.kinds[k].members):
+                placed = self.plan.blocks[i]
+                samples = sampled(first, ticks, placed.ticks) - first
+                for port, array in ports.items():
+                    address = address_of(placed, port)
+                    signals[address] = np.ascontiguousarray(np.moveaxis(array[samples, row], -1, 0))
+                    spacing[address] = placed.ticks
+        return Record(first, ticks, self.plan.tick, signals, spacing)
+
+
+def _checked_seeds(seeds: int | Sequence[int]) -> np.ndarray:
+    allowed = "a number of seeds up to 1,000,000, or distinct integers from 0 to 2147483647"
+    whole = isinstance(seeds, int | np.integer)
+    check(not isinstance(seeds, bool) and (whole or isinstance(seeds, Iterable)), "seeds", seeds, allowed)
+    check(not whole or 1 <= seeds <= MOST_SEEDS, "seeds", seeds, allowed)  # type: ignore[operator]
+    given = list(range(seeds) if whole else seeds)  # type: ignore[arg-type]
+    numbers = all(isinstance(seed, int | np.integer) and 0 <= seed < 2**31 for seed in given)
+    check(0 < len(given) <= MOST_SEEDS and numbers and len(set(given)) == len(given), "seeds", seeds, allowed)
+    return np.asarray(given, np.int32)

@@ -1,0 +1,73 @@
+"""States of runs: split by block outside of compiled code, stacked by kind inside.
+
+Inside the loop, rows lead and seeds come last. Outside, states go by the blocks' identities and seeds lead, so that
+they survive an edit of the diagram and fit the interpreter too.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.lab.compiler import Carry, Stacks
+
+State = dict[str, Any]
+"""The state of a diagram: `tick`; by identity `blocks`, `parameters`, `hosts` and the hosts' `last` outputs."""
+BlockState = dict[str, Any]
+"""`"state"`, a pytree, and `"held"`, the outputs of a block that is not evaluated at every tick."""
+
+
+def split_by_block(stacks: Stacks, carry: Carry) -> dict[str, BlockState]:
+    """The state of each block that has one, by its identity, as NumPy copies."""
+    found: dict[str, BlockState] = {}
+    for k, kind in enumerate(stacks.kinds):
+        parts: BlockState = {"state": carry.states.get(k, ()), "held": carry.held.get(k, {})}
+        if not jax.tree.leaves(parts):
+            continue
+        parts = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), -1, 0), parts)
+        for row, i in enumerate(kind.members):
+            found[stacks.plan.blocks[i].identity] = jax.tree.map(lambda x, row=row: x[:, row].copy(), parts)
+    return found
+
+
+def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry) -> Carry:
+    """The inverse of `split_by_block`, in the dtypes of `like`."""
+    states, held = dict(like.states), dict(like.held)
+    for k, kind in enumerate(stacks.kinds):
+        own: BlockState = {"state": like.states.get(k, ()), "held": like.held.get(k, {})}
+        if not jax.tree.leaves(own):
+            continue
+        rows = [blocks[stacks.plan.blocks[i].identity] for i in kind.members]
+        leaves = [jax.tree.leaves(row) for row in rows]
+        stacked = [_seeds_last(np.stack(parts, axis=1)) for parts in zip(*leaves, strict=True)]
+        whole = jax.tree.unflatten(jax.tree.structure(own), stacked)
+        states[k] = whole["state"]
+        if k in held:
+            held[k] = whole["held"]
+    return Carry(states, held)
+
+
+def mismatches(given: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
+    """The identities whose state in `given` is missing, or differs in structure or shape from `own`."""
+
+    def shapes(tree: Any) -> Any:
+        return jax.tree.structure(tree), [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in jax.tree.leaves(tree)]
+
+    return [name for name, tree in own.items() if name not in given or shapes(given[name]) != shapes(tree)]
+
+
+def check_state(given: State, own: State) -> None:
+    """Refuse the state of another diagram or of other seeds than `own`. **Raises** `ValueError` that names the
+    blocks.
+    """
+    check(set(own) <= set(given), "state", sorted(given), f"with {', '.join(own)}")
+    for part in ("blocks", "parameters", "hosts"):
+        wrong = [*mismatches(given[part], own[part]), *(given[part].keys() - own[part].keys())]
+        check(not wrong, f"state: {part}", wrong, "those of this diagram and these seeds")
+
+
+def _seeds_last(rows: np.ndarray) -> jax.Array:
+    return jnp.asarray(np.moveaxis(rows, 0, -1).copy())

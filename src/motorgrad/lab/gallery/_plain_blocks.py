@@ -1,0 +1,121 @@
+"""Two legs, the state machine of each, and units that learn when to lift."""
+
+from motorgrad.lab.blocks import (
+    DiscreteIntegrator,
+    Expression,
+    Hyperplanes,
+    Join,
+    Motoneurons,
+    Reduce,
+    Scope,
+    StateMachine,
+    UniformNoise,
+    UnitDelay,
+)
+from motorgrad.lab.diagram import Diagram
+from motorgrad.lab.gallery._wiring import connect, learner, smoothed
+
+UNITS = 4
+
+
+def motoneuron_pool() -> Diagram:
+    """The diagram."""
+    diagram = Diagram(
+        tick=1.0,
+        title="Motoneuron pool",
+        comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What "
+        "is paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
+        "pool's. Watch the gains grow from 0 and the thresholds move apart. Change the numbers of 'paid', the wanted "
+        "slope and intercept, while it runs: the pool learns anew. Freeze 'ascent' and it does not.",
+    )
+    diagram.add("load", UniformNoise(low=0.0, high=1.0, shape=(1,)))
+    diagram.add("force", Reduce("sum", (UNITS,)))
+    diagram.add("seen", Reduce("sum", (1,)))
+    wanted = f"{UNITS} * (slope * load + intercept)"
+    diagram.add("paid", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
+    diagram.add("reward", UnitDelay())
+    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, rate=2e-4)
+    connect(
+        diagram,
+        ("load", "policy.observation"),
+        ("load", "seen"),
+        ("policy.action", "force"),
+        ("force", "paid.force"),
+        ("seen", "paid.load"),
+        ("paid", "reward"),
+        ("reward", "baseline.reward"),
+    )
+    smoothed(diagram, "reward", over=200.0)
+    return diagram
+
+
+LEGS = 2
+BACK, FORWARD, LIFTED = -0.35, 0.35, 0.4  # rad
+STATES = {"stance": (-3.0, -1.0), "swing": (6.0, 6.0), "drop": (0.0, -6.0)}  # rad/s: lateral, vertical
+
+
+def leg_controller() -> Diagram:
+    """The diagram."""
+    diagram = Diagram(
+        tick=0.02,
+        title="Tripod leg controller",
+        comment="A leg for each tripod of a hexapod, driven by a state machine as in figure 5.7 of the thesis: in "
+        "stance it pushes back, in swing it goes forward in the air, in drop it comes down. When to lift is not fixed "
+        "here: two units learn it, from where both legs are and which of them stand. Paid is how fast the body "
+        "goes, the mean of what standing legs push; a leg at its end brakes, and while none stands the body has "
+        "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is "
+        "back and the other has come down. One seed in twenty keeps a leg down for ever. Change the table of "
+        "velocities while it runs, or what a fall costs in 'paid'.",
+    )
+    legs = (LEGS,)
+    machine = StateMachine(
+        states=tuple(STATES),
+        transitions=(
+            ("stance", "lift > 0", "swing"),
+            ("swing", f"lateral >= {FORWARD}", "drop"),
+            ("drop", "vertical <= 0", "stance"),
+        ),
+        reads=("lift", "lateral", "vertical"),
+        gives=("turn", "raise"),
+        table=tuple(STATES.values()),
+        initial=("stance", "drop"),
+        shape=legs,
+    )
+    diagram.add("legs", machine)
+    diagram.add("lateral", DiscreteIntegrator(low=BACK, high=FORWARD, limited=True, shape=legs))
+    diagram.add("vertical", DiscreteIntegrator(low=0.0, high=LIFTED, limited=True, shape=legs))
+    diagram.add("stands", Expression("if(state == 0, 1, 0)", ("state",), shape=legs))
+    diagram.add("pushes", Expression(f"if(lateral > {BACK + 0.01}, stands, 0)", ("stands", "lateral"), shape=legs))
+    diagram.add("angles", Expression("4 * lateral", ("lateral",), shape=legs))
+    diagram.add("seen", Join((LEGS, LEGS)))
+    diagram.add("pushing", Reduce("sum", legs))
+    diagram.add("standing", Reduce("sum", legs))
+    paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
+    diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
+    diagram.add("reward", UnitDelay())
+    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, rate=0.02)
+    connect(
+        diagram,
+        ("legs.turn", "lateral.u"),
+        ("legs.raise", "vertical.u"),
+        ("lateral", "legs.lateral"),
+        ("vertical", "legs.vertical"),
+        ("legs.state", "stands.state"),
+        ("stands", "pushes.stands"),
+        ("lateral", "pushes.lateral"),
+        ("lateral", "angles"),
+        ("angles", "seen.u1"),
+        ("stands", "seen.u2"),
+        ("seen", "policy.observation"),
+        ("policy.action", "legs.lift"),
+        ("pushes", "pushing"),
+        ("stands", "standing"),
+        ("pushing", "paid.pushing"),
+        ("standing", "paid.standing"),
+        ("paid", "reward"),
+        ("reward", "baseline.reward"),
+    )
+    diagram.add("gait", Scope(("lateral", "stands"), shape=legs, window=4.0))
+    connect(diagram, ("lateral", "gait.lateral"), ("stands", "gait.stands"))
+    smoothed(diagram, "reward", over=4.0)
+    return diagram
