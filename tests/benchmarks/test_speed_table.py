@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from motorgrad._tree import numbers_of
 from motorgrad.benchmarks import Row
 from motorgrad.benchmarks._bodies import body_row, simulated_row
 from motorgrad.benchmarks._learners import hand_written
@@ -14,7 +15,7 @@ from motorgrad.benchmarks._measure import in_turn
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
 from motorgrad.tasks import FallingParticle, HexapodSynergy, Hopper, LinearRecruitment, ThreeState
-from motorgrad.training import settings_for, train
+from motorgrad.training import agent_for, train
 from motorgrad.worlds import oracle
 
 
@@ -59,7 +60,7 @@ def test_the_hand_written_loop_learns_the_best_policy():
 
 def test_the_recruitment_loop_learns_as_the_library_does():
     task, decisions, seeds = LinearRecruitment(units=2), 100_000, 20
-    rate = settings_for(task).rate
+    rate = numbers_of(agent_for(task).hyperparameters)["optimizer.learning_rate"]
     loops = [recruitment_loop(decisions, seed, 2, task.slope, task.intercept, rate) for seed in range(seeds)]
     run = train(task, steps=decisions, seeds=seeds, progress=False)
     gains, errors = np.array([loop[1].mean() for loop in loops]), np.array([loop[3] for loop in loops])
@@ -92,7 +93,8 @@ def test_bench_measures_every_row(tmp_path, capsys):
     rows = [Row(**row) for row in found["rows"]]
     for wanted in (
         "hopper, learning ÷ bare physics, 16 seeds",
-        "three-state",
+        "three-state OLGARB ÷ compiled loop, 1 seed",
+        "three-state OLGARB, sweep of 10 settings × 16 seeds ÷ 160 seeds",
         "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
         "natural ÷ plain step",
         "particle with 8 local units, OLGARB ÷ compiled loop, 1 seed",

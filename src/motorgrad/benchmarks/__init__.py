@@ -30,6 +30,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         natural_row,
         particle_row,
         recruitment_row,
+        sweep_row,
         three_state_row,
     )
     from motorgrad.benchmarks._live import watched_row
@@ -38,13 +39,14 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
 
     pairs = 2 if quick else 7
     yield body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
-    yield body_row("hopper", Hopper(), 1, 100 if quick else 8000, pairs, "≥ 0.6")
+    yield body_row("hopper", Hopper(), 1, 100 if quick else 8000, pairs, "≥ 0.65")
     for name, task in (("hexapod on synergies", HexapodSynergy()), ("hexapod on 24 muscles", Hexapod())):
         row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
         yield row
         yield simulated_row(row, task)
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
+    yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
     yield recruitment_row(1, 10_000 if quick else 1_000_000, pairs, "≥ 0.35")
     yield recruitment_row(1024, 100 if quick else 2000, pairs, "≥ 0.8")
     yield natural_row(1, 5_000 if quick else 300_000, pairs)

@@ -16,7 +16,7 @@ import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import BodyBatch, compile_model
 from motorgrad.tasks import BodyTask, Hopper, from_gymnasium
-from motorgrad.training import BodyStepper, SideBySide, learner_of, settings_for, stepper_of, train
+from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
 def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
@@ -24,7 +24,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
     learner's actions."""
 
     def make() -> BodyStepper | SideBySide:
-        found = learner_of(task, settings_for(task).agent(task), range(seeds))
+        found = training_stepper_for(task, agent_for(task), range(seeds))
         assert isinstance(found, BodyStepper | SideBySide)
         return found
 
@@ -117,7 +117,7 @@ def single_row(decisions: int, pairs: int) -> Row:
 def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
     """Decisions per second of learning in CartPole, against stepping the bare environments at random."""
     task = from_gymnasium("CartPole-v1")
-    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner = stepper_for(task, agent_for(task), range(seeds))
     learner.advance(decisions)  # compiles
     bare = [gymnasium.make("CartPole-v1") for _ in range(seeds)]
     for seed, environment in enumerate(bare):
@@ -152,7 +152,7 @@ def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
         task = Hopper(paid=paid)
         run = train(
             task,
-            settings_for(task, decay=decay).agent(task),
+            agent_for(task, decay=decay),
             round(seconds / task.period),
             seeds,
             window=round(25 / task.period),

@@ -11,7 +11,7 @@ from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.lab import Diagram, Gain, Integrator, Run, Sink, Sum, UnitDelay
 from motorgrad.lab.gallery import example
 from motorgrad.tasks import make
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 TICK = 0.01
 STIFFNESS, DAMPING, COUPLING = 4.0, 0.3, 0.5
@@ -149,7 +149,7 @@ def beside_training_row(name: str, seeds: int, ticks: int, pairs: int = 5, wante
     """The same diagram against `motorgrad.train`'s loop on the task of that name, which is compiled in one piece."""
     run = Run(remove_sinks(example(name)), seeds)
     task = make(name)
-    whole = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    whole = stepper_for(task, agent_for(task), range(seeds))
     run.advance(ticks)
     whole.advance(ticks)
     title = f"diagram {name} ÷ training, {seeds:,} seeds"

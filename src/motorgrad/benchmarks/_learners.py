@@ -1,17 +1,18 @@
 """Learners of worlds beside hand-written compiled loops of the same learner."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import numpy as np
 
+from motorgrad._tree import numbers_of
 from motorgrad.benchmarks._loops import particle_loop, recruitment_loop, three_state_loop
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.policies import LocalGaussians
 from motorgrad.tasks import FallingParticle, LinearRecruitment, Task, ThreeState
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for, training_stepper_for
 
 LOOP_STEPS = 4_000_000
 
@@ -31,7 +32,7 @@ def loop_row(
     - `pairs`: how many pairs are measured.
     - `wanted`: the target.
     """
-    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner = stepper_for(task, agent_for(task), range(seeds))
     learner.advance(decisions)  # compiles
     loop(10)  # compiles
     name = f"{name} ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
@@ -42,14 +43,14 @@ def loop_row(
 def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """OLGARB on the three-state MDP: updates per second in total, against the loop's on one core."""
     task = ThreeState()
-    settings, world, single = settings_for(task), task.dynamics, np.float32
+    numbers, world, single = numbers_of(agent_for(task).hyperparameters), task.dynamics, np.float32
     inputs = (
         world.observations.astype(single),
         world._cumulative.astype(single),
         world._successors,
         world.rewards.astype(single),
-        settings.decay,
-        settings.rate,
+        numbers["estimator.trace.decay"],
+        numbers["optimizer.learning_rate"],
     )
     name = "three-state OLGARB"
     return loop_row(name, task, lambda steps: three_state_loop(steps, 1, *inputs), seeds, decisions, pairs, wanted)
@@ -58,7 +59,8 @@ def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = ""
 def recruitment_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """OLGARB on linear recruitment: updates per second in total of pools of eight, against the loop's on one core."""
     task = LinearRecruitment(units=8)
-    numbers = (task.units, task.slope, task.intercept, settings_for(task).rate)
+    learning_rate = numbers_of(agent_for(task).hyperparameters)["optimizer.learning_rate"]
+    numbers = (task.units, task.slope, task.intercept, learning_rate)
     name = f"linear recruitment of {task.units}, OLGARB"
     return loop_row(name, task, lambda steps: recruitment_loop(steps, 1, *numbers), seeds, decisions, pairs, wanted)
 
@@ -66,10 +68,23 @@ def recruitment_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = ""
 def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
     """Updates per second in total of pools of sixteen: the natural step against the plain one."""
     task = LinearRecruitment(units=16)
-    natural = settings_for(task, metric="fisher", dampings={"threshold": 0.05}, rate=1e-4)
-    learners = [stepper_of(task, settings.agent(task), range(seeds)) for settings in (natural, settings_for(task))]
+    natural = agent_for(task, metric="fisher", damping={"threshold": 0.05}, learning_rate=1e-4)
+    learners = [stepper_for(task, agent, range(seeds)) for agent in (natural, agent_for(task))]
     name = f"linear recruitment of {task.units}, natural ÷ plain step"
     return _compare(name, "updates/s", learners, seeds, decisions, pairs)
+
+
+def sweep_row(settings: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+    """Updates per second in total of a sweep over learning rates of OLGARB on the three-state MDP, against as many
+    seeds of one setting."""
+    task = ThreeState()
+    agent = agent_for(task)
+    rates = np.repeat(np.geomspace(1e-4, 1e-1, settings), seeds)  # all seeds of the first setting, then of the second
+    lanes = np.tile(np.arange(seeds), settings)
+    sweep = training_stepper_for(task, agent, lanes.tolist(), numbers={"optimizer.learning_rate": rates})
+    single = training_stepper_for(task, agent, range(settings * seeds))
+    name = f"three-state OLGARB, sweep of {settings} settings × {seeds} seeds ÷ one setting"
+    return _compare(name, "updates/s", (sweep, single), settings * seeds, decisions, pairs, wanted)
 
 
 EPISODE = 24.5  # decisions on average, for the initial policy
@@ -85,10 +100,9 @@ def particle_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -
 
 def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[np.ndarray, np.ndarray, Any]]:
     """The compiled loop for the given task, with the same initial policy and step sizes."""
-    settings = settings_for(task)
-    units = settings.agent(task).policy
+    agent = agent_for(task)
+    units, own = agent.init(jax.random.key(0)).policy, numbers_of(agent.hyperparameters)
     assert isinstance(units, LocalGaussians)
-    assert settings.rates is not None
     assert units.log_width_limits is not None
     centre, log_width = (np.array(part, np.float32) for part in (units.centre, units.log_width))
     forces = np.array(task.dynamics.forces, np.float32)[:, 0].copy()
@@ -96,7 +110,8 @@ def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[
     physics, single = task.physics, np.float32
     parts = (physics.timestep, physics.gravity[1], physics.drag, physics.walls.restitution, physics.walls.friction)
     numbers = tuple(single(part) for part in parts)
-    decay, rates = single(settings.decay), (single(settings.rates["centre"]), single(settings.rates["log_width"]))
+    decay = single(own["estimator.trace.decay"])
+    rates = single(own["optimizer.learning_rate.centre"]), single(own["optimizer.learning_rate.log_width"])
     limits = single(units.log_width_limits[0]), single(units.log_width_limits[1])
     return lambda steps: particle_loop(steps, seed, centre, log_width, forces, regions, numbers, decay, rates, limits)
 
@@ -106,7 +121,7 @@ def local_learning_row(seeds: int, episodes: int, wanted: str) -> Row:
     jax.clear_caches()
     task = FallingParticle()
     start = time.perf_counter()
-    learner = stepper_of(task, settings_for(task).agent(task), range(seeds))
+    learner = stepper_for(task, agent_for(task), range(seeds))
     learner.advance(round(episodes * EPISODE))
     took = time.perf_counter() - start
     name = f"particle, {seeds} seeds × {episodes:,} episodes, with compilation"
@@ -122,10 +137,8 @@ def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: st
     task, width = FallingParticle(units=units), WIDTH / (units / 2) ** 0.5
     policy = {"copies": 2, "width": width, "least_log_width": -8.0}
     rates = {"centre": 2e-4 * (width / 0.16) ** 2, "log_width": 8e-4}
-    learners = [
-        stepper_of(task, settings_for(task, policy_settings=policy, rates=rates, index=index).agent(task), range(seeds))
-        for index in (True, False)
-    ]
+    agents = [agent_for(task, {"policy": policy, "learning_rate": rates, "kind": kind}) for kind in ("sparse", "dense")]
+    learners = [stepper_for(task, agent, range(seeds)) for agent in agents]
     name = f"falling particle of {units:,} units, indexed ÷ all"
     return _compare(name, "decisions/s", learners, seeds, decisions, pairs, wanted)
 

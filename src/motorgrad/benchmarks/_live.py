@@ -13,7 +13,7 @@ import numpy as np
 from motorgrad.benchmarks._measure import Row
 from motorgrad.sim.live import Pause, Play, Session, setup_of
 from motorgrad.sim.page import Page
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 PATIENCE = 300.0  # seconds for what takes some ten
 
@@ -71,7 +71,7 @@ def _learn(pipe: Connection, name: str) -> None:
     from motorgrad.tasks import make
 
     task = make(name)
-    stepper = stepper_of(task, settings_for(task).agent(task), [0], threads=1)
+    stepper = stepper_for(task, agent_for(task), [0], threads=1)
     stepper.advance(200)
     pipe.send(0.0)
     while (seconds := pipe.recv()) is not None:

@@ -187,9 +187,15 @@ def test_parameters_and_single_units_by_address():
         ({"op": "remove", "at": [], "names": ["wrld"]}, "did you mean 'world'"),
         ({"op": "rename", "at": [], "name": "world", "to": "policy"}, "must be a new name"),
         ({"op": "rename", "at": [], "name": "world", "to": "a/b"}, "without '.' and '/'"),
-        ({"op": "set", "at": [], "name": "optimizer", "field": "learning_rate", "value": -1}, "learning_rate = -1: must be"),
+        (
+            {"op": "set", "at": [], "name": "optimizer", "field": "learning_rate", "value": -1},
+            "learning_rate = -1: must be",
+        ),
         ({"op": "set", "at": [], "field": "tick", "value": 0}, "tick = 0: must be a positive"),
-        ({"op": "set", "at": [], "name": "optimizer", "field": "learning_rat", "value": 1}, "did you mean 'learning_rate'"),
+        (
+            {"op": "set", "at": [], "name": "optimizer", "field": "learning_rat", "value": 1},
+            "did you mean 'learning_rate'",
+        ),
         ({"op": "connect", "at": [], "source": "policy.score", "target": "baseline.reward"}, "accepts one float"),
         ({"op": "disconnect", "at": [], "target": "world.reward"}, "unknown input of world"),
         ({"op": "move", "at": [], "positions": {"nothing": [0, 0]}}, "unknown block 'nothing'"),

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
+from motorgrad.lab._stack import stack
 
 from motorgrad import lab, learning, policies
-from motorgrad.lab._stack import stack
 from motorgrad.lab.blocks import learning as learning_blocks
 from motorgrad.lab.blocks import worlds as world_blocks
 

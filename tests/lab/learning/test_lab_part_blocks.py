@@ -4,13 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from motorgrad.lab._verify import _look
+from motorgrad.lab.editor._declarations import declaration
 
 import motorgrad as mg
 from motorgrad import lab, learning
 from motorgrad._tree import KINDS
-from motorgrad.lab._verify import _look
 from motorgrad.lab.blocks.learning import PART_BLOCKS
-from motorgrad.lab.editor._declarations import declaration
 from motorgrad.lab.editor._edits import retuned
 from motorgrad.lab.editor._program import leaves, signature
 from motorgrad.lab.editor._views import view_of_node

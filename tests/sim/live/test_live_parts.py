@@ -11,8 +11,8 @@ import pytest
 
 from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
-from motorgrad.sim.live._playback import LOOKS, STRETCH, History, Pace, SamplingBudget
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
+from motorgrad.sim.live._worker import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import make
 
@@ -86,31 +86,6 @@ def test_a_writer_that_died_is_told(monkeypatch):
     with pytest.raises(RuntimeError, match="stopped while it was writing"):
         block.read()
     block.close()
-
-
-def test_the_pace_is_kept_and_what_was_missed_is_not_made_up():
-    pace = Pace(0.01, 2.0)
-    for _ in range(100):
-        pace.made(1, 1e-6)
-    made, start = 0, time.perf_counter()
-    while time.perf_counter() - start < 0.3:
-        made += pace.due()
-        time.sleep(0.002)
-    took = time.perf_counter() - start
-    assert 0.7 * took * 200 < made <= took * 200 + 1
-    time.sleep(1.0)
-    assert sum(pace.due() for _ in range(100)) < 0.4 * 200
-    assert Pace(0.01, math.inf).due() >= 1
-
-
-def test_history_is_bounded_and_finds_the_state_before():
-    history = History(most_bytes=10 * 800, most_states=50)
-    for decision in range(0, 400, 10):
-        history.keep(decision, {"x": np.zeros(100)})
-    assert (history.oldest, history.newest) == (300, 390)
-    assert history.before(355).decision == 350
-    history.keep(345, {"x": np.zeros(1)})  # changed by hand: what came after is no longer what follows
-    assert history.newest == 345
 
 
 def test_what_is_looked_at_comes_in_stretches():

@@ -16,7 +16,7 @@ import motorgrad as mg
 from motorgrad.benchmarks._watcher import watch
 from motorgrad.sim import live
 from motorgrad.sim.page import ExposedWarning, warn_of
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 PATIENCE = 120.0
 
@@ -95,7 +95,7 @@ def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_enviro
         "import motorgrad as mg, time\n"
         "class Mine(type(mg.make('chain'))):\n"
         "    name = 'mine'\n"
-        "agent = mg.Agent(lambda key: mg.policies.softmax(task), mg.learning.Olgarb(0.5))\n"
+        "agent = mg.Agent(lambda key: mg.policies.softmax(task), mg.learning.olgarb(0.5))\n"
         "task = Mine()\n"
         "page = mg.sim.view(task, agent, speed=float('inf'))\n"
         "while page.session.snapshot().decision < 100: time.sleep(0.02)\n"
@@ -151,7 +151,7 @@ def soak(seconds, speed, clients):
     assert np.count_nonzero(visits) > 0.9 * len(visits)  # on a busy machine half a second may be too short to be served
     assert [event for event in events if event.kind in ("error", "ended")] == []
     task = mg.make("hopper")
-    alone = stepper_of(task, settings_for(task).agent(task), [3])
+    alone = stepper_for(task, agent_for(task), [3])
     alone.advance(end.decision)
     assert np.array_equal(alone.harvest()["parameters"][0], end.parameters[0])
     assert np.array_equal(alone.batch.packed[0, :6], end.position[0].astype(np.float32))

@@ -5,7 +5,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.sim import live
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 
 KEYS = ("position", "velocity", "control", "observation", "probability", "baseline", "parameters")
 
@@ -16,7 +16,7 @@ def same(a, b, keys=KEYS):
 
 def headless(task, seed, decisions):
     task = mg.make(task)
-    stepper = stepper_of(task, settings_for(task).agent(task), [seed])
+    stepper = stepper_for(task, agent_for(task), [seed])
     stepper.advance(decisions)
     return stepper
 
@@ -118,8 +118,8 @@ def test_decay_and_reward_go_on_from_the_same_state(hopper):
     hopper(live.Edit("agent.estimator.trace.decay", 0.5), live.Edit("task.reward_scale", 7.0))
     assert same(hopper.seen(), before)
     task = mg.make("hopper", reward_scale=7.0)
-    agent = settings_for(task, decay=0.5).agent(task)
-    stepper = stepper_of(task, agent, [3])
+    agent = agent_for(task, decay=0.5)
+    stepper = stepper_for(task, agent, [3])
     stepper.restore(hopper.worker.subject.state["learner"])
     stepper.advance(80)
     hopper(live.Step(80))

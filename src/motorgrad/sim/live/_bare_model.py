@@ -3,7 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
 
-from typing import Any
+from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
@@ -33,7 +33,7 @@ class BareModel:
         if np.any(self.model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
             install_muscle_callback()
         self._data: Any = mujoco.MjData(self.model)
-        self.decision = self._pushed_until = 0
+        self.tick = self._pushed_until = 0
         self.substeps = max(1, round(DECISION / self.model.opt.timestep))
         self.period = self.substeps * self.model.opt.timestep
         self._numbers = muscle_numbers(self.model)
@@ -54,18 +54,18 @@ class BareModel:
         muscles = [m.actuator(i).name or f"actuator {i}" for i in range(m.nu)]
         return Ready(sizes, self.period, self.settings, [], [], muscles, [name for name, _ in self._feet], [])
 
-    def skip(self, decisions: int) -> None:
-        for _ in range(decisions):
+    def advance(self, ticks: int) -> None:
+        for _ in range(ticks):
             mujoco.mj_step(self.model, self._data, self.substeps)
-            self.decision += 1
-            if self.decision == self._pushed_until:
+            self.tick += 1
+            if self.tick == self._pushed_until:
                 self._data.xfrc_applied[:] = 0
             if self._data.warning.number[BAD].any():  # diverged, and reset by MuJoCo to its reference pose
                 self._data.warning.number[:] = 0
                 self._to_first_keyframe()
 
     def step(self) -> Look:
-        self.skip(1)
+        self.advance(1)
         return self.look()
 
     def look(self) -> Look:
@@ -86,7 +86,7 @@ class BareModel:
         physics = np.empty(mujoco.mj_stateSize(self.model, STATE))
         mujoco.mj_getState(self.model, self._data, physics, STATE)
         return {
-            "decision": np.array(self.decision),
+            "tick": np.array(self.tick),
             "physics": physics,
             "sensors": np.array(self._data.sensordata),
             "pushed": np.array(self._pushed_until),
@@ -96,11 +96,11 @@ class BareModel:
     def restore(self, state: Any) -> None:
         mujoco.mj_setState(self.model, self._data, state["physics"], STATE)
         np.copyto(self._data.sensordata, state["sensors"])
-        self.decision, self._pushed_until = int(state["decision"]), int(state["pushed"])
+        self.tick, self._pushed_until = int(state["tick"]), int(state["pushed"])
         self._put(state["settings"])
 
     def begin_again(self) -> None:
-        self.decision = self._pushed_until = 0
+        self.tick = self._pushed_until = 0
         mujoco.mj_resetData(self.model, self._data)
         self._to_first_keyframe()
 
@@ -111,7 +111,7 @@ class BareModel:
     def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
         self._data.xfrc_applied[:] = 0
         self._data.xfrc_applied[self.model.body(body).id, :3] = force
-        self._pushed_until = self.decision + max(1, round(seconds / self.period))
+        self._pushed_until = self.tick + max(1, round(seconds / self.period))
 
     def control(self, actuator: int, value: float) -> None:
         low, high = self.model.actuator_ctrlrange[actuator]
@@ -128,10 +128,13 @@ class BareModel:
     def save(self, path: str) -> None:
         self._refuse("save")
 
-    def load(self, path: str, seed: int | None) -> None:
+    def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         self._refuse("load")
 
-    def _refuse(self, what: str) -> None:
+    def use(self, policy: Any, memory: Any) -> None:
+        self._refuse("load")
+
+    def _refuse(self, what: str) -> NoReturn:
         raise ValueError(f"{what}: this model has no learner")
 
     def _put(self, settings: dict[str, float]) -> None:

@@ -49,7 +49,7 @@ class Learner:
         self._start = self.state
 
     @property
-    def decision(self) -> int:
+    def tick(self) -> int:
         return self._stepper.decision
 
     @property
@@ -71,29 +71,29 @@ class Learner:
         actions = body.groups if len(body.groups) == units else [f"unit {i}" for i in range(units)]
         return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
 
-    def skip(self, decisions: int) -> None:
+    def advance(self, ticks: int) -> None:
         """Make decisions; a push ends between two of them."""
-        while decisions > 0:
-            left = self._pushed_until - self.decision
-            count = min(decisions, left) if left > 0 else decisions
+        while ticks > 0:
+            left = self._pushed_until - self.tick
+            count = min(ticks, left) if left > 0 else ticks
             for stepper in self._shown:
                 stepper.advance(count)
-            decisions -= count
-            if left > 0 and self.decision == self._pushed_until:
+            ticks -= count
+            if left > 0 and self.tick == self._pushed_until:
                 self._body.release(self._stepper)
         self._last = None
 
     def step(self) -> Look:
         before = self._see() if self._last is None else self._last
-        self.skip(1)
+        self.advance(1)
         return self._look(before)
 
     def look(self) -> Look:
         return self._look(None)
 
     def tally(self) -> Tally:
-        count, record = self.decision - self._counted, self._stepper.harvest()
-        self._counted, self._last = self.decision, None
+        count, record = self.tick - self._counted, self._stepper.harvest()
+        self._counted, self._last = self.tick, None
         for stepper in self._shown[1:]:
             stepper.harvest()
         reports = self.task.reports
@@ -155,7 +155,7 @@ class Learner:
     def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
         self._body.release(self._stepper)
         self._body.push(body, force, self._stepper)
-        self._pushed_until = self.decision + max(1, round(seconds / self.period))
+        self._pushed_until = self.tick + max(1, round(seconds / self.period))
 
     def compare(self, on: bool) -> None:
         if on and not self._comparing:
@@ -166,8 +166,10 @@ class Learner:
         policy = jax.tree.map(lambda leaf: leaf[0], self._stepper.policies())
         save_policy(path, policy, self.task.name)
 
-    def load(self, path: str, seed: int | None) -> None:
-        policy, memory = load_policy(path, self._stepper.policy, self.task.name, seed)
+    def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
+        return load_policy(path, self._stepper.policy, self.task.name, seed)
+
+    def use(self, policy: Any, memory: Any) -> None:
         self._stepper.use(policy, memory)
         self._last = None
         if EXPLORATION in self.settings:

@@ -37,7 +37,7 @@ class Ready(NamedTuple):
 class Subject(Protocol):
     """What a run simulates: a learner (`Learner`) or a bare model (`BareModel`).
 
-    - `decision`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
+    - `tick`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
     - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
     """
 
@@ -45,7 +45,7 @@ class Subject(Protocol):
     settings: dict[str, float]
 
     @property
-    def decision(self) -> int: ...
+    def tick(self) -> int: ...
 
     @property
     def period(self) -> float: ...
@@ -57,7 +57,7 @@ class Subject(Protocol):
         """Array sizes, settings and names."""
         ...
 
-    def skip(self, decisions: int) -> None:
+    def advance(self, ticks: int, /) -> None:
         """Make decisions without sampling them."""
 
     def step(self) -> Look:
@@ -77,7 +77,7 @@ class Subject(Protocol):
         """Everything that the future depends on, copied."""
         ...
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Any, /) -> None:
         """Restore a state."""
 
     def begin_again(self) -> None:
@@ -94,7 +94,12 @@ class Subject(Protocol):
 
     def save(self, path: str) -> None: ...
 
-    def load(self, path: str, seed: int | None) -> None: ...
+    def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
+        """A saved policy and the task's memory, checked to fit."""
+        ...
+
+    def use(self, policy: Any, memory: Any) -> None:
+        """Continue with another policy."""
 
     def control(self, actuator: int, value: float) -> None: ...
 
@@ -168,12 +173,16 @@ class Save(Order):
 
 
 class Intervention(Order):
-    """An order that changes what follows. The run keeps its state afterwards, so that going back reproduces it.
+    """An order that changes what follows. Going back repeats it, so the same state must lead to the same effect.
 
     **Attributes:** `kind`, of the event that reports it.
     """
 
     kind: ClassVar[str] = "change"
+
+    def resolve(self, subject: Subject) -> Intervention:
+        """The order with everything that repeating it needs, such as the contents of a file. By default itself."""
+        return self
 
     def apply(self, subject: Subject) -> str:
         """Change the subject. **Returns** one line for the log. **Raises** `ValueError` where it is refused."""
@@ -257,8 +266,21 @@ class Load(Intervention):
         if not Path(self.path).is_dir():
             _check_npz(self.path)
 
+    def resolve(self, subject: Subject) -> Intervention:
+        return Loaded(self.path, *subject.read_policy(self.path, self.seed))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Loaded(Intervention):
+    """A `Load` whose file was read: its policy, and the task's memory."""
+
+    kind: ClassVar[str] = "loaded"
+    path: str
+    policy: Any
+    memory: Any
+
     def apply(self, subject: Subject) -> str:
-        subject.load(self.path, self.seed)
+        subject.use(self.policy, self.memory)
         return f"policy loaded from {self.path}"
 
 

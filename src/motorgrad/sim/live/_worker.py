@@ -8,6 +8,7 @@ from multiprocessing.connection import Connection
 import cloudpickle
 import numpy as np
 
+from motorgrad._playback import Clock, Playback
 from motorgrad.sim.live._bare_model import BareModel
 from motorgrad.sim.live._learner import Learner
 from motorgrad.sim.live._messages import (
@@ -24,13 +25,15 @@ from motorgrad.sim.live._messages import (
     Step,
     Subject,
 )
-from motorgrad.sim.live._playback import SLICE, STRETCH, History, Pace, SamplingBudget
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Look, SharedArrays, TrailRecorder, layout
 
 FRAME = 1 / 30  # s of wall time between two snapshots
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept
 CURVE_EVERY = 0.1  # s of wall time, at least, between two additions to the learning curve
+SLICE = 1 / 60  # s of wall time between two looks at the pipe
+LOOKS = 150.0  # decisions a second that are sampled one by one
+STRETCH = 600  # decisions sampled in a row, after which a faster run pauses sampling
 REFUSED = (ValueError, OSError, RuntimeError)
 
 
@@ -54,24 +57,25 @@ def work(pipe: Connection, payload: bytes) -> None:
 
 
 class Worker:
-    """One run: a subject with its pace, its history, and its snapshots, trail and curve in shared memory."""
+    """One run: a subject with its clock, its playback, and its snapshots, trail and curve in shared memory."""
 
     def __init__(self, setup: Setup, pipe: Connection, playing: bool, speed: float):
         self.subject: Subject = BareModel(setup) if setup.task is None else Learner(setup)
-        self.pipe, self.playing = pipe, playing
+        self.pipe = pipe
         about = self.subject.about()
         pipe.send(about)
         names = pipe.recv()
         self._shared = {part: SharedArrays(shapes, names[part]) for part, shapes in layout(about.sizes).items()}
-        self._pace, self._budget, self._history = Pace(self.subject.period, speed), SamplingBudget(), History()
+        self.clock, self._budget = Clock(self.subject.period, speed, SLICE), SamplingBudget()
+        self.clock.playing = playing
+        self.playback: Playback[Subject] = Playback(self.subject, lambda subject, order: order.apply(subject))
         self._trail = TrailRecorder(self._shared["trail"], about.sizes, self.subject.period)
         self._curve = CurveRecorder(self._shared["curve"], about.sizes, self.subject.period)
         self._sent = dict(about.settings)
-        self._framed = self._kept = self._counted = 0.0
-        self._resets = self._newest = self._tallied = 0
-        self._rewound = False  # set back to before the newest decision, and not continued since
-        self._keep()
-        self._latest = self.subject.decision, self.subject.look()
+        self._framed = self._counted = 0.0
+        self._kept = time.perf_counter()
+        self._resets = self._tallied = 0
+        self._latest = self.subject.tick, self.subject.look()
         self._publish()
 
     def run(self) -> None:
@@ -83,7 +87,7 @@ class Worker:
                 if order is None:
                     return
                 self.obey(order)
-            if self.playing and (count := self._pace.due()):
+            if count := self.clock.due():
                 self._advance(count)
             if time.perf_counter() - self._framed >= FRAME:
                 self._publish()
@@ -99,17 +103,16 @@ class Worker:
         try:
             match order:
                 case Play():
-                    self.playing = True
-                    self._pace.restart()
+                    self.clock.play()
                 case Pause():
-                    self.playing = False
+                    self.clock.pause()
                 case Step():
-                    self.playing = False
-                    sampled = min(order.decisions, int(STRETCH))
+                    self.clock.pause()
+                    sampled = min(order.decisions, STRETCH)
                     self._advance(order.decisions - sampled, 0)
                     self._advance(sampled, sampled)
                 case Speed():
-                    self._pace = Pace(subject.period, order.factor)
+                    self.clock.speed = order.factor
                 case Scrub():
                     self._scrub(order.decision)
                     text = f"went to decision {order.decision:,}"
@@ -120,10 +123,10 @@ class Worker:
                     subject.save(order.path)
                     text, kind = f"policy saved to {order.path}", "saved"
                 case Intervention():
-                    self._branch()
-                    text, kind = order.apply(subject), order.kind
-                    self._keep()  # going back reproduces what follows from here
-                    self._latest = subject.decision, subject.look()
+                    text, kind = self.playback.change(order.resolve(subject)), order.kind
+                    self._drop_after(subject.tick)
+                    self._keep()
+                    self._latest = subject.tick, subject.look()
                 case _:
                     raise ValueError(f"unknown order {order!r}")
         except REFUSED as error:
@@ -138,99 +141,100 @@ class Worker:
         self, text: str, kind: str, settings: Mapping[str, float] = {}, fields: Mapping[str, np.ndarray] = {}
     ) -> None:
         """Report an event to the session, with the settings and the arrays of the model that changed."""
-        self.pipe.send(Reply(Event(time.time(), self.subject.decision, text, kind), settings, fields))
+        self.pipe.send(Reply(Event(time.time(), self.subject.tick, text, kind), settings, fields))
 
     def _idle_time(self) -> float:
         """Seconds until there is something to do but to listen."""
         until_frame = max(0.0, self._framed + FRAME - time.perf_counter())
-        return min(self._pace.wait(), until_frame) if self.playing else until_frame
+        return min(self.clock.wait(), until_frame)
 
     def _advance(self, count: int, sampled: int | None = None) -> None:
         """Make decisions. The first `sampled`, by default as many as the budget allows, go into the trail."""
-        self._branch()
+        if self.playback.tick < self.playback.end:  # the run continues from an earlier decision
+            self.playback.forget()
+            self._drop_after(self.subject.tick)
         start, subject = time.perf_counter(), self.subject
         sampled = self._budget.take(count) if sampled is None else sampled
         looks = self._sample(sampled)
         if rest := count - sampled:
             shown = start - self._framed >= FRAME - SLICE  # the next snapshot needs what the last decision led to
-            subject.skip(rest - shown)
-            looks = [subject.step()] if shown else []
+            self.playback.advance(rest - shown)
+            looks = self._steps(1) if shown else []
         if looks:
-            self._latest = subject.decision, looks[-1]
-        self._newest = subject.decision
+            self._latest = subject.tick, looks[-1]
         if count:
-            self._pace.made(count, time.perf_counter() - start)
-        if subject.decision - self._tallied >= self._curve.window and start - self._counted >= CURVE_EVERY:
-            self._curve.add(subject.decision, subject.tally(), subject.frozen)
-            self._tallied, self._counted = subject.decision, start
+            self.clock.made(count, time.perf_counter() - start)
+        if subject.tick - self._tallied >= self._curve.window and start - self._counted >= CURVE_EVERY:
+            self._curve.add(subject.tick, subject.tally(), subject.frozen)
+            self._tallied, self._counted = subject.tick, start
         if start - self._kept >= KEEP_EVERY:
             self._keep()
 
     def _sample(self, count: int) -> list[Look]:
         """Make decisions and record each in the trail."""
-        looks = [self.subject.step() for _ in range(count)]
-        self._trail.add(self.subject.decision, looks)
+        looks = self._steps(count)
+        self._trail.add(self.subject.tick, looks)
         return looks
 
+    def _steps(self, count: int) -> list[Look]:
+        """Make decisions and sample each."""
+        pieces = self.playback.advance(count, lambda ticks: [self.subject.step() for _ in range(ticks)])
+        return [look for piece in pieces for look in piece]
+
     def _keep(self) -> None:
-        self._history.keep(self.subject.decision, self.subject.state)
+        self.playback.keep()
         self._kept = time.perf_counter()
 
     def _scrub(self, decision: int) -> None:
         """Go to a decision: restore the last state before it and repeat the decisions between."""
-        subject, history = self.subject, self._history
-        if not history.oldest <= decision <= self._newest:
-            raise ValueError(f"decision = {decision}: must be from {history.oldest:,} to {self._newest:,}")
-        if not self._rewound and subject.decision > history.newest:
-            self._keep()
-        kept = history.before(decision)
-        subject.restore(kept.state)
-        count = decision - kept.decision
-        sampled = min(count, int(STRETCH))
-        subject.skip(count - sampled)
-        self._trail.drop_after(subject.decision)
+        subject, playback = self.subject, self.playback
+        oldest = playback.history.oldest
+        if not oldest <= decision <= playback.end:
+            raise ValueError(f"decision = {decision}: must be from {oldest:,} to {playback.end:,}")
+        if playback.history.newest < subject.tick == playback.end:
+            self._keep()  # so that coming back repeats nothing
+        playback.rewind(decision)
+        count = decision - subject.tick
+        sampled = min(count, STRETCH)
+        playback.advance(count - sampled)
+        self._trail.drop_after(subject.tick)
         looks = self._sample(sampled)
         subject.tally()  # the repeated decisions are in the curve already
         self._latest = decision, looks[-1] if looks else subject.look()
-        self.playing, self._rewound, self._tallied = False, decision < self._newest, decision
+        self.clock.pause()
+        self._tallied = decision
         self._resets += 1
 
-    def _branch(self) -> None:
-        """Before the run continues from an earlier decision, forget what came after it."""
-        if not self._rewound:
-            return
-        now = self.subject.decision
-        self._history.drop_from(now + 1)
-        self._trail.drop_after(now)
-        self._curve.drop_after(now)
-        self._rewound, self._newest = False, now
+    def _drop_after(self, decision: int) -> None:
+        """Drop what the trail and the curve have of later decisions, after the known future was forgotten."""
+        self._trail.drop_after(decision)
+        self._curve.drop_after(decision)
 
     def _reset(self) -> None:
         self.subject.begin_again()
-        self._history.drop_from(0)
+        self.playback.begin()
         self._trail.drop_after(-1)
         self._curve.clear()
-        self._rewound, self._newest, self._tallied = False, 0, 0
+        self._tallied = 0
         self._resets += 1
-        self._keep()
-        self._pace.restart()
+        self.clock.restart()
         self._latest = 0, self.subject.look()
 
     def _publish(self) -> None:
         """Write the present moment to shared memory."""
-        subject, history = self.subject, self._history
+        subject = self.subject
         seen, look = self._latest
-        if seen != subject.decision:
+        if seen != subject.tick:
             look = subject.look()
         numbers: dict[str, float] = {
-            "decision": subject.decision,
-            "seconds": subject.decision * subject.period,
-            "playing": self.playing,
+            "decision": subject.tick,
+            "seconds": subject.tick * subject.period,
+            "playing": self.clock.playing,
             "frozen": subject.frozen,
-            "speed": self._pace.achieved(subject.decision) if self.playing else 0.0,
+            "speed": self.clock.achieved(subject.tick),
             "reset_count": self._resets,
-            "oldest": history.oldest,
-            "newest": self._newest,
+            "oldest": self.playback.history.oldest,
+            "newest": self.playback.end,
             "bodies": len(look["position"]),
         }
         with self._shared["moment"].writing() as arrays:
@@ -239,3 +243,20 @@ class Worker:
             for name in (*ARRAYS, *SCALARS):
                 arrays[name][: len(look[name])] = look[name]
         self._framed = time.perf_counter()
+
+
+class SamplingBudget:
+    """Which decisions are sampled one by one: all up to `LOOKS` a second, then stretches of consecutive ones."""
+
+    def __init__(self) -> None:
+        self._credit, self._then, self._on = float(STRETCH), time.perf_counter(), True
+
+    def take(self, decisions: int) -> int:
+        """How many of the next decisions to sample."""
+        now = time.perf_counter()
+        self._credit = min(STRETCH, self._credit + LOOKS * (now - self._then))
+        self._then = now
+        self._on = self._credit >= (min(decisions, STRETCH) if self._on else STRETCH)
+        count = min(decisions, int(self._credit)) if self._on else 0
+        self._credit -= count
+        return count
