@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from motorgrad.training._packing import Packing
 
 import motorgrad as mg
 from motorgrad.environments import TaskEnv
@@ -12,6 +11,7 @@ from motorgrad.learning import Agent, FisherMetric
 from motorgrad.policies import GradedMotoneurons, Hyperplanes, Motoneurons, Querying
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for, evaluate, stepper_for, train
+from motorgrad.training.engines._packing import Packing
 from motorgrad.worlds import QueriedLoads
 
 NONE = jnp.zeros(0)

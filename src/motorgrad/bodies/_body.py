@@ -177,7 +177,7 @@ def about(axis: Sequence[float], angle: float) -> tuple[float, ...]:
 
 
 def add_sensors(spec: mujoco.MjSpec, kind: str, of: str, names: Mapping[str, str]) -> None:
-    """Add sensors of one `kind`, such as "JOINTPOS", for objects such as a "JOINT", by the name of each sensor."""
+    """Add sensors of one `kind`, such as "JOINTPOS". `names` maps each to the object it observes, such as a "JOINT"."""
     sensor, target = getattr(mujoco.mjtSensor, f"mjSENS_{kind}"), getattr(mujoco.mjtObj, f"mjOBJ_{of}")
     for name, object_name in names.items():
         spec.add_sensor(name=name, type=sensor, objtype=target, objname=object_name)
