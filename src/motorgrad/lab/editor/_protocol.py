@@ -2,8 +2,9 @@
 per message.
 
 **Operations** come from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`. Each is a
-class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the outermost
-diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is `"subsystem/block.port"`.
+class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the
+outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is
+`"subsystem/block.port"`.
 
 **Events** go to clients; `"event"` is the name.
 
