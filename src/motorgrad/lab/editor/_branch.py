@@ -25,14 +25,14 @@ def checked_log(log: Any) -> dict[str, Any]:
     seeds, parts = log.get("seeds"), log.get("parts")
     tick: Any = log.get("tick")
     check(isinstance(seeds, list) and seeds, "seeds", seeds, "a list of integers")
-    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "a whole number from 0")
+    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "an integer from 0")
     check(isinstance(parts, list) and parts, "parts", parts, "a list of at least one part")
     now = 0
     for part in parts or ():
         check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
         check(part.get("from") == now, "from", part.get("from"), f"{now}, where the previous part ends")
         last: Any = part.get("until")
-        check(isinstance(last, int) and now <= last <= tick, "until", last, f"a whole number in {now} … {tick}")
+        check(isinstance(last, int) and now <= last <= tick, "until", last, f"an integer in {now} … {tick}")
         check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
         for change in part["changes"]:
             known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}

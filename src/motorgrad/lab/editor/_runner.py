@@ -108,7 +108,7 @@ class Runner:
                 self._start(operation.speed)
                 return True
             case ask.Tick():
-                check(operation.n >= 1, "n", operation.n, "a whole number from 1")
+                check(operation.n >= 1, "n", operation.n, "an integer from 1")
                 if self._until is None:
                     self._start(None, operation.n)
                 else:

@@ -95,7 +95,7 @@ class Run:
         pieces.
         """
         whole = isinstance(ticks, int | np.integer) and not isinstance(ticks, bool)
-        check(whole and ticks >= 0, "ticks", ticks, "a whole number from 0")
+        check(whole and ticks >= 0, "ticks", ticks, "an integer from 0")
         check(self.tick + ticks <= MOST_TICKS, "ticks", ticks, f"at most {MOST_TICKS - self.tick:,} more")
         return self._pieces(int(ticks))
 
