@@ -124,12 +124,12 @@ def test_files_are_saved_opened_and_never_lost(start, tmp_path):
     client.do("files")
     assert client.last("files")["files"] == ["mine.json"]
     other = Client(start())
-    assert "to replace it, say so" in other.ask("save", file="mine.json")["message"]
+    assert "confirm to replace it" in other.ask("save", file="mine.json")["message"]
     other.do("open", file="mine.json")
     other.do("set", at=[], field="title", value="Theirs")
     other.do("save")
     client.do("set", at=[], field="comment", value="later")
-    assert "as it was when it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
+    assert "unchanged since it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
     client.do("save", over=True)
     assert lab.load(tmp_path / "mine.json").title == "Mine"
     for name in ("../out", "/tmp/x", "a/b", ".hidden", "", "x" * 300):

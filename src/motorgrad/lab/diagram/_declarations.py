@@ -67,7 +67,7 @@ def checked_shape(name: str, shape: Any) -> tuple[int, ...]:
     given = tuple(shape) if isinstance(shape, tuple | list) else None
     whole = given is not None and all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in given)
     valid = given is not None and whole and all(n >= 1 for n in given) and np.prod(given, dtype=float) < 2**31
-    check(valid, name, shape, "a list of whole numbers from 1, () for one number")
+    check(valid, name, shape, "a list of integers from 1, () for one number")
     return tuple(int(n) for n in given or ())
 
 
@@ -127,7 +127,7 @@ class Parameter:
         least, most = ("above", "below") if self.open else ("at least", "at most")
         bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
         bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
-        numbers = f"{'whole' if self.kind == 'int' else 'finite'} numbers"
+        numbers = "integers" if self.kind == "int" else "finite numbers"
         words = [f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])]
         return ", ".join([*words, *(["or none"] if self.optional else [])])
 
@@ -137,8 +137,8 @@ class Setting:
     """Declares a value that decides a block's shapes or structure, with a few words of `help`. Changing a setting
     recompiles the diagram.
 
-    A setting is a number, a text, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a block
-    is made. `choices` lists all allowed texts.
+    A setting is a number, a string, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a
+    block is made. `choices` lists all allowed strings.
     """
 
     help: str = ""

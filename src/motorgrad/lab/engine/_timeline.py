@@ -104,7 +104,7 @@ class Timeline:
         """Go to a tick in the past or in the future."""
         first = min(self._snapshots)
         whole = isinstance(tick, int) and not isinstance(tick, bool)
-        check(whole and tick >= first, "tick", tick, f"a whole number from {first}")
+        check(whole and tick >= first, "tick", tick, f"an integer from {first}")
         nearest = max(known for known in self._snapshots if known <= tick)
         if tick < self.tick or nearest > self.tick:
             kept = self._snapshots[nearest]

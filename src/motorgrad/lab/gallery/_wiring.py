@@ -1,4 +1,4 @@
-"""The wires that all diagrams of the gallery share."""
+"""Wiring shared by the diagrams of the gallery."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from motorgrad.lab.diagram import Block, Diagram
 
 
 def connect(diagram: Diagram, *wires: tuple[str, str]) -> None:
-    """Lead wires, each from an output to an input."""
+    """Connect outputs to inputs."""
     for source, target in wires:
         diagram.connect(source, target)
 
@@ -25,12 +25,17 @@ def learner(
 ) -> None:
     """Add units to a diagram with what lets them learn: trace, baseline, gradient sample and optimizer.
 
-    With a world they are wired to it, and the two are called `policy` and `world`, which gives them the random numbers
+    With a world, the two are wired to each other and named `policy` and `world`, which gives them the random numbers
     that they have in training. Without one, `policy.observation`, `policy.action` and `baseline.reward` are left open;
-    a reward is for the actions *before* its tick.
+    the reward must be that of the actions *before* the current tick.
 
-    **Arguments:** the diagram; the units; the world, or `None`; the `decay` of the trace; the `baseline` or critic, by
-    default the mean reward; the `optimizer`, by default SGD with these settings.
+    **Arguments:**
+
+    - `diagram`, `units`: the diagram and the units.
+    - `world`: the world, or `None`.
+    - `decay`: of the trace.
+    - `baseline`: a baseline or critic, by default the mean reward.
+    - `optimizer`: by default SGD with these `settings`.
     """
     size = units.outputs["parameters"].shape[0]
     compared: Block = MeanBaseline() if baseline is None else baseline
@@ -67,7 +72,7 @@ def learner(
 
 
 def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> None:
-    """Show an output, smoothed over so many seconds, in a scope that looks once in so many ticks."""
+    """Plot an output, smoothed over a number of seconds, in a scope that samples once in `every` ticks."""
     name = source.split(".")[-1]
     diagram.add(f"mean {name}", DiscreteLag(constant=over))
     diagram.add(f"{name} over time", Scope((name,), every=every, window=50 * over))
@@ -77,7 +82,7 @@ def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> Non
 def map_of(
     diagram: Diagram, units: int, forces: tuple[tuple[float, float], ...], place: str, grows: bool = False
 ) -> None:
-    """Show local units in the plane, with the forces they push with, dealt out in turn; and where the learner goes."""
+    """Show local units in the plane, with the forces they push with, assigned in turn; and the path of the learner."""
     pushes = tuple(forces[unit % len(forces)] for unit in range(units))
     box = (-0.1, 1.1)
     diagram.add("map", PolicyMap(units, 2, forces=pushes, across=box, up=box, every=5))
