@@ -195,7 +195,7 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
         return None
     base = default if isinstance(default, kinds) else None
     if name in presets:
-        return _part(kinds, hint, {**presets[name], **settings}, where, default)
+        return _part(kinds, hint, settings, where, _part(kinds, hint, presets[name], where, default))
     if name is None:
         cls = type(base) if base is not None else next(iter(known.values())) if len(known) == 1 else None
         if cls is None:

@@ -10,7 +10,7 @@ from training_examples import assert_same, assert_same_run, checkpoints
 import motorgrad as mg
 from motorgrad._files import write_atomically
 from motorgrad.training import RunDirectoryError, RunWarning
-from motorgrad.training._checkpoint import CorruptCheckpoint, into, load, save
+from motorgrad.training.store._checkpoint import CorruptCheckpoint, into, load, save
 
 FIRST, LAST = 120, 200
 OPTIONS = {"seeds": 2, "window": 40, "threads": 1, "progress": False}

@@ -12,7 +12,7 @@ from training_examples import assert_same_run, checkpoints, final_state
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.training import RunDirectoryError, settings_for
+from motorgrad.training import RunDirectoryError
 
 RUNS = {
     # the windows fit no block of random numbers, and are longer than the slices of work between two checkpoints
@@ -22,27 +22,23 @@ RUNS = {
 }
 LEARNERS = {
     "natural": {
-        "metric": "fisher",
-        "metric_rate": 3e-4,
-        "dampings": {"threshold": 0.05, "gain": 1e-6},
-        "baseline": "binned",
-        "baseline_rate": 0.02,
-        "advantages": "normalised",
+        "metric": {"kind": "fisher", "rate": 3e-4},
+        "damping": {"threshold": 0.05, "gain": 1e-6},
+        "baseline": {"kind": "binned", "rate": 0.02},
+        "normalization": "root-mean-square",
     }
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
 CHILD = """
 import json, sys, motorgrad as mg
-from motorgrad.training import settings_for
 given, learner = map(json.loads, sys.argv[1:])
-mg.train(agent=settings_for(given["task"], **learner), **given, progress=False)
+mg.train(agent=learner, **given, progress=False)
 """
 
 
 def train(name, out, **changes):
-    learner = settings_for(RUNS[name]["task"], **LEARNERS.get(name, {}))
-    return mg.train(agent=learner, **{**RUNS[name], **changes}, out=out, progress=False)
+    return mg.train(agent=LEARNERS.get(name, {}), **{**RUNS[name], **changes}, out=out, progress=False)
 
 
 @pytest.fixture(scope="module")

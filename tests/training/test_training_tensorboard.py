@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad.training import _tensorboard, write_tensorboard
-from motorgrad.training._tensorboard import FILE, EventFiles, began
+from motorgrad.training import write_tensorboard
+from motorgrad.training.plots import _tensorboard
+from motorgrad.training.plots._tensorboard import FILE, EventFiles, began
 
 INSTALLED = importlib.util.find_spec("tensorboard") is not None
 needs_tensorboard = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[tensorboard]")

@@ -128,6 +128,9 @@ def _built(task: Task, given: Mapping[str, Any]) -> Agent:
     implied = policies.IMPLIED.get(wanted, {})  # such as growth, for a policy that grows
     agent = as_hinted(Agent, {**own, **implied}, "agent", Agent(named))
     agent = as_hinted(Agent, given, "agent", agent)
+    for name, value in policies.IMPLIED.get(getattr(agent.policy, "kind", ""), {}).items():
+        needed = f"set, such as {value!r}, for the policy {agent.policy.kind!r}"
+        check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
     check_rounded(agent, agent.precision)
     return agent
 
