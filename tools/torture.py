@@ -28,7 +28,7 @@ import numpy as np
 import pyarrow as pa
 
 import motorgrad as mg
-from motorgrad.training._checkpoint import load as read_state
+from motorgrad.training.store._checkpoint import load as read_state
 
 # The windows fit no block of random numbers, and some checkpoints come between two records.
 STEPS = {"three-state": 2_000_000, "hopper": 4_000}

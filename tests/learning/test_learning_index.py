@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motorgrad.learning._put import greatest, put
 
 from motorgrad.learning import (
     Agent,
@@ -28,7 +29,6 @@ from motorgrad.learning import (
     decayed,
     sgd,
 )
-from motorgrad.learning._put import greatest, put
 from motorgrad.policies import LocalGaussians, hyperplanes
 
 RATES = {"centre": 2e-3, "log_width": 8e-3}

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
+from motorgrad.learning._schedule import at
 
 from motorgrad.learning import (
     Agent,
@@ -29,7 +30,6 @@ from motorgrad.learning import (
     entropy_gradient,
     sgd,
 )
-from motorgrad.learning._schedule import at
 from motorgrad.policies import (
     Factored,
     Gated,

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from motorgrad.training._packing import Packing
 
 import motorgrad as mg
 from motorgrad.environments import TaskEnv
@@ -11,7 +12,6 @@ from motorgrad.learning import Agent, FisherMetric
 from motorgrad.policies import GradedMotoneurons, Hyperplanes, Motoneurons, Querying
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import evaluate, settings_for, stepper_of, train
-from motorgrad.training._packing import Packing
 from motorgrad.worlds import QueriedLoads
 
 NONE = jnp.zeros(0)

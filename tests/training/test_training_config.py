@@ -137,7 +137,7 @@ def altered(path, **changes):
 def test_going_on_under_other_conditions_is_said(changes, tmp_path):
     small(out=tmp_path)
     altered(tmp_path, **changes)
-    with pytest.warns(RunWarning, match="goes on, but not bit for bit: ") as said:
+    with pytest.warns(RunWarning, match="continues, but not bit for bit: ") as said:
         small(steps=80, out=tmp_path)
     for name, value in changes.items():
         assert f"{name} was {value} and is now " in str(said[0].message)
@@ -178,7 +178,7 @@ def test_a_polite_end_saves_everything(number, process_environment, tmp_path):
         child.wait()
     assert child.returncode == 130, complaints
     assert "Traceback" not in complaints
-    assert "the same command goes on where it stopped" in said
+    assert "the same command continues this run" in said
     stopped = mg.load(tmp_path / "x")
     assert 0 < stopped.decision == int(checkpoints(tmp_path / "x")[-1].stem)
 

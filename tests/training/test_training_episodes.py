@@ -111,7 +111,7 @@ def test_a_task_that_ends_its_episodes_must_say_so():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"trace": "episodic"}, r"trace = Episodic\(\)"),
+        ({"trace": "episodic"}, r"trace.kind = 'episodic'"),
         ({"improve": "episode"}, "improve = 'episode'"),
         ({"discount": 0.9}, "discount = 0.9"),
     ],

@@ -238,7 +238,7 @@ def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(re
     assert mg.load(tmp_path, task).decision == 50
     assert_same(mg.train(task, steps=50, **settings).policies, run.policies)  # given back, without a warning
     before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*") if file.suffix in (".toml", ".state")}
-    with pytest.raises(RunDirectoryError, match=f"stopped after 50 decisions, which cannot go on: {told}; choose"):
+    with pytest.raises(RunDirectoryError, match=f"stopped after 50 decisions, which cannot be resumed: {told}; choose"):
         mg.train(task, steps=90, **settings)
     assert {file: file.stat().st_mtime_ns for file in before} == before
     mg.train(task, steps=50, seeds=1, progress=False)  # in memory nothing is to be said

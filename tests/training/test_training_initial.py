@@ -134,7 +134,7 @@ def test_the_command_line_goes_on_with_such_a_run(tmp_path, capsys):
     capsys.readouterr()
     assert main(["train", "--config", str(tmp_path / "run" / "config.toml"), "--out", str(tmp_path / "other")]) == 2
     said = capsys.readouterr().err
-    assert "run.initial: this run began from policies that it was given" in said
+    assert "run.initial: this run started from given policies" in said
     assert len(said.strip().splitlines()) == 1
     assert not (tmp_path / "other").exists()
 

@@ -164,7 +164,7 @@ def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed,
         child.wait()
     assert child.returncode == 130
     assert "Traceback" not in complaints
-    assert "the same command goes on where it stopped" in said
+    assert "the same command continues this run" in said
     stopped = mg.load(tmp_path)
     assert not stopped.complete
     assert stopped.decision >= run["steps"] // 10
@@ -184,6 +184,6 @@ def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     child.kill()
     child.wait()
     # a dead process holds nothing; but what it was to make is more than is asked for now
-    with pytest.raises(RunDirectoryError, match=r"of which [\d,]+ are made; 1 were asked for now"):
+    with pytest.raises(RunDirectoryError, match=r"of which [\d,]+ are made, but steps = 1:"):
         train("three-state", tmp_path, steps=1)
     assert reached(tmp_path) == final_state(tmp_path)["decision"] > 1

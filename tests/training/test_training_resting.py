@@ -117,7 +117,7 @@ def test_the_rest_is_up_to_the_nearest_that_is_due():
     y, policy = jnp.array([0.5, -0.2]), Hyperplanes(np.zeros((3, 2)), np.zeros(3))
     learner = Agent(policy, gae(CRITIC, 0.9, IMPROVE), SGD(1.0), FisherMetric())
     state = learner.init(jax.random.key(0))
-    rests, improve = [], jax.jit(learner.improve)
+    rests, improve = [], jax.jit(lambda state: learner.improve(state))
 
     @jax.jit
     def live(state):

@@ -11,7 +11,7 @@ from training_examples import assert_differ, assert_same, columns
 import motorgrad as mg
 from motorgrad._compiler import in_one_piece
 from motorgrad.tasks import Hopper
-from motorgrad.training import BodyStepper, SideBySide, agent_for
+from motorgrad.training import BodyStepper, SideBySide, agent_for, clear_programs
 from motorgrad.training.engines._side_by_side import MOST
 
 SEEDS = [*range(20, 20 + MOST), 3]  # one more than an engine takes
@@ -37,7 +37,7 @@ def begun(engine):
 def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds(monkeypatch, seeds, shares):
     made = []
     monkeypatch.setattr(
-        "motorgrad.training.engines._side_by_side.BodyStepper", lambda *given: made.append(len(given[2])) or given
+        "motorgrad.training.engines._side_by_side.BodyStepper", lambda *given, room: made.append(len(given[2])) or given
     )
     for threads in (0, 1, 7):
         made.clear()
@@ -125,8 +125,10 @@ def test_no_two_engines_are_in_compiled_code_at_once(monkeypatch):
 
         return call
 
+    clear_programs()  # so that this engine compiles its own
     monkeypatch.setattr("motorgrad.training.engines._host.in_one_piece", watched)
     SideBySide(TASK, AGENT, SEEDS, threads=2).advance(40)
+    clear_programs()
     assert len(overlaps) > 80
     assert not any(overlaps)
 

@@ -1,5 +1,6 @@
 """Sweeps: several settings of a learner's numbers in one compiled call; and compiled programs that engines share."""
 
+import json
 import tomllib
 
 import jax
@@ -32,11 +33,11 @@ def lanes(run, index):
 
 @pytest.fixture
 def compiled():
-    """The names of the events of tracing and compiling since the fixture was asked for."""
+    """The events of compiling since the fixture was asked for."""
     found = []
 
     def note(name, _duration, **_):
-        if name.startswith("/jax/core/compile"):
+        if name == "/jax/core/compile/backend_compile_duration":
             found.append(name)
 
     monitoring.register_event_duration_secs_listener(note)
@@ -172,6 +173,14 @@ def test_seeds_begin_from_their_own_policies_under_every_setting():
     assert run.config["run"]["initial"] == go(initial=first.policies).config["run"]["initial"]
 
 
+def test_a_sweep_from_given_policies_is_resumed_from_its_directory_alone(tmp_path):
+    first = go()
+    whole = go({"decay": DECAYS}, initial=first.policies, steps=80)
+    go({"decay": DECAYS}, initial=first.policies, steps=60, out=tmp_path)
+    assert_same(mg.training.given_initial(tmp_path), first.policies)
+    assert_same(mg.resume(tmp_path, 80, progress=False).policies, whole.policies)
+
+
 # ---- run directories
 
 
@@ -231,11 +240,19 @@ def test_a_run_without_a_sweep_splits_into_itself():
 
 
 def test_the_command_line_sweeps(tmp_path, capsys):
-    command = ["train", FINITE, "--steps", "60", "--window", "20", "--seeds", "4", "1", "--out", str(tmp_path / "run")]
+    out = str(tmp_path / "run")
+    command = ["train", FINITE, "--steps", "60", "--window", "20", "--seeds", "4", "1", "--out", out]
+    command += ["--json", str(tmp_path / "run.json")]
     assert main([*command, "--sweep", "decay=0.5,0.8", "learning-rate=1e-2,1e-1"]) == 0
-    assert "over 8 seeds" not in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "decay = 0.8, learning_rate = 0.1:\n" in said
+    assert said.count("over 2 seeds") == 4
     run = load(tmp_path / "run")
     assert_same(columns(run.metrics), columns(go({"decay": DECAYS, "learning_rate": RATES}).metrics))
+    found = json.loads((tmp_path / "run.json").read_text())["settings"]
+    assert [each["setting"] for each in found] == run.settings
+    last = run.curve()[1][:, -1].reshape(4, 2)
+    np.testing.assert_allclose([each["reward"]["per_seed"] for each in found], last, rtol=1e-6)
     assert main(["train", "--resume", str(tmp_path / "run"), "--steps", "80"]) == 0
     assert load(tmp_path / "run").decision == 80
     assert main(["train", "--config", str(tmp_path / "run" / "config.toml"), "--out", str(tmp_path / "again")]) == 0
@@ -335,6 +352,7 @@ def test_a_number_changes_while_a_learner_runs(name, path, compiled):
     for stepper in (changed, plain):
         stepper.advance(30)
     other.advance(1)
+    changed.set_number(path, 0.5)  # what puts it in place may be compiled once
     before = changed.state
     numbers = other.state["cycle"].numbers
     compiled.clear()

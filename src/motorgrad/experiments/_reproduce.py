@@ -22,7 +22,7 @@ from motorgrad.experiments._claim import Claim
 from motorgrad.experiments._experiment import Experiment, Values
 from motorgrad.experiments._style import STYLE
 from motorgrad.experiments._workspace import Workspace
-from motorgrad.training import RunWarning, provenance, what_changed
+from motorgrad.training import RunWarning, provenance, provenance_changes
 
 QUICK = 2.0  # seconds of film at a smoke size
 
@@ -125,7 +125,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
     _settle(experiment, folder)
     stored, about = folder / "values.npz", folder / "provenance.json"
     sessions = read_json(about)["sessions"] if about.exists() else []
-    if sessions and (changes := list(what_changed(sessions[-1], provenance()))):
+    if sessions and (changes := list(provenance_changes(sessions[-1], provenance()))):
         warnings.warn(f"{folder}: goes on with what was made otherwise: {'; '.join(changes)}", RunWarning, stacklevel=4)
     if not stored.exists():
         write_arrays(stored, _session(experiment, work, about, sessions))
