@@ -7,6 +7,7 @@ the plain table of the fields.
 
 import dataclasses
 import inspect
+import re
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -160,10 +161,14 @@ def part_form(part: Part, optional: bool = False) -> Any:
     """
     cls, entries = type(part), []
     helps, hints = descriptions(cls), hints_of(cls)
-    families = [kinds for kinds in KINDS.values() if cls in kinds.values() and len(kinds) > 1]
+    families = [(base, kinds) for base, kinds in KINDS.items() if cls in kinds.values() and len(kinds) > 1]
     if families:
-        kind: Any = typing.Literal[(*(["none"] if optional else []), *families[0])]
-        entries.append(("kind", *_entry(kind, kind_of(part), "Another kind starts from its own defaults.")))
+        family, kinds = families[0]
+        name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", family.__name__).lower()
+        keeps = "keeps the settings that both have" if hasattr(family, "aliases") else "starts from its own defaults"
+        about = f"The kind of {name}. Another kind {keeps}."
+        kind: Any = typing.Literal[(*(["none"] if optional else []), *kinds)]
+        entries.append(("kind", *_entry(kind, kind_of(part), about)))
     for name in fields_of(cls):
         value, hint = getattr(part, name), hints[name]
         if name == "transformations" and not value:
@@ -191,7 +196,14 @@ def policy_form(policy: Any) -> Any:
     function = INITIAL[policy.kind]
     known = inspect.signature(function).parameters
     entries = [
-        ("kind", *_entry(typing.Literal[tuple(INITIAL)], policy.kind, "Another kind starts from its own defaults."))
+        (
+            "kind",
+            *_entry(
+                typing.Literal[tuple(INITIAL)],
+                policy.kind,
+                "The initial policy. Another kind starts from its own defaults.",
+            ),
+        )
     ]
     helps = descriptions(function)
     for name, hint in policy_settings(policy.kind).items():

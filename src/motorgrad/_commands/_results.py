@@ -11,7 +11,7 @@ from motorgrad._files import write_atomically
 
 
 def summary(values: Any) -> dict[str, Any]:
-    """The median and quartiles of one number per seed, and the numbers themselves. NaN stands for what never occurred."""
+    """The median and quartiles of one number per seed, and the numbers themselves. NaN means never occurred."""
     values = np.asarray(values, float)
     seen = values[np.isfinite(values)]
     if not len(seen):

@@ -102,11 +102,9 @@ def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> 
 
 def _short_names() -> str:
     """The short names of a learner's settings as a sentence of the help."""
-    groups: dict[str, list[str]] = {}
-    for short, path in Agent.aliases.items():
-        groups.setdefault(path.rpartition(".")[0], []).append(f"--agent.{_dashed(short)}")
-    listed = "; ".join(f"{', '.join(names)} (in agent.{outer})" for outer, names in groups.items())
-    return f"Short names: {listed}."
+    first, *others = sorted(Agent.aliases, key=lambda short: -Agent.aliases[short].count("."))
+    path, listed = _dashed(Agent.aliases[first]), ", ".join(map(_dashed, others))
+    return f"Short names: --agent.{_dashed(first)} is --agent.{path}; likewise {listed}."
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -114,7 +114,7 @@ class Run:
 
     @property
     def memory(self) -> Any:
-        """The memory of the task at the end, seeds leading, such as the scale of observations; `None` where it has none."""
+        """The memory of the task at the end, seeds leading, such as the scale of observations; `None` without one."""
         if not self._memory:
             return None
         task, seeds = self.task, self.lanes
