@@ -50,7 +50,15 @@ from motorgrad.bodies.muscles import (
     wrapping_angle,
 )
 
+BODIES: dict[str, type[Body]] = {
+    "arm": Arm,
+    "hexapod": Hexapod,
+    "hopper": Hopper,
+}
+"""The registry: bodies by name. A new body is one file, and one line here; TimSim then shows it without a task."""
+
 __all__ = [
+    "BODIES",
     "LEGS",
     "TOUCH",
     "TRIPODS",
