@@ -273,11 +273,8 @@ class Playback(Generic[R]):
             pieces.append((by or self.run.advance)(max(0, min(stops) - self.tick)))
             self._repeat_changes()
             self.end = max(self.end, self.tick)
-            if (
-                self.every is not None
-                and self.tick % self.every == 0
-                and self.history.before(self.tick).tick < self.tick
-            ):
+            due = self.every is not None and self.tick % self.every == 0
+            if due and self.history.before(self.tick).tick < self.tick:
                 self.keep()
         return pieces
 

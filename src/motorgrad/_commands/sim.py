@@ -13,6 +13,7 @@ from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
 from motorgrad._settings import build, table
+from motorgrad.bodies import BODIES
 from motorgrad.sim import live
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
@@ -165,18 +166,18 @@ def _parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], 
         raise ValueError(f"{given.file}: {error}" if given.file else str(error)) from None
     if rest and not rest[0].startswith("-"):
         word = rest[0]
-        if live.is_path(word) or (word in live.BODIES and word not in TASKS):
+        if live.is_path(word) or (word in BODIES and word not in TASKS):
             check(model is None, "the first word", word, f"left out, as {given.file} says what is shown")
             model, rest = (Path(word) if live.is_path(word) else word), rest[1:]
             scene["model" if live.is_path(word) else "body"] = str(model)
         elif word not in TASKS:
-            raise unknown("task, body or file (.xml)", word, {*TASKS, *live.BODIES})
+            raise unknown("task, body or file (.xml)", word, {*TASKS, *BODIES})
     return place, model, scene, given._replace(table=values, rest=rest)
 
 
 def _body(word: str) -> str:
-    if word not in live.BODIES:
-        raise unknown("body", word, live.BODIES)
+    if word not in BODIES:
+        raise unknown("body", word, BODIES)
     return word
 
 
@@ -217,6 +218,6 @@ def _named(given: Arguments, make: Any) -> Any:
 
 
 def _usage(status: int) -> int:
-    print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(live.BODIES)}\n")
+    print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(BODIES)}\n")
     print("motorgrad sim TASK --help lists the options, with those of a task and of its learner.")
     return status

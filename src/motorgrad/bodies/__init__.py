@@ -19,7 +19,15 @@ from motorgrad.bodies.muscles._callback import check_muscle_callback, install_mu
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
+BODIES: dict[str, type[Body]] = {
+    "arm": Arm,
+    "hexapod": Hexapod,
+    "hopper": Hopper,
+}
+"""The registry: bodies by name. A new body is one file, and one line here; TimSim then shows it without a task."""
+
 __all__ = [
+    "BODIES",
     "LEGS",
     "TOUCH",
     "TRIPODS",

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad.bodies import Hexapod, Hopper, Terrain, compile_model
+from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
 from motorgrad.sim.live._worker import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
-from motorgrad.tasks import make
+from motorgrad.tasks import TASKS, make
 
 MUSCLE = """
 <mujoco>
@@ -145,6 +145,15 @@ def test_a_camera_that_follows_keeps_its_distance():
         data.qpos[0] += shift
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.camera("ahead").xpos - data.body("front").xpos, [1.0, 0.0, 0.5], atol=1e-6)
+
+
+def test_every_registered_body_is_simulated_by_its_name(monkeypatch):
+    monkeypatch.setitem(BODIES, "heavy-hopper", lambda: Hopper(load_mass=5.0))
+    for name in {*BODIES} - {*TASKS}:  # the name of a task means its learner
+        setup = live.setup_of(name)
+        assert (setup.name, setup.task) == (name, None)
+        assert setup.model.nu > 0
+    assert live.setup_of("heavy-hopper").model.body("load").mass == 5.0
 
 
 @pytest.mark.parametrize(

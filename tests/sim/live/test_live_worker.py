@@ -1,9 +1,11 @@
 """Orders, edits and the way back, in a worker without a page."""
 
+import jax
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._tree import with_number
 from motorgrad.sim import live
 from motorgrad.training import agent_for, stepper_for
 
@@ -125,6 +127,62 @@ def test_decay_and_reward_go_on_from_the_same_state(hopper):
     hopper(live.Step(80))
     assert np.array_equal(hopper.seen()["parameters"][0], stepper.harvest()["parameters"][0])
     hopper(live.Edit("agent.estimator.trace.decay", 0.995), live.Edit("task.reward_scale", 100.0))
+
+
+CRITIC = {"kind": "critic", "discount": 0.9, "decay": 0.5, "fit": {"kind": "td", "learning_rate": 0.05}}
+RICH = {
+    "metric": "fisher",
+    "metric.damping": 0.05,
+    "entropy": 0.01,
+    "normalization": {"rate": 0.01},
+    "weight_decay": 1e-4,
+    "estimator.baseline": CRITIC,
+}
+"""A learner with many numbers: metric, entropy, critic, normalization, weight decay."""
+
+
+@pytest.fixture
+def compilations():
+    """A list that grows with everything that is traced or compiled."""
+    found, listening = [], [True]
+
+    def note(event, seconds, **_):
+        if listening and event.startswith("/jax/core/compile/"):
+            found.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    yield found
+    listening.clear()
+
+
+@pytest.mark.parametrize(("task", "least"), [("chain", 8), ("hopper", 8)])
+def test_any_number_of_a_learner_changes_live_without_compiling(task, least, driven, compilations):
+    task = mg.make(task)
+    agent = agent_for(task, RICH)
+    watched = driven(live.setup_of(task, agent, seed=3))
+    watched(live.Step(50), live.Edit("agent.optimizer.learning_rate", 1e-3), live.Step(1))
+    watched.worker.subject.tally()  # compiles
+    state = watched.worker.subject.state["learner"]
+    settings = {name: x for name, x in watched.worker.subject.settings.items() if name.startswith("agent.")}
+    paths = {name.removeprefix("agent.") for name in settings}
+    assert len(paths) >= least
+    assert {"metric.damping", "estimator.entropy", "estimator.baseline.fit.learning_rate"} <= paths
+    changed = {name: 0.8 * value if value else 0.1 for name, value in settings.items()}
+    compilations.clear()
+    said = watched(*(live.Edit(name, value) for name, value in changed.items()), live.Step(60))
+    assert [kind for kind, _ in said] == ["change"] * len(changed)
+    assert compilations == []
+    for name, value in changed.items():
+        agent = with_number(agent, name.removeprefix("agent."), value)
+    other = stepper_for(task, agent, [3])  # with these numbers from the start
+    other.restore({**state, "cycle": state["cycle"]._replace(numbers=other.state["cycle"].numbers)})
+    other.advance(60)
+    assert np.array_equal(watched.seen()["parameters"][0], other.harvest()["parameters"][0])
+    assert np.isfinite(watched.seen()["parameters"]).all()
+    end = watched.seen()
+    watched(live.Scrub(20), live.Scrub(111))  # going back repeats the changes
+    assert same(watched.seen(), end)
+    assert {name: watched.worker.subject.settings[name] for name in changed} == changed
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Self
 
 from motorgrad._errors import check
+from motorgrad._playback import MOST_BYTES, History, Playback
 from motorgrad.lab.diagram import Record, join
 from motorgrad.lab.engine._interpreter import Interpreter
 from motorgrad.lab.engine._run import Run
-from motorgrad.lab.engine._state import State
 
 
 class Change(NamedTuple):
@@ -17,13 +17,6 @@ class Change(NamedTuple):
     tick: int
     address: str
     value: Any
-
-
-class Snapshot(NamedTuple):
-    """A state, and the number of changes made before it."""
-
-    state: State
-    changes: int
 
 
 class Timeline:
@@ -43,35 +36,44 @@ class Timeline:
     - `run`: a `Run` or an `Interpreter`.
     - `every`: the initial number of ticks between snapshots.
     - `keep`: the largest number of snapshots; where there would be more, every second one is dropped.
+    - `keep_bytes`: the largest number of their bytes, beyond which the same happens.
 
     **Raises** `ValueError` if a block of the diagram cannot be saved, before anything runs.
     """
 
-    def __init__(self, run: Run | Interpreter, every: int = 1000, keep: int = 100):
+    def __init__(self, run: Run | Interpreter, every: int = 1000, keep: int = 100, keep_bytes: int = MOST_BYTES):
         check(isinstance(every, int) and every >= 1, "every", every, "a whole number of ticks from 1")
         check(isinstance(keep, int) and keep >= 2, "keep", keep, "a whole number of snapshots from 2")
-        self.run, self._every, self._keep = run, every, keep
-        self._log: list[Change] = []
-        self._made = 0
-        """The number of changes of the log made so far."""
-        self._snapshots = {run.tick: Snapshot(run.state, 0)}
-        self.end = run.tick
-        """The last known tick."""
+        self._playback: Playback[Any] = Playback(run, _set_parameter, every, History(keep, keep_bytes))
+
+    @property
+    def run(self) -> Any:
+        """The run, a `Run` or an `Interpreter`. Another one in the same state may take its place."""
+        return self._playback.run
+
+    @run.setter
+    def run(self, run: Run | Interpreter) -> None:
+        self._playback.run = run
 
     @property
     def tick(self) -> int:
         """The current tick."""
-        return self.run.tick
+        return self._playback.tick
+
+    @property
+    def end(self) -> int:
+        """The last known tick."""
+        return self._playback.end
 
     @property
     def log(self) -> tuple[Change, ...]:
         """All changes, in order; `replay` repeats them."""
-        return tuple(self._log)
+        return tuple(Change(change.tick, *change.what) for change in self._playback.changes)
 
     @property
     def snapshots(self) -> tuple[int, ...]:
         """The ticks of the snapshots."""
-        return tuple(sorted(self._snapshots))
+        return self._playback.history.ticks
 
     def __getitem__(self, address: str) -> Any:
         """The current value of a parameter."""
@@ -79,62 +81,34 @@ class Timeline:
 
     def __setitem__(self, address: str, value: Any) -> None:
         """Set a parameter from now on; this begins another future."""
-        self.run[address] = value
-        self.forget()
-        self._log.append(Change(self.tick, address, copy.deepcopy(value)))
-        self._made += 1
+        self._playback.change((address, value))
 
     def forget(self) -> None:
         """Forget the known future, so that another one may follow."""
-        self._log = self._log[: self._made]
-        self._snapshots = {tick: kept for tick, kept in self._snapshots.items() if tick <= self.tick}
-        self.end = self.tick
+        self._playback.forget()
 
     def advance(self, ticks: int) -> Record:
         """Run a number of ticks, repeating the known future as far as it goes. **Returns** what the sinks recorded."""
-        last, pieces = self.tick + ticks, []
-        while self.tick < last or not pieces:
-            stops = [last, (self.tick // self._every + 1) * self._every]
-            stops += [change.tick for change in self._log[self._made : self._made + 1]]
-            pieces.append(self.run.advance(max(0, min(stops) - self.tick)))
-            self._apply_due_changes()
-        return join(pieces)
+        return join(self._playback.advance(ticks))
 
     def seek(self, tick: int) -> None:
         """Go to a tick in the past or in the future."""
-        first = min(self._snapshots)
+        first = self._playback.history.oldest
         whole = isinstance(tick, int) and not isinstance(tick, bool)
         check(whole and tick >= first, "tick", tick, f"an integer from {first}")
-        nearest = max(known for known in self._snapshots if known <= tick)
-        if tick < self.tick or nearest > self.tick:
-            kept = self._snapshots[nearest]
-            self.run.restore(kept.state)
-            self._made = kept.changes
-            self._apply_due_changes()
-        if tick > self.tick:
-            self.advance(tick - self.tick)
+        self._playback.seek(tick)
 
     def fork(self) -> Self:
         """Another timeline with the same past and a run of its own."""
         check(isinstance(self.run, Run), "run", type(self.run).__name__, "a Run, to be forked")
         other = copy.copy(self)
-        other.run = self.run.fork()  # type: ignore[union-attr]
-        other._log, other._snapshots = list(self._log), dict(self._snapshots)
+        other._playback = self._playback.fork(self.run.fork())
         return other
 
-    def _apply_due_changes(self) -> None:
-        """Make the changes that are due, and take a snapshot if it is time."""
-        while self._made < len(self._log) and self._log[self._made].tick <= self.tick:
-            self.run[self._log[self._made].address] = self._log[self._made].value
-            self._made += 1
-        self.end = max(self.end, self.tick)
-        if self.tick % self._every == 0 and self.tick not in self._snapshots:
-            self._snapshots[self.tick] = Snapshot(self.run.state, self._made)
-            if len(self._snapshots) > self._keep:
-                self._every *= 2
-                first = min(self._snapshots)
-                kept = {tick: s for tick, s in self._snapshots.items() if tick % self._every == 0 or tick == first}
-                self._snapshots = kept
+
+def _set_parameter(run: Run | Interpreter, change: tuple[str, Any]) -> None:
+    address, value = change
+    run[address] = value
 
 
 def replay(run: Run | Interpreter, log: Iterable[Change], ticks: int) -> Record:

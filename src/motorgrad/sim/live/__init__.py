@@ -27,11 +27,10 @@ from motorgrad.sim.live._messages import (
     Thaw,
 )
 from motorgrad.sim.live._session import Session
-from motorgrad.sim.live._setup import BODIES, Camera, Setup, Stage, acting, is_path, setup_of
+from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
 from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
 
 __all__ = [
-    "BODIES",
     "BODY_LABELS",
     "Camera",
     "Compare",

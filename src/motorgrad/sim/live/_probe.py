@@ -23,9 +23,11 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Seen]:
     rates of the parameters, NaN where the optimizer has none.
     """
 
+    engine: Any = stepper  # every engine with a viewer has a cycle
+
     def view(cycle: Any, state: Any) -> dict[str, Array]:
         agent, tally = cycle.agent, cycle.tally
-        learner = stepper.cycle.learner(cycle)
+        learner = engine.cycle.learner(cycle)
         parameters = trainable(agent.policy)
         probability = agent.policy.prob(cycle.observation)
         flat = ravel_pytree(parameters)[0]

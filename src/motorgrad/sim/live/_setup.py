@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import Arm, Body, Hexapod, Hopper, Terrain, WrappedBody, compile_model
+from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import policy_of_run
@@ -152,10 +152,6 @@ def _attitude(spec: mujoco.MjSpec, body: str) -> np.ndarray:
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return data.body(body).xmat.reshape(3, 3).copy()
-
-
-BODIES: dict[str, type[Body]] = {"arm": Arm, "hexapod": Hexapod, "hopper": Hopper}
-"""The bodies that can be simulated without a task."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
