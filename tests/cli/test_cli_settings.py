@@ -58,7 +58,8 @@ def test_any_table_makes_an_instance_or_is_refused_by_name(name, data):
     else:
         assert isinstance(made, cls)
         assert set(drawn) <= set(keys)
-        assert build(cls, table(made), name) == made
+        again = {key: value for key, value in table(made).items() if key != "kind"}
+        assert build(cls, again, name) == made
         return
     # what is named was given, or was left out
     assert any(key in refused for key in [*drawn, *keys])
