@@ -1,7 +1,7 @@
 """Make the stored table of the arm's lift anew: `python -m tools.arm_lift`, from the root of a checkout."""
 
 from motorgrad.bodies import Arm, tabulate_lift
-from motorgrad.bodies.arm import STORED
+from motorgrad.bodies.arm._lift import STORED
 
 
 def main() -> None:

@@ -6,8 +6,6 @@ from typing import Any
 
 FIELD = re.compile(r"^- `(\w+)`([^`:]*): (.*?)(?=\n- |\n\n|\Z)", re.DOTALL | re.MULTILINE)
 WORD = re.compile(r"[a-z]+(?=[\s,:;-]|$)")  # not a symbol or a name, such as ρ, k_SE and motorgrad.make
-
-
 SYMBOLS = {
     r"\alpha": "α", r"\beta": "β", r"\gamma": "γ", r"\delta": "δ", r"\Delta": "Δ", r"\epsilon": "ε",
     r"\varepsilon": "ε",
@@ -20,22 +18,36 @@ SYMBOLS = {
 
 def description_of(cls: type) -> str:
     """What a docstring says before its list of arguments and its example."""
-    return _without_formulas(_doc(cls).partition("**Arguments")[0].partition("```")[0]).replace("`", "").strip()
+    return _without_formulas(summary_of(cls)).replace("`", "")
+
+
+def summary_of(cls: type) -> str:
+    """What a docstring says before its list of arguments or errors and its example, as it stands there."""
+    return re.split(r"\*\*(?:Arguments|Raises)|```", _doc(cls))[0].strip()
+
+
+def field_texts(cls: Any) -> dict[str, tuple[str, str]]:
+    """What the docstrings of a class and of its bases, or of a function, say of each field, as it stands there.
+
+    A field's text stands in a line "- `name` (unit): text" or "- `name` of what: text". **Returns** what follows the
+    name, and the text.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for base in getattr(cls, "__mro__", (cls,)):
+        for name, more, text in FIELD.findall(_doc(base)):
+            found.setdefault(name, (more, text))
+    return found
 
 
 def descriptions(cls: Any) -> dict[str, str]:
-    """What the docstrings of a class and of its bases, or of a function, say of each field.
-
-    It stands in lines "- `name` (unit): text" or "- `name` of what: text".
-    """
+    """The texts of `field_texts` as sentences in plain characters, each with its unit."""
     found: dict[str, str] = {}
-    for base in getattr(cls, "__mro__", (cls,)):
-        for name, more, text in FIELD.findall(_doc(base)):
-            unit = more if more.startswith(" (") else ""
-            text = _without_formulas(text).replace("`", "")
-            said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".split())
-            said = said[:1].upper() + said[1:] if WORD.match(said) else said
-            found.setdefault(name, f"{said.rstrip('.')}{unit}.")
+    for name, (more, text) in field_texts(cls).items():
+        unit = more if more.startswith(" (") else ""
+        text = _without_formulas(text).replace("`", "")
+        said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".split())
+        said = said[:1].upper() + said[1:] if WORD.match(said) else said
+        found[name] = f"{said.rstrip('.')}{unit}."
     return found
 
 

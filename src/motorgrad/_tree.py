@@ -97,6 +97,10 @@ class Part(eqx.Module):
     def __check_init__(self) -> None:
         for name, field in fields_of(type(self)).items():
             _check_field(self, name, field)
+        self.validate()
+
+    def validate(self) -> None:
+        """Refuse values that do not go together. It is called once every field has passed its own check."""
 
     @classmethod
     def kinds(cls) -> dict[str, type["Part"]]:
@@ -305,10 +309,15 @@ def _check_field(part: Part, name: str, field: dataclasses.Field[Any]) -> None:
     elif typing.get_origin(hint) is typing.Literal:
         if value not in typing.get_args(hint):
             raise unknown(name, value, map(str, typing.get_args(hint)))
+    elif hint is bool:
+        check(isinstance(value, bool), name, value, "True or False")
+    elif hint is float:
+        check(not isinstance(value, bool) and Range().allows(value), name, value, str(Range()))
     elif kinds := parts_in(hint):
         wanted = " or ".join(_article(kind.__name__) for kind in kinds)
         wanted = f"None or {wanted}" if type(None) in options else wanted
-        check(Any in options or isinstance(value, kinds), name, value, wanted)
+        functions = Any in options or any(typing.get_origin(option) is Callable for option in options)
+        check(functions or isinstance(value, kinds), name, value, wanted)
 
 
 def _check_number(name: str, value: Any, allowed: Range, groups: bool, options: tuple[Any, ...]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from motorgrad.bodies import Arm, BodyBatch, compile_model, greatest_flexion, lift, lift_table, tabulate_lift, to_mjcf
-from motorgrad.bodies.arm import STORED, LiftTable
+from motorgrad.bodies.arm._lift import STORED, LiftTable
 
 FLEXIONS = np.linspace(0.0, Arm().most_flexion, 7)
 FREE = dataclasses.replace(Arm(), joint_damping=0.0)

@@ -153,10 +153,10 @@ def test_misfits_are_seen_while_a_wire_is_drawn():
     ("act", "says"),
     [
         (lambda d: d.add("a", Gain()), "name = 'a': must be a new name in the diagram"),
-        (lambda d: d.add("", Gain()), "name = '': must be a text of 1"),
-        (lambda d: d.add("x.y", Gain()), r"name = 'x\.y': must be a text"),
-        (lambda d: d.add("x/y", Gain()), "name = 'x/y': must be a text"),
-        (lambda d: d.add("x\n", Gain()), "must be a text"),
+        (lambda d: d.add("", Gain()), "name = '': must be a string of 1"),
+        (lambda d: d.add("x.y", Gain()), r"name = 'x\.y': must be a string"),
+        (lambda d: d.add("x/y", Gain()), "name = 'x/y': must be a string"),
+        (lambda d: d.add("x\n", Gain()), "must be a string"),
         (lambda d: d.add("x", Gain(), id="a"), "id = 'a': must be a new"),
         (lambda d: d.add("x", Gain(), id=""), "id = ''"),
         (lambda d: d.add("x", 3), "x = 3: must be a block or a diagram"),
@@ -171,7 +171,7 @@ def test_misfits_are_seen_while_a_wire_is_drawn():
         (lambda d: d.replace("c", Gain()), "unknown block 'c'"),
         (lambda d: Diagram(tick=0), "tick = 0: must be a positive number of seconds"),
         (lambda d: Diagram(tick=float("nan")), "tick = nan"),
-        (lambda d: Diagram(substeps=0), "substeps = 0: must be a whole number in 1 … 1000"),
+        (lambda d: Diagram(substeps=0), "substeps = 0: must be an integer in 1 … 1000"),
     ],
 )
 def test_impossible_edits_are_refused_and_change_nothing(act, says):
@@ -232,7 +232,7 @@ def test_the_same_id_twice_is_refused():
         (lambda: Gain([[1.0], [2.0, 3.0]]), "gain = "),
         (lambda: Gain("1"), "gain = '1'"),
         (lambda: Gain(True), None),
-        (lambda: Gain(shape=(0,)), r"shape = \(0,\): must be a list of whole numbers from 1"),
+        (lambda: Gain(shape=(0,)), r"shape = \(0,\): must be a list of integers from 1"),
         (lambda: Gain(shape=3), "shape = 3"),
         (lambda: Gain(every=0), "every = 0: must be a whole number of ticks from 1"),
         (lambda: Gain(period=-1.0), "period = -1.0"),

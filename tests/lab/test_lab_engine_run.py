@@ -260,5 +260,5 @@ def test_a_host_that_gives_a_wrong_shape_is_named():
     diagram.add("wrong", Wrong())
     diagram.add("input", Chance())
     diagram.connect("input", "wrong")
-    with pytest.raises(ValueError, match=r"wrong\.y: the host gives shape \(3,\): must be \(1, 2\)"):
+    with pytest.raises(ValueError, match=r"wrong\.y: the host returns shape \(3,\): must be \(1, 2\)"):
         Run(diagram).advance(1)

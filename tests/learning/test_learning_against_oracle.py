@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import Agent, Episodic, Estimator, Gpomdp, MeanReward, NoBaseline, Olgarb, Window, sgd
+from motorgrad.learning import SGD, Agent, Episodic, Estimator, MeanReward, Window, gpomdp, olgarb
 from motorgrad.policies import Softmax
 from motorgrad.tasks import Chain, ThreeState
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
@@ -32,7 +32,7 @@ PUBLISHED = {
 def check_relative_errors(name, longest):
     baseline, published = PUBLISHED[name]
     exact, runs = oracle.flat(oracle.gradient(ThreeState().dynamics, POINT)), 500
-    stepper = stepper_of(ThreeState(), Agent(POINT, Gpomdp(0.95, baseline)), range(runs))
+    stepper = stepper_for(ThreeState(), Agent(POINT, gpomdp(0.95, baseline)), range(runs))
     for decisions, figure in published.items():
         if decisions > longest:
             break
@@ -73,7 +73,7 @@ def episode_gradient(mdp, policy, length, step=1e-3):
 
 # name: (task, policy, estimator, decisions in an episode or 1, exact gradient given the MDP)
 UNBIASED = {
-    "exponential": (ThreeState(), POINT, Gpomdp(0.8), 1, lambda mdp: oracle.biased_gradient(mdp, POINT, 0.8)),
+    "exponential": (ThreeState(), POINT, gpomdp(0.8), 1, lambda mdp: oracle.biased_gradient(mdp, POINT, 0.8)),
     # the second eigenvalue is −.73: what the window leaves out is .73²⁰ = 2e-3 of the gradient
     "window": (
         ThreeState(),
@@ -85,7 +85,7 @@ UNBIASED = {
     "episodic": (
         Chain(length=4, time_limit=6),
         CHAIN_POINT,
-        Estimator(Episodic(), NoBaseline(), improve="never"),
+        Estimator(Episodic(), None, improve="never"),
         6,
         lambda mdp: episode_gradient(mdp, CHAIN_POINT, 6),
     ),
@@ -104,7 +104,7 @@ def check_unbiased(name, decisions, precision):
     task, policy, estimator, episode, gradient = UNBIASED[name]
     exact = gradient(task.dynamics)
     exact = exact if isinstance(exact, np.ndarray) else oracle.flat(exact)
-    stepper = stepper_of(task, Agent(policy, estimator), range(400))
+    stepper = stepper_for(task, Agent(policy, estimator), range(400))
     stepper.advance(decisions)
     per_seed = episode * estimates(stepper)
     error = per_seed.std(0) / np.sqrt(len(per_seed))
@@ -126,7 +126,7 @@ def test_the_mean_estimate_over_long_runs_is_the_exact_gradient(name):
 
 
 def test_olgarb_finds_the_best_policy_of_the_three_state_mdp_on_every_seed():
-    stepper = stepper_of(ThreeState(), Agent(Softmax(jnp.zeros((2, 2))), Olgarb(0.8), sgd(0.01)), range(20))
+    stepper = stepper_for(ThreeState(), Agent(Softmax(jnp.zeros((2, 2))), olgarb(0.8), SGD(0.01)), range(20))
     stepper.advance(500_000)
     earned = [oracle.average_reward(ThreeState().dynamics, Softmax(w)) for w in stepper.policies().weights]
     assert min(earned) >= 0.799

@@ -7,7 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motorgrad.learning import Constant, FixedStep, MeanReward, NoBaseline, RunningMean, add_sample, running_mean
+from motorgrad.learning import (
+    Constant,
+    Estimator,
+    FixedStep,
+    MeanReward,
+    RunningMean,
+    Transition,
+    add_sample,
+    running_mean,
+)
+from motorgrad.policies import Softmax
 
 
 def recency(rate):
@@ -18,9 +28,10 @@ def recency(rate):
     return after
 
 
+POLICY = Softmax([[0.5], [-0.5]])
+
 # name: (the baseline, its value after an array of rewards)
 BASELINES = {
-    "none": (NoBaseline(), lambda rewards: 0.0),
     "constant": (Constant(-0.3), lambda rewards: -0.3),
     "mean": (MeanReward(), lambda rewards: np.mean(rewards) if len(rewards) else 0.0),
     "fixed step": (FixedStep(0.05), recency(0.05)),
@@ -34,14 +45,23 @@ BASELINES = {
 def test_baseline_is_its_formula_after_any_rewards(name, rewards):
     baseline, formula = BASELINES[name]
     with jax.enable_x64(True):
-        state = baseline.init(jnp.float64)
-        values = [float(baseline.value(state))]
+        state = baseline.init(POLICY, jnp.float64)
+        values = [float(baseline.level(state))]
         for reward in rewards:
-            state = baseline.update(state, jnp.asarray(reward))
-            values.append(float(baseline.value(state)))
+            state = baseline.learn(state, jnp.asarray(reward))
+            values.append(float(baseline.level(state)))
     expected = [formula(np.asarray(rewards[:n])) for n in range(len(rewards) + 1)]
     # forty roundings of numbers up to 1e3
     np.testing.assert_allclose(values, expected, rtol=1e-12, atol=1e-11)
+
+
+def test_without_a_baseline_the_level_is_nought_and_the_advantage_the_reward():
+    estimator = Estimator(baseline=None)
+    state = estimator.init(POLICY)
+    assert float(estimator.level(state)) == 0
+    state = estimator.act(state, jnp.zeros(1), POLICY)
+    sample, _ = estimator.sample(state, POLICY, Transition(None, None, jnp.float32(3.0), jnp.zeros(1)))
+    np.testing.assert_array_equal(sample.weights, 3 * POLICY.weights)
 
 
 @pytest.mark.parametrize("rate", [0.0, -0.1, 1.5, float("nan")])
@@ -50,10 +70,10 @@ def test_a_fixed_step_outside_its_range_is_refused(rate):
         FixedStep(rate)
 
 
-@pytest.mark.parametrize("level", [float("nan"), float("inf")])
-def test_a_constant_that_is_no_number_is_refused(level):
-    with pytest.raises(ValueError, match=r"level = .*: must be finite"):
-        Constant(level)
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_constant_that_is_no_number_is_refused(value):
+    with pytest.raises(ValueError, match=r"value = .*: must be a finite number"):
+        Constant(value)
 
 
 def naive(mean, first, samples):

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import Agent, Clock, FisherMetric, Gpomdp, Growth, Olgarb, Olpomdp, Plateau, Visited, adam, sgd
+from motorgrad.learning import SGD, Adam, Agent, Clock, FisherMetric, Growth, Plateau, Visited, gpomdp, olgarb, olpomdp
 from motorgrad.policies import FreeGaussians, Hyperplanes, LocalGaussians, Masked, SoftBoxes, SoftSpheres, growing
 
 QUICK = Growth(Clock(12), shrink=0.8, width=1.0, cutoff=0.15)  # nine decisions: .8⁸ = .168, .8⁹ = .134
 
 
-def learner(growth=QUICK, units=4, inputs=2, kind="gaussians", estimator=None, ascent=None, **parts):
-    return Agent(growing(inputs, units, kind), estimator or Olgarb(0.5), ascent or sgd(0.0), growth=growth, **parts)
+def learner(growth=QUICK, units=4, inputs=2, kind="gaussians", estimator=None, optimizer=None, **parts):
+    return Agent(growing(inputs, units, kind), estimator or olgarb(0.5), optimizer or SGD(0.0), growth=growth, **parts)
 
 
 def live(agent, decisions, seed=0, reward=lambda t, key: jnp.float32(1.0), look=None, start=None):
@@ -66,12 +66,12 @@ def noisy(mean):
     return lambda t, key: (mean(t) + 0.5 * jax.random.normal(key)).astype(jnp.float32)
 
 
-@pytest.mark.representatives("None-ascent0")
-@pytest.mark.parametrize("ascent", [sgd(0.01), adam(0.01)])
+@pytest.mark.representatives("None-optimizer0")
+@pytest.mark.parametrize("optimizer", [SGD(0.01), Adam(0.01)])
 @pytest.mark.parametrize("metric", [None, FisherMetric(rate=0.1)])
-def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_the_adding_phase(ascent, metric):
+def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_the_adding_phase(optimizer, metric):
     """One decision of a grown learner beside the same learner without the schedule."""
-    growing_agent = learner(QUICK, ascent=ascent, metric=metric)
+    growing_agent = learner(QUICK, optimizer=optimizer, metric=metric)
     paid = noisy(lambda t: 0.0)
     _, history = live(growing_agent, 30, reward=paid)
     plain = dataclasses.replace(growing_agent, growth=None)
@@ -105,7 +105,7 @@ def test_growth_is_complete_with_as_many_units_as_were_asked_for():
 
 def test_units_that_were_there_stay_as_they_are_and_the_next_is_added():
     pool = LocalGaussians([[0.1], [0.9], [0.4]], [[-2.0], [-2.5], [-3.0]], 0.5)
-    agent = Agent(Masked(pool, [False, True, False]), Olgarb(0.5), sgd(0.0), growth=QUICK)
+    agent = Agent(Masked(pool, [False, True, False]), olgarb(0.5), SGD(0.0), growth=QUICK)
     state = agent.init(jax.random.key(0))
     np.testing.assert_array_equal(state.policy.active, [True, True, False])
     np.testing.assert_allclose(state.policy.pool.centre[:, 0], [0.5, 0.9, 0.4])
@@ -117,7 +117,7 @@ def test_units_that_were_there_stay_as_they_are_and_the_next_is_added():
 
 def test_a_full_pool_does_not_grow_and_learns_at_the_plain_rates():
     pool = LocalGaussians([[0.1], [0.9]], [[-1.0], [-1.0]], 0.5)
-    agent = Agent(Masked(pool), Olgarb(0.5), sgd(0.01), growth=QUICK)
+    agent = Agent(Masked(pool), olgarb(0.5), SGD(0.01), growth=QUICK)
     state, plain = (live(dataclasses.replace(agent, growth=growth), 30)[0] for growth in (QUICK, None))
     np.testing.assert_array_equal(state.policy.pool.centre, plain.policy.pool.centre)
     assert state.growth.unit == -1
@@ -126,7 +126,7 @@ def test_a_full_pool_does_not_grow_and_learns_at_the_plain_rates():
 def test_the_fisher_matrix_of_a_new_unit_begins_anew():
     agent = learner(metric=FisherMetric(rate=0.5, initial=2.0))
     _, history = live(agent, 12)
-    before, after = (np.asarray(history.metric.fisher[0])[n] for n in (10, 11))
+    before, after = (np.asarray(history.chain[0][0])[n] for n in (10, 11))
     assert before[1, 0, 0] < 0.01  # nothing of it is left: the unit was off
     np.testing.assert_array_equal(after[1], 2 * np.eye(4))
     assert (after[0] != 2 * np.eye(4)).any()
@@ -186,7 +186,7 @@ def test_a_plateaus_interval_is_that_of_the_difference_of_two_windows():
     def rose(level, key):
         rewards = level + jax.random.normal(key, (400,))
         settled = jnp.asarray(True)
-        state, _ = jax.lax.scan(lambda s, r: (judge.watch(s, r, settled), None), judge.init(jnp.float32), rewards)
+        state, _ = jax.lax.scan(lambda s, r: (judge.reinforce(s, r, settled), None), judge.init(jnp.float32), rewards)
         return ~state.due
 
     for level in (0.0, 100.0):
@@ -226,7 +226,7 @@ def test_the_memory_is_an_even_sample_of_the_last_decisions():
 
     def go(salt):
         def see(state, t):
-            return visited.see(state, t[None].astype(jnp.float32), salt), None
+            return visited.observe(state, t[None].astype(jnp.float32), salt), None
 
         state, _ = jax.lax.scan(see, visited.init(1, jnp.float32), jnp.arange(700))
         return state.looks[:, 0], visited.draw(state, salt, jnp.zeros(1))[0]
@@ -245,13 +245,13 @@ def test_an_observation_that_is_not_finite_is_never_kept():
     visited = Visited(slots=3, every=1)
     state = visited.init(1, jnp.float32)
     for value in (1.0, np.nan, np.inf, 2.0):
-        state = visited.see(state, jnp.array([value]), jnp.uint32(5))
+        state = visited.observe(state, jnp.array([value]), jnp.uint32(5))
     assert state.kept == 2
     np.testing.assert_array_equal(state.looks[:, 0], [1, 2, 0])
 
 
 def test_without_growth_nothing_of_a_learner_changes():
-    agent = Agent(Hyperplanes([[0.1, 0.2]], [0.0]), Olgarb(0.5), sgd(0.1))
+    agent = Agent(Hyperplanes([[0.1, 0.2]], [0.0]), olgarb(0.5), SGD(0.1))
     state = agent.init(jax.random.key(0))
     assert state.growth is None
     plain = jax.make_jaxpr(lambda s: agent.improve(agent.reinforce(s, 1.0, jnp.zeros(2))))(state)
@@ -259,7 +259,7 @@ def test_without_growth_nothing_of_a_learner_changes():
 
 
 def test_it_grows_with_a_batch_learner_too():
-    state, _ = live(learner(estimator=dataclasses.replace(Olpomdp(0.5), improve=5), ascent=sgd(0.01)), 30)
+    state, _ = live(learner(estimator=dataclasses.replace(olpomdp(0.5), improve=5), optimizer=SGD(0.01)), 30)
     np.testing.assert_array_equal(state.policy.active, [True, True, True, False])
     assert np.isfinite(np.asarray(state.policy.pool.centre)).all()
 
@@ -270,7 +270,9 @@ def test_it_grows_with_a_batch_learner_too():
 def test_units_find_the_two_places_where_firing_pays(criterion, placement):
     """Firing is paid 1 within .12 of .2 and of .8, and costs .5 elsewhere: no unit in the middle can do well."""
     growth = Growth(criterion, width=0.5, cutoff=0.08, shrink=0.998, centre=0.5, placement=placement)
-    agent = learner(growth, units=4, inputs=1, estimator=Olgarb(0.0), ascent=sgd({"centre": 5e-4, "log_width": 2e-3}))
+    agent = learner(
+        growth, units=4, inputs=1, estimator=olgarb(0.0), optimizer=SGD({"centre": 5e-4, "log_width": 2e-3})
+    )
     good = lambda y: jnp.minimum(jnp.abs(y - 0.2), jnp.abs(y - 0.8)) < 0.12  # noqa: E731
 
     def decide(state, numbers):
@@ -296,15 +298,15 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
         (lambda: Growth(cutoff=2.0), "cutoff = 2.0: must be positive and at most the width, 1.0"),
         (lambda: Growth(shrink=1.0), "shrink = 1.0: must be in (0, 1)"),
         (lambda: Growth(boost=-1.0), "boost = -1.0"),
-        (lambda: Growth(units=0), "units = 0: must be at least 1"),
+        (lambda: Growth(units=0), "units = 0: must be a whole number of at least 1"),
         (lambda: Growth(Clock(7_587)), "interval = 7587: must be at least the 7,588 decisions of the adding phase"),
-        (lambda: Growth(10_000), "criterion = 10000: must be a criterion"),
+        (lambda: Growth(10_000), "criterion = 10000: must be a Criterion"),
         (lambda: Growth(placement="visited"), "placement = 'visited'"),
-        (lambda: Growth(centre=float("nan")), "centre = nan: must be finite"),
+        (lambda: Growth(centre=float("nan")), "centre = nan: must be a finite number"),
         (lambda: Clock(0), "interval = 0"),
-        (lambda: Plateau(window=39), "window = 39: must be at least 40 decisions"),
+        (lambda: Plateau(window=39), "window = 39: must be a whole number of at least 40"),
         (lambda: Plateau(confidence=1.0), "confidence = 1.0: must be in (0, 1)"),
-        (lambda: Plateau(patience=0), "patience = 0: must be at least 1"),
+        (lambda: Plateau(patience=0), "patience = 0: must be a whole number of at least 1"),
         (lambda: Visited(slots=0), "slots = 0"),
         (lambda: Visited(every=0), "every = 0"),
         (lambda: learner(Growth(units=5)).init(jax.random.key(0)), "growth.units = 5: must be at most the pool's, 4"),
@@ -315,7 +317,7 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
             "'FreeGaussians': must be a Masked pool of local units that keep their height",
         ),
         (lambda: learner(growth="clock"), "growth = 'clock': must be None or a Growth"),
-        (lambda: learner(estimator=Gpomdp(0.5)), "growth"),
+        (lambda: learner(estimator=gpomdp(0.5)), "growth"),
     ],
 )
 def test_impossible_schedules_are_refused_by_name(build, names):

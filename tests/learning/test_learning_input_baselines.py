@@ -12,28 +12,29 @@ from hypothesis import strategies as st
 
 import motorgrad as mg
 from motorgrad.learning import (
+    SGD,
     Agent,
     BinnedBaseline,
     Episodic,
     Estimator,
     Exponential,
-    Gpomdp,
     InputBaseline,
     LinearBaseline,
     MeanReward,
-    NoBaseline,
-    Olgarb,
     Window,
-    sgd,
+    gpomdp,
+    number,
+    olgarb,
 )
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState
 from motorgrad.tasks._finite import FiniteTask
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import FiniteMDP, oracle
 
 few = settings(max_examples=25, deadline=None, derandomize=True)
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
+SEES_ONE = Softmax([[0.5], [-0.5]])
 EXAMPLES = {
     "linear": LinearBaseline(0.02),
     "binned": BinnedBaseline(0.2, 0.8, 6),
@@ -51,13 +52,13 @@ def test_a_bin_is_the_mean_of_its_rewards(rewards, rate):
     baseline = BinnedBaseline(low, high, bins, rate=rate)
     means, counts = np.zeros(bins + 1), np.zeros(bins + 1)
     with jax.enable_x64(True):
-        state = baseline.init(jnp.float64, 1)
+        state = baseline.init(SEES_ONE, jnp.float64)
         for y, reward in rewards:
             here = int(np.clip(np.floor((y - low) / (high - low) * bins), 0, bins - 1))
             expected = means[here] if counts[here] else means[-1]
             assert float(baseline.value_at(state, jnp.array([y]))) == pytest.approx(expected, abs=1e-9)
-            assert float(baseline.value(state)) == pytest.approx(means[-1], abs=1e-9)
-            state = baseline.update(state, jnp.array([y]), jnp.asarray(reward))
+            assert float(baseline.level(state)) == pytest.approx(means[-1], abs=1e-9)
+            state = baseline.learn(state, jnp.array([y]), jnp.asarray(reward))
             for place in (here, -1):
                 counts[place] += 1
                 means[place] += max(1 / counts[place], 0 if place == -1 else rate) * (reward - means[place])
@@ -71,44 +72,43 @@ def test_what_lies_outside_the_bounds_belongs_to_the_outer_bins():
 
 def test_the_linear_baseline_finds_a_linear_reward_in_inputs_of_any_size():
     baseline, rng = LinearBaseline(0.5), np.random.default_rng(0)
-    state = baseline.init(jnp.float32, 2)
+    state = baseline.init(POINT, jnp.float32)
     inputs = rng.uniform(-3, 3, size=(5_000, 2)).astype(np.float32)
 
     def step(state, y):
-        return baseline.update(state, y, 2 * y[0] - 0.5 * y[1] + 7), None
+        return baseline.learn(state, y, 2 * y[0] - 0.5 * y[1] + 7), None
 
     state = jax.lax.scan(step, state, jnp.asarray(inputs))[0]
     np.testing.assert_allclose(state.weights, [2, -0.5, 7], atol=1e-4)
     assert float(baseline.value_at(state, jnp.array([100.0, 0.0]))) == pytest.approx(207, abs=1e-2)
     # with a rate of 1 it fits the newest reward at once, however large the input
     sure = LinearBaseline(1.0)
-    state = sure.update(sure.init(jnp.float32, 2), jnp.array([1e4, -3e3]), jnp.float32(5.0))
+    state = sure.learn(sure.init(POINT, jnp.float32), jnp.array([1e4, -3e3]), jnp.float32(5.0))
     assert float(sure.value_at(state, jnp.array([1e4, -3e3]))) == pytest.approx(5, rel=1e-5)
 
 
-@dataclasses.dataclass(frozen=True)
 class Told(InputBaseline):
-    """A baseline that knows what to expect: `slope` · y₀ for the newest action, `level` for the others."""
+    """A baseline that knows what to expect: `slope` · y₀ for the newest action, `others` for the others."""
 
-    slope: float
-    level: float = 0.0
+    slope: float = number()
+    others: float = number(0.0)
 
-    def init(self, dtype, inputs):
+    def init(self, policy, dtype):
         return jnp.zeros((), dtype)
 
-    def value(self, state):
-        return state + self.level
+    def level(self, state):
+        return state + self.others
 
     def value_at(self, state, observation):
         return self.slope * observation[0]
 
-    def update(self, state, observation, reward):
+    def learn(self, state, observation, reward):
         return state
 
 
 def estimates(task, policy, estimator, decisions, seeds):
     """The gradient estimate of every seed at fixed parameters."""
-    stepper = stepper_of(task, Agent(policy, estimator), range(seeds))
+    stepper = stepper_for(task, Agent(policy, estimator), range(seeds))
     stepper.advance(decisions)
     mean = stepper.state["cycle"].agent.gradient.mean
     return np.asarray(mean.weights, float).reshape(seeds, -1)
@@ -154,15 +154,14 @@ def test_no_input_baseline_biases_the_estimate(baseline, trace):
 
 def test_told_the_level_for_all_it_is_the_plain_baseline():
     task = ThreeState()
-    plain = estimates(task, POINT, Gpomdp(0.8, mg.learning.Constant(0.3)), 200, 3)
+    plain = estimates(task, POINT, gpomdp(0.8, mg.learning.Constant(0.3)), 200, 3)
 
-    @dataclasses.dataclass(frozen=True)
     class Same(Told):
         def value_at(self, state, observation):
-            return self.value(state)
+            return self.level(state)
 
     # 200 samples, each rounded to 6e-8
-    np.testing.assert_allclose(estimates(task, POINT, Gpomdp(0.8, Same(0.0, 0.3)), 200, 3), plain, atol=1e-7)
+    np.testing.assert_allclose(estimates(task, POINT, gpomdp(0.8, Same(0.0, 0.3)), 200, 3), plain, atol=1e-7)
 
 
 def test_the_weight_of_a_discounted_episode_is_on_both_parts():
@@ -209,7 +208,7 @@ _CACHE: dict[bool, FiniteMDP] = {}
 def test_it_takes_away_most_noise_where_the_reward_depends_on_the_input(baseline, quadratic, at_most):
     task, policy = Payday(quadratic=quadratic), Softmax([[0.2, 0.1], [-0.1, 0.0]])
     exact = oracle.flat(oracle.biased_gradient(task.dynamics, policy, 0.0))
-    plain, seeing = (estimates(task, policy, Gpomdp(0.0, b), 3_000, 100) for b in (MeanReward(), baseline))
+    plain, seeing = (estimates(task, policy, gpomdp(0.0, b), 3_000, 100) for b in (MeanReward(), baseline))
     assert seeing.var(0).sum() < at_most * plain.var(0).sum()
     for found in (plain, seeing):
         np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * found.std(0) / 10 + 2e-3)
@@ -217,7 +216,7 @@ def test_it_takes_away_most_noise_where_the_reward_depends_on_the_input(baseline
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_diverged_decision_teaches_it_nothing(name):
-    agent = Agent(POINT, Olgarb(0.8, EXAMPLES[name]), sgd(0.1))
+    agent = Agent(POINT, olgarb(0.8, EXAMPLES[name]), SGD(0.1))
     state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
     state, _ = agent.act(state, y, jnp.array([0.3]))
     state = agent.improve(agent.reinforce(state, jnp.float32(2.0), y))
@@ -225,7 +224,9 @@ def test_a_diverged_decision_teaches_it_nothing(name):
     lost = jnp.array(True)
     after = agent.improve(agent.reinforce(seen, jnp.float32(jnp.nan), y, diverged=lost), lost, lost)
     for a, b in zip(
-        jax.tree.leaves((after.policy, after.baseline)), jax.tree.leaves((state.policy, state.baseline)), strict=True
+        jax.tree.leaves((after.policy, after.estimator.baseline)),
+        jax.tree.leaves((state.policy, state.estimator.baseline)),
+        strict=True,
     ):
         np.testing.assert_array_equal(a, b)
 
@@ -234,23 +235,24 @@ def test_a_diverged_decision_teaches_it_nothing(name):
 @pytest.mark.parametrize("name", ["linear", "binned"])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(name, tmp_path):
     task = mg.make("call-admission")
-    agent = settings_for(task, baseline=name, baseline_input=3, baseline_high=10.0, baseline_rate=0.05)
+    numbers = {"input": 3, "high": 10.0} if name == "binned" else {}
+    agent = agent_for(task, baseline={"kind": name, "rate": 0.05, **numbers})
     whole = mg.train(task, agent, 600, 3, tmp_path / "whole", window=100, progress=False)
     mg.train(task, agent, 300, 3, tmp_path / "parts", window=100, progress=False)
     parts = mg.train(task, agent, 600, 3, tmp_path / "parts", window=100, progress=False)
     assert jax.tree.all(jax.tree.map(np.array_equal, parts.policies, whole.policies))
     np.testing.assert_array_equal(parts.curve("baseline")[1], whole.curve("baseline")[1])
     assert np.abs(whole.curve("baseline")[1]).min() > 0
-    plain = mg.train(task, settings_for(task), 600, 3, progress=False)
+    plain = mg.train(task, agent_for(task), 600, 3, progress=False)
     assert not jax.tree.all(jax.tree.map(np.array_equal, plain.policies, whole.policies))
 
 
 def test_settings_make_them():
     task = mg.make("chain")
-    found = settings_for(task, baseline="linear", baseline_rate=0.2).estimate().baseline
+    found = agent_for(task, {"baseline": "linear", "estimator.baseline.rate": 0.2}).estimator.baseline
     assert found == LinearBaseline(0.2)
-    numbers = {"baseline_low": -1.0, "baseline_high": 2.0, "baseline_bins": 7, "baseline_input": 1}
-    found = settings_for(task, baseline="binned", baseline_rate=0.0, **numbers).estimate().baseline
+    numbers = {"low": -1.0, "high": 2.0, "bins": 7, "input": 1}
+    found = agent_for(task, baseline={"kind": "binned", "rate": 0.0, **numbers}).estimator.baseline
     assert found == BinnedBaseline(-1.0, 2.0, 7, 1, 0.0)
 
 
@@ -260,19 +262,22 @@ def test_settings_make_them():
         (lambda: LinearBaseline(0.0), r"rate = 0.0: must be in \(0, 1\]"),
         (lambda: LinearBaseline(float("nan")), "rate = nan"),
         (lambda: BinnedBaseline(1.0, 1.0), r"low, high = \(1.0, 1.0\): must be finite, low < high"),
-        (lambda: BinnedBaseline(0.0, float("inf")), "low, high"),
+        (lambda: BinnedBaseline(0.0, float("inf")), "high = inf: must be a finite number"),
         (lambda: BinnedBaseline(bins=0), "bins = 0"),
         (lambda: BinnedBaseline(input=-1), "input = -1"),
         (lambda: BinnedBaseline(rate=1.5), r"rate = 1.5: must be in \[0, 1\]"),
         (
-            lambda: Agent(POINT, Olgarb(0.8, BinnedBaseline(input=2))).init(jax.random.key(0)),
+            lambda: Agent(POINT, olgarb(0.8, BinnedBaseline(input=2))).init(jax.random.key(0)),
             "input = 2: must be one of 2 observed numbers, 0 … 1",
         ),
-        (lambda: Estimator(baseline=0.5), "baseline = 0.5: must be a Baseline"),
-        (lambda: settings_for(mg.make("chain"), baseline="bined"), "'bined': did you mean 'binned'"),
-        (lambda: settings_for(mg.make("chain"), baseline="binned", baseline_low=2.0), "agent: baseline_low, high"),
+        (lambda: Estimator(baseline=0.5), "baseline = 0.5: must be None or a Baseline"),
+        (lambda: agent_for(mg.make("chain"), baseline="bined"), "'bined': did you mean 'binned'"),
         (
-            lambda: mg.train("chain", settings_for(mg.make("chain"), baseline="binned", baseline_input=9), 10),
+            lambda: agent_for(mg.make("chain"), baseline={"kind": "binned", "low": 2.0}),
+            r"agent\.estimator\.baseline: low, high = \(2\.0, 1\.0\)",
+        ),
+        (
+            lambda: mg.train("chain", agent_for(mg.make("chain"), baseline={"kind": "binned", "input": 9}), 10),
             "input = 9",
         ),
     ],
@@ -283,4 +288,4 @@ def test_impossible_settings_are_refused_by_name(make, names):
 
 
 def test_without_one_no_observation_is_kept():
-    assert Agent(POINT, Olgarb(0.8, NoBaseline())).init(jax.random.key(0)).last is None
+    assert Agent(POINT, olgarb(0.8, None)).init(jax.random.key(0)).decision is None

@@ -9,7 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
-from motorgrad.learning import Agent, Estimator, Exponential, FisherMetric, Gpomdp, MeanReward, Olgarb, adam, sgd
+from motorgrad.learning import (
+    SGD,
+    Adam,
+    Agent,
+    Estimator,
+    Exponential,
+    FisherMetric,
+    MeanReward,
+    Transition,
+    gpomdp,
+    olgarb,
+)
 from motorgrad.policies import (
     BinaryUnits,
     Factored,
@@ -24,7 +35,7 @@ from motorgrad.policies import (
 )
 from motorgrad.policies._policy import in_structure
 from motorgrad.tasks import CallAdmission, ThreeState
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, oracle
 from motorgrad.worlds.oracle import to_float64 as double
 
@@ -159,18 +170,23 @@ def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
 def estimated(task, policy, rate, decisions, seeds=24, decay=0.95):
     """Exact and estimated Fisher matrices and directions at fixed parameters, of every seed."""
     metric = FisherMetric(rate, 1e-3)
-    agent = Agent(policy, Gpomdp(decay, MeanReward()), metric=metric)
-    stepper = stepper_of(task, agent, range(seeds))
+    agent = Agent(policy, gpomdp(decay, MeanReward()), metric=metric)
+    stepper = stepper_for(task, agent, range(seeds))
     stepper.advance(decisions)
     state, precondition = stepper.state["cycle"].agent, eqx.filter_jit(metric.precondition)
     matrices, directions, plain = [], [], []
     for seed in range(seeds):
         mine = jax.tree.map(lambda leaf, seed=seed: np.asarray(leaf[seed]), state)
-        matrices.append(whole(policy, mine.metric.fisher))
+        matrices.append(whole(policy, mine.chain[0]))
         gradient = mine.gradient.mean
-        directions.append(oracle.flat(precondition(mine.metric, policy, gradient)))
+        directions.append(oracle.flat(precondition(mine.chain[0], policy, gradient)))
         plain.append(oracle.flat(gradient))
     return np.array(matrices), np.array(directions), np.array(plain)
+
+
+def seen(observation, action):
+    """The decision as a metric observes it."""
+    return Transition(observation, action, jnp.float32(0.0), observation)
 
 
 def angle(a, b):
@@ -231,9 +247,8 @@ def test_the_oracles_direction_solves_and_a_singular_matrix_moves_only_what_can_
     with jax.enable_x64(True):
         policy = double(POINT)
         fisher = (jnp.asarray(oracle.fisher(mdp, POINT))[None],)
-        state = metric.init(policy)._replace(fisher=fisher)
         g = oracle.gradient(mdp, POINT)
-        found = oracle.flat(metric.precondition(state, policy, jax.tree.map(jnp.asarray, g)))
+        found = oracle.flat(metric.precondition(fisher, policy, jax.tree.map(jnp.asarray, g)))
     # it is the same step of the policy; rounding may add a little of what changes nothing
     np.testing.assert_allclose(found[:2] - found[2:], direction[:2] - direction[2:], rtol=1e-6)
     assert np.linalg.norm(found) < 1.1 * np.linalg.norm(direction)
@@ -241,7 +256,7 @@ def test_the_oracles_direction_solves_and_a_singular_matrix_moves_only_what_can_
 
 def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
     """Learn on inputs in units of 1/`scale`; the path of the probabilities of firing at three inputs."""
-    agent = Agent(policy, estimator or Olgarb(0.5), rule or sgd(0.02), metric)
+    agent = Agent(policy, estimator or olgarb(0.5), rule or SGD(0.02), metric)
     rng = np.random.default_rng(3)
     inputs, uniforms = rng.normal(size=(decisions, 1)), rng.random((decisions, 2))
 
@@ -254,9 +269,9 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
 
     state = agent.init(jax.random.key(0))
     if metric is not None:  # a first estimate that is not singular, in whatever parameters
-        seen = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
-        fisher = tuple(sum(each) / len(each) for each in zip(*seen, strict=True))
-        state = state._replace(metric=state.metric._replace(fisher=fisher))
+        matrices = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
+        fisher = tuple(sum(each) / len(each) for each in zip(*matrices, strict=True))
+        state = state._replace(chain=(fisher, *state.chain[1:]))
     return np.asarray(jax.jit(lambda state: jax.lax.scan(decide, state, (inputs, uniforms))[1])(state))
 
 
@@ -281,7 +296,7 @@ def test_hyperplanes_and_motoneurons_that_are_one_policy_move_as_one():
         for kind, policy in (("w", Hyperplanes(w, b)), ("k", Motoneurons(-b / w[:, 0], w[:, 0]))):
             before = np.asarray(jax.jit(jax.vmap(policy.prob))(probes))
             for name, metric in (("natural", FisherMetric(0.05, 0.0, 0.0)), ("plain", None)):
-                after = learn(policy, 1.0, metric, rule=sgd(length))[-1]
+                after = learn(policy, 1.0, metric, rule=SGD(length))[-1]
                 moved[kind, name] = np.asarray(after - before) / length
     np.testing.assert_allclose(moved["w", "natural"], moved["k", "natural"], rtol=1e-3)
     assert np.abs(moved["w", "plain"] / moved["k", "plain"] - 1).max() > 0.1
@@ -299,8 +314,8 @@ def test_the_direction_is_numpys_solution(size, x64):
     with jax.enable_x64(x64):
         # hyperplanes of so many parameters lend their structure
         policy = Hyperplanes(jnp.zeros((5, size - 1)), jnp.zeros(5))
-        metric = FisherMetric(1.0)
-        state = metric.init(policy)._replace(fisher=(jnp.asarray(matrices),), damping=(jnp.asarray(damping),))
+        damping = {"weights": damping[:, :-1], "bias": damping[:, -1]}
+        metric, state = FisherMetric(1.0, damping), (jnp.asarray(matrices),)
 
         @jax.jit
         def direction(state, g):
@@ -320,11 +335,11 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     y = jnp.array([0.9])
     moved = {}
     for name, damping in (("damped", {"threshold": 0.05}), ("not damped", {})):
-        agent = Agent(policy, Olgarb(0.9), sgd(1e-4), FisherMetric(3e-4, damping))
+        agent = Agent(policy, olgarb(0.9), SGD(1e-4), FisherMetric(3e-4, damping))
         state = agent.init(jax.random.key(0))
         # as after a long time at gain 0: the start is forgotten, and nothing known of the thresholds
         known = jnp.zeros((2, 2, 2)).at[:, 1, 1].set(0.02)
-        state = state._replace(metric=state.metric._replace(fisher=(known,)))
+        state = state._replace(chain=((known,), *state.chain[1:]))
 
         @jax.jit
         def decide(state, uniforms, agent=agent):
@@ -348,7 +363,7 @@ def test_a_matrix_of_nothing_moves_nothing_and_a_singular_one_stays_finite(name)
     for leaf in jax.tree.leaves(metric.precondition(state, policy, ones)):
         np.testing.assert_array_equal(leaf, 0)
     action = policy.mode(jnp.array([0.3]))
-    state = metric.update(state, policy, jnp.array([0.3]), action)  # of rank one
+    state = metric.observe(state, policy, seen(jnp.array([0.3]), action))  # of rank one
     score = policy.score(jnp.array([0.3]), action)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(metric.precondition(state, policy, score)))
 
@@ -361,21 +376,21 @@ def test_it_starts_as_the_plain_gradient_and_forgets_that():
     np.testing.assert_allclose(oracle.flat(found), oracle.flat(gradient), rtol=1e-5)
     y, action = jnp.array([0.7]), jnp.array([1.0, 0.0])
     for _ in range(30):
-        state = metric.update(state, policy, y, action)
+        state = metric.observe(state, policy, seen(y, action))
     kept = 0.9**30
     expected = kept * np.eye(2) + (1 - kept) * np.asarray(policy.fisher(y, action)[0])
-    np.testing.assert_allclose(state.fisher[0], expected, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(state[0], expected, rtol=1e-5, atol=1e-7)
 
 
 def test_a_batch_learner_solves_once_a_batch_and_steps_by_the_natural_gradient():
     policy, metric = Hyperplanes([[0.5], [0.1]], [0.0, 0.2]), FisherMetric(0.1, 0.02)
-    agent = Agent(policy, Estimator(Exponential(0.5), improve=5), sgd(0.1), metric)
+    agent = Agent(policy, Estimator(Exponential(0.5), improve=5), SGD(0.1), metric)
     state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
     for number in range(10):
         uniforms = jax.random.uniform(jax.random.key(number), (2,))
         state, action = agent.act(state, y, uniforms)
         state = agent.reinforce(state, jnp.sum(action), y)
-        direction = metric.precondition(state.metric, state.policy, state.gradient.mean)
+        direction = metric.precondition(state.chain[0], state.policy, state.gradient.mean)
         after = agent.improve(state)
         if number % 5 == 4:
             expected = oracle.flat(trainable(state.policy)) + 0.1 * oracle.flat(direction)
@@ -387,9 +402,11 @@ def test_a_batch_learner_solves_once_a_batch_and_steps_by_the_natural_gradient()
 
 def test_it_goes_before_any_rule_and_keeps_fixed_fields():
     policy = LocalGaussians([[0.5]], [[0.0]], 0.6)
-    agent = Agent(policy, Olgarb(0.5), adam(0.01), FisherMetric(0.1, {"centre": 0.1, "log_width": 0.01}))
+    agent = Agent(policy, olgarb(0.5), Adam(0.01), FisherMetric(0.1, {"centre": 0.1, "log_width": 0.01}))
     state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
-    np.testing.assert_allclose(state.metric.damping[0], [[0.1, 0.01]])
+    blocks, metric = jax.tree.map(jnp.zeros_like, state.chain[0]), agent.metric
+    found = metric.precondition(blocks, policy, trainable(policy))  # of no matrix but the damping
+    np.testing.assert_allclose(found.centre, policy.centre / 0.1, rtol=1e-4)
     for number in range(5):
         state, _ = agent.act(state, y, jax.random.uniform(jax.random.key(number), (1,)))
         state = agent.improve(agent.reinforce(state, jnp.float32(1.0 + number), y))
@@ -399,12 +416,12 @@ def test_it_goes_before_any_rule_and_keeps_fixed_fields():
 
 @pytest.mark.parametrize("improve", [1, 4])
 def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(improve):
-    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(improve=improve), sgd(0.1), FisherMetric(0.1))
+    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(improve=improve), SGD(0.1), FisherMetric(0.1))
     state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
     state, _ = agent.act(state, y, jnp.array([0.3]))
     state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
     for broken in (jnp.array([jnp.nan]), y):
-        seen, _ = agent.act(state, broken, jnp.array([0.3]))
+        acted, _ = agent.act(state, broken, jnp.array([0.3]))
         lost = jnp.array(True)
-        after = agent.improve(agent.reinforce(seen, jnp.float32(jnp.nan), broken, diverged=lost), lost, lost)
-        assert eqx.tree_equal((after.policy, after.metric), (state.policy, state.metric))
+        after = agent.improve(agent.reinforce(acted, jnp.float32(jnp.nan), broken, diverged=lost), lost, lost)
+        assert eqx.tree_equal((after.policy, after.chain), (state.policy, state.chain))

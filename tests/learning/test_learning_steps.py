@@ -6,30 +6,30 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from jax.flatten_util import ravel_pytree
-from motorgrad.learning._schedule import at
 
 from motorgrad.learning import (
+    SGD,
     Agent,
     Annealed,
     Clock,
     Estimator,
     Exponential,
     FisherMetric,
-    Gae,
-    Gpomdp,
     Growth,
-    IndexedAgent,
     LeastSquares,
     LinearCritic,
     MeanReward,
-    NoBaseline,
-    Olgarb,
-    WeightAverage,
+    PolyakAveraging,
+    SparseAgent,
     entropy_gradient,
-    sgd,
+    gae,
+    gpomdp,
+    olgarb,
 )
+from motorgrad.learning._schedules import at
 from motorgrad.policies import (
     Factored,
     Gated,
@@ -43,8 +43,8 @@ from motorgrad.policies import (
     split,
     trainable,
 )
-from motorgrad.tasks import Chain, ThreeState, make
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.tasks import Chain, ThreeState
+from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
 from motorgrad.worlds.oracle import to_float64 as double
 
@@ -90,7 +90,7 @@ def bounded(*arguments):
 def measured(policy, seen):
     """The exact Fisher matrices of a policy over what is seen, as a metric has them."""
     fisher = tuple(np.mean(block, axis=0) for block in _fisher(policy, np.asarray(seen, np.float32)))
-    return FisherMetric(initial=0.0).init(policy)._replace(fisher=fisher)
+    return fisher
 
 
 @eqx.filter_jit
@@ -129,7 +129,7 @@ def test_steps_of_any_size_are_cut_without_overflow(size):
     step = jax.tree.map(lambda p: np.full_like(p, size), trainable(policy))
     state = measured(policy, seen)
     cut = bounded(state, policy, step, np.float32(0.02))
-    (fisher,), (block,) = state.fisher, policy.blocks(cut)
+    (fisher,), (block,) = state, policy.blocks(cut)
     worth = 0.5 * np.einsum("ui,uij,uj->", block, fisher, block)
     assert worth == pytest.approx(0.02 if size else 0.0, rel=1e-4)
     none = bounded(state, policy, step, np.float32(0.0))
@@ -139,14 +139,14 @@ def test_steps_of_any_size_are_cut_without_overflow(size):
 def test_no_step_of_a_learner_is_longer_than_its_limit_and_the_limit_is_annealed():
     limit, batch = Annealed(1e-3, 1e-4, 4), 40
     metric = FisherMetric(rate=0.01, damping=0.01, initial=1.0, kl=limit)
-    agent = Agent(Softmax(jnp.zeros((2, 2))), Gae(LinearCritic(), 0.5, batch), sgd(1e3), metric)
-    stepper = stepper_of(ThreeState(), agent, range(3))
+    agent = Agent(Softmax(jnp.zeros((2, 2))), gae(LinearCritic(), 0.5, batch), SGD(1e3), metric)
+    stepper = stepper_for(ThreeState(), agent, range(3))
     for n in range(6):
         before = stepper.policies()
         stepper.advance(batch)
         after, state = stepper.policies(), stepper.state["cycle"].agent
         steps = (after.weights - before.weights).reshape(3, -1)
-        fisher = state.metric.fisher[0][:, 0]
+        fisher = state.chain[0][0][:, 0]
         worth = 0.5 * np.einsum("si,sij,sj->s", steps, fisher, steps)
         np.testing.assert_allclose(worth, 1e-3 + (1e-4 - 1e-3) * min(n / 4, 1), rtol=1e-3)
     assert state.steps.tolist() == [6] * 3
@@ -199,8 +199,8 @@ def test_units_that_are_sure_have_no_slope():
 
 def test_the_bonus_adds_the_mean_slope_of_the_entropy():
     mdp, bonus = ThreeState().dynamics, 0.3
-    estimator = dataclasses.replace(Gpomdp(0.5), entropy=bonus)
-    found = [stepper_of(ThreeState(), Agent(POINT, e), range(100)) for e in (estimator, Gpomdp(0.5))]
+    estimator = dataclasses.replace(gpomdp(0.5), entropy=bonus)
+    found = [stepper_for(ThreeState(), Agent(POINT, e), range(100)) for e in (estimator, gpomdp(0.5))]
     for stepper in found:
         stepper.advance(2_000)
     with_it, without = (np.asarray(s.state["cycle"].agent.gradient.mean.weights, float) for s in found)
@@ -211,8 +211,8 @@ def test_the_bonus_adds_the_mean_slope_of_the_entropy():
 
 
 def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
-    estimator = Estimator(Exponential(0.0), NoBaseline(), entropy=Annealed(1.0, 0.5, 2))
-    agent = Agent(POINT, estimator, sgd(0.1))
+    estimator = Estimator(Exponential(0.0), None, entropy=Annealed(1.0, 0.5, 2))
+    agent = Agent(POINT, estimator, SGD(0.1))
     state = agent.init(jax.random.key(0))
     y = jnp.array([0.3, 0.6])
     for share in (1.0, 0.75, 0.5, 0.5):
@@ -228,9 +228,9 @@ def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
 
 
 def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
-    estimator = dataclasses.replace(Olgarb(0.0), entropy=20.0)
-    agent = Agent(POINT, estimator, sgd(0.005))
-    stepper = stepper_of(ThreeState(), agent, range(4))
+    estimator = dataclasses.replace(olgarb(0.0), entropy=20.0)
+    agent = Agent(POINT, estimator, SGD(0.005))
+    stepper = stepper_for(ThreeState(), agent, range(4))
     before = oracle.action_probabilities(ThreeState().dynamics, POINT)
     stepper.advance(10_000)
     for weights in stepper.policies().weights:
@@ -238,7 +238,7 @@ def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
         assert np.abs(after - 0.5).max() < 0.5 * np.abs(before - 0.5).max()
 
 
-AVERAGES = {"all": WeightAverage(), "late": WeightAverage(start=7), "forgetting": WeightAverage(2, 0.5)}
+AVERAGES = {"all": PolyakAveraging(), "late": PolyakAveraging(start=7), "forgetting": PolyakAveraging(2, 0.5)}
 
 
 @pytest.mark.representatives("all-1", "late-5")
@@ -246,9 +246,9 @@ AVERAGES = {"all": WeightAverage(), "late": WeightAverage(start=7), "forgetting"
 @pytest.mark.parametrize("name", AVERAGES)
 def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
     average = AVERAGES[name]
-    estimator = dataclasses.replace(Olgarb(0.5), improve=improve)
-    plain, agent = (Agent(POINT, estimator, sgd(0.1), average=a) for a in (None, average))
-    steppers = [stepper_of(ThreeState(), a, range(3)) for a in (plain, agent)]
+    estimator = dataclasses.replace(olgarb(0.5), improve=improve)
+    plain, agent = (Agent(POINT, estimator, SGD(0.1), averaging=a) for a in (None, average))
+    steppers = [stepper_for(ThreeState(), a, range(3)) for a in (plain, agent)]
     mean, n = steppers[0].policies().weights.astype(float), 0
     for made in range(1, 13):
         for stepper in steppers:
@@ -264,8 +264,8 @@ def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
 def test_averages_of_many_seeds_lie_closer_together_than_their_last_parameters():
     """With a bonus the optimum is at finite weights, about which a constant step size makes a cloud."""
     estimator = Estimator(Exponential(0.0), MeanReward(), entropy=1.0)
-    agent = Agent(Softmax(jnp.zeros((2, 4))), estimator, sgd(0.1), average=WeightAverage(2_000))
-    stepper = stepper_of(Chain(length=4), agent, range(50))
+    agent = Agent(Softmax(jnp.zeros((2, 4))), estimator, SGD(0.1), averaging=PolyakAveraging(2_000))
+    stepper = stepper_for(Chain(length=4), agent, range(50))
     stepper.advance(20_000)
     cloud, mean = stepper.state["cycle"].agent.policy.weights, stepper.policies().weights
     assert mean.std(0).max() < 0.5 * cloud.std(0).min()
@@ -280,49 +280,55 @@ def test_annealed_numbers_end_at_their_end():
 
 
 def test_nothing_is_kept_that_nothing_asks_for():
-    state = Agent(POINT, Olgarb(0.5)).init(jax.random.key(0))
-    assert (state.steps, state.average, state.last) == (None, None, None)
-    fixed = Agent(POINT, dataclasses.replace(Olgarb(0.5), entropy=0.1)).init(jax.random.key(0))
+    state = Agent(POINT, olgarb(0.5)).init(jax.random.key(0))
+    assert (state.steps, state.chain, state.decision) == (None, (optax.EmptyState(),), None)
+    fixed = Agent(POINT, dataclasses.replace(olgarb(0.5), entropy=0.1)).init(jax.random.key(0))
     assert fixed.steps is None
 
 
 GROWTH = Growth(Clock(10_000))
 
 
+def _annealed(start=0.1, **more):
+    return {"kind": "annealed", "start": start, **more}
+
+
 @pytest.mark.parametrize(
     ("make_it", "said"),
     [
-        (lambda: FisherMetric(kl=-1.0), "kl = -1.0: must be a finite number of at least 0, or Annealed"),
-        (lambda: Estimator(entropy=float("nan")), "entropy = nan: must be a finite number"),
+        (lambda: FisherMetric(kl=-1.0), "kl = -1.0: must be None or a finite number of at least 0, or an Annealed"),
+        (
+            lambda: Estimator(entropy=float("nan")),
+            "entropy = nan: must be None or a finite number of at least 0, or an Annealed",
+        ),
         (lambda: Annealed(-1.0), "start = -1.0"),
         (lambda: Annealed(1.0, float("inf")), "end = inf"),
-        (lambda: Annealed(1.0, steps=0), "steps = 0: must be a positive number of steps"),
-        (lambda: WeightAverage(start=-1), "start = -1"),
-        (lambda: WeightAverage(rate=1.5), "rate = 1.5"),
-        (lambda: Agent(POINT, average=0.5), "average = 0.5: must be None or a WeightAverage"),
+        (lambda: Annealed(1.0, steps=0), "steps = 0: must be a whole number of at least 1"),
+        (lambda: PolyakAveraging(start=-1), "start = -1"),
+        (lambda: PolyakAveraging(rate=1.5), "rate = 1.5"),
+        (lambda: Agent(POINT, averaging=0.5), "averaging = 0.5: must be None or a PolyakAveraging"),
         (
-            lambda: Agent(POINT, Gpomdp(0.5), average=WeightAverage()),
-            "average = .*: must be None where parameters",
+            lambda: Agent(POINT, gpomdp(0.5), averaging=PolyakAveraging()),
+            "averaging = .*: must be None where parameters",
         ),
         (
-            lambda: Agent(POINT, growth=GROWTH, average=WeightAverage()),
-            "average = .*: must be None where a policy",
+            lambda: Agent(POINT, growth=GROWTH, averaging=PolyakAveraging()),
+            "averaging = .*: must be None where a policy",
         ),
         (
-            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(entropy=0.1)),
-            "entropy = 0.1: must be 0 where units are indexed",
+            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(entropy=0.1)),
+            "entropy = 0.1: must be None with a spatial index",
         ),
         (
-            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), average=WeightAverage()),
-            "average = .*: must be None where units are indexed",
+            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), averaging=PolyakAveraging()),
+            "averaging = .*: must be None with a spatial index",
         ),
-        (lambda: settings_for("three-state", metric_kl=0.1), "metric_kl = 0.1: must be none unless metric = 'fisher'"),
-        (lambda: settings_for("three-state", metric="fisher", metric_kl=-0.1), "metric_kl = -0.1"),
-        (lambda: settings_for("three-state", metric_kl_end=0.1), "metric_kl_end = 0.1: must be none where there is no"),
-        (lambda: settings_for("three-state", entropy=0.1, entropy_end=-1.0), "entropy_end = -1.0"),
-        (lambda: settings_for("three-state", entropy=0.1, entropy_end=0.0, entropy_steps=0), "entropy_steps = 0"),
-        (lambda: settings_for("three-state", entropy=-0.1, entropy_end=0.0), "entropy = -0.1"),
-        (lambda: settings_for("three-state", average=True, average_start=-1), "average_start = -1"),
+        (lambda: agent_for("three-state", metric={"kind": "fisher", "kl": -0.1}), r"agent\.metric\.kl = -0\.1"),
+        (lambda: agent_for("three-state", {"metric.kl.end": 0.1}), "kl.start: must be given"),
+        (lambda: agent_for("three-state", entropy=_annealed(end=-1.0)), r"entropy\.end = -1\.0"),
+        (lambda: agent_for("three-state", entropy=_annealed(end=0.0, steps=0)), r"entropy\.steps = 0"),
+        (lambda: agent_for("three-state", entropy=_annealed(start=-0.1)), r"entropy\.start = -0\.1"),
+        (lambda: agent_for("three-state", averaging={"start": -1}), r"agent\.averaging\.start = -1"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(make_it, said):
@@ -331,23 +337,18 @@ def test_what_is_impossible_is_refused_by_name(make_it, said):
 
 
 def test_settings_stand_for_the_parts():
-    settings = settings_for(
+    critic = {"kind": "critic", "discount": 0.97, "features": {"actions": True}}
+    agent = agent_for(
         "three-state",
-        critic="least-squares",
-        critic_discount=0.97,
-        critic_actions=True,
+        baseline=critic,
         decay=0.873,
         improve=160,
-        entropy=0.02,
-        entropy_end=0.0,
-        entropy_steps=300,
-        metric="fisher",
-        metric_kl=0.03,
-        average=True,
-        average_start=150,
+        entropy=_annealed(0.02, end=0.0, steps=300),
+        metric={"kind": "fisher", "kl": 0.03},
+        averaging={"start": 150},
     )
-    agent = settings.agent(make("three-state"))
     critic = agent.estimator.baseline
     assert (critic.discount, critic.features.actions, critic.fit) == (0.97, True, LeastSquares())
+    assert agent.estimator.trace == Exponential(0.873)
     assert agent.estimator.entropy == Annealed(0.02, 0.0, 300)
-    assert (agent.metric.kl, agent.average) == (0.03, WeightAverage(150))
+    assert (agent.metric.kl, agent.averaging) == (0.03, PolyakAveraging(150))

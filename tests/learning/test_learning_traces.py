@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motorgrad.learning import Episodic, Exponential, LaggedGaussian, Window
+from motorgrad.learning import Agent, Episodic, Exponential, LaggedGaussian, Window, olgarb
+from motorgrad.policies import Softmax
+from motorgrad.tasks import ThreeState
+from motorgrad.training import stepper_for
 
 # name: (the filter, the weight it gives to a score from `age` decisions ago, an array)
 TRACES = {
@@ -95,12 +98,17 @@ def test_the_lagged_filter_is_cut_where_its_weight_is_negligible():
 @pytest.mark.parametrize(
     ("make", "names"),
     [
-        (lambda: Exponential(1.0), r"decay = 1.0: must be in \[0, 1\)"),
+        (lambda: Exponential(1.5), r"decay = 1.5: must be in \[0, 1\]"),
         (lambda: Exponential(-0.1), "decay = -0.1"),
         (lambda: Exponential(float("nan")), "decay = nan"),
         (lambda: Window(0), "length = 0"),
         (lambda: LaggedGaussian(-1.0), "lag = -1.0"),
         (lambda: LaggedGaussian(1.0, 0.0), "width = 0.0"),
+        (lambda: LaggedGaussian("5"), "lag = '5': must be a finite number"),
+        (
+            lambda: stepper_for(ThreeState(), Agent(Softmax([[1.0, 1.0], [-1.0, -1.0]]), olgarb(1.0)), [0]),
+            r"estimator\.trace\.decay = 1: needs episodes",
+        ),
     ],
 )
 def test_impossible_settings_are_refused_by_name(make, names):

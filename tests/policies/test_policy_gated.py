@@ -140,12 +140,12 @@ def test_impossible_hierarchies_are_refused_by_name(build, names):
 
 def test_gates_and_their_units_are_learnt_together():
     """A reward for the gate on the right and, there, for the unit behind it: both must find it."""
-    from motorgrad.learning import Agent, Olgarb, sgd
+    from motorgrad.learning import SGD, Agent, olgarb
 
     policy = Gated(
         LocalGaussians([[0.0]], [[1.0]], 0.9), [Gated(Hyperplanes([[0.0]], [0.0]), [Hyperplanes([[0.0]], [0.0])])]
     )
-    agent = Agent(policy, Olgarb(0.0), sgd(0.05))
+    agent = Agent(policy, olgarb(0.0), SGD(0.05))
 
     def decide(state, numbers):
         y = 2 * numbers[:1] - 1

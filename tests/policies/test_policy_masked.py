@@ -8,7 +8,7 @@ import optax
 import pytest
 from policy_examples import EXAMPLES, Compiled, observation_of, policy_of
 
-from motorgrad.learning import Agent, FisherMetric, Olpomdp, adam, decayed, sgd
+from motorgrad.learning import SGD, Adam, Agent, FisherMetric, olpomdp
 from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
 
 POOLS = (
@@ -65,11 +65,11 @@ def test_units_that_are_off_never_fire(name):
 
 
 RULES = {
-    "sgd": (sgd(0.1), None),
-    "adam": (adam(0.1), None),
-    "decay": (decayed(sgd(0.1), 0.1), None),
+    "sgd": (SGD(0.1), None),
+    "adam": (Adam(0.1), None),
+    "decay": (SGD(0.1, 0.1), None),
     "optax": (optax.chain(optax.add_decayed_weights(0.1), optax.sgd(0.1, momentum=0.9)), None),
-    "natural": (sgd(0.1), FisherMetric(rate=0.1)),
+    "natural": (SGD(0.1), FisherMetric(rate=0.1)),
 }
 
 
@@ -79,8 +79,8 @@ RULES = {
 def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):
     masked, _, y = pair("local-gaussians-p-max")
     policy = Factored([Gated(policy_of("hyperplanes"), [masked] * 3), masked]) if wrapped else masked
-    ascent, metric = RULES[rule]
-    agent = Agent(policy, Olpomdp(0.5), ascent, metric)
+    optimizer, metric = RULES[rule]
+    agent = Agent(policy, olpomdp(0.5), optimizer, metric)
     start = agent.init(jax.random.key(0))
 
     def decide(state, uniforms):

@@ -11,14 +11,14 @@ from jax.flatten_util import ravel_pytree
 from policy_examples import Compiled, observation_of, over_actions, policy_of
 
 from motorgrad.learning import (
+    SGD,
     Agent,
     Estimator,
     Exponential,
     FisherMetric,
     LinearCritic,
-    WeightAverage,
+    PolyakAveraging,
     entropy_gradient,
-    sgd,
 )
 from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Mirrored, initial, split, trainable
 
@@ -127,7 +127,7 @@ def test_it_can_be_a_part_of_others_but_its_units_cannot_be_masked():
 def learnt(policy, metric, decisions=4000, batch=20):
     """Learn to fire on the side that an input points to, by everything that a learner may have beside its trace."""
     estimator = Estimator(Exponential(0.5), LinearCritic(), 1.0, batch, entropy=1e-3)
-    agent = Agent(policy, estimator, sgd(0.2), metric, average=WeightAverage(start=10))
+    agent = Agent(policy, estimator, SGD(0.2), metric, averaging=PolyakAveraging(start=10))
     rng = np.random.default_rng(1)
     inputs, uniforms = rng.normal(size=(decisions + 1, 1)), rng.random((decisions, 2))
 
@@ -149,7 +149,7 @@ def test_it_learns_under_metric_limit_critic_average_and_bonus():
     assert abs(rewards[:200].mean()) < 0.6
     assert rewards[-500:].mean() > 0.7  # 1 is the most; a blind policy has 0
     assert state.policy.pool.weights[0, 0] > 1
-    average = state.average.mean.pool.weights[0, 0]
+    average = state.chain[-1].mean.pool.weights[0, 0]
     assert 0 < average < state.policy.pool.weights[0, 0]
 
 

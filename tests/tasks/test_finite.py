@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import Agent, Gpomdp
+from motorgrad.learning import Agent, gpomdp
 from motorgrad.policies import Hyperplanes, Softmax
 from motorgrad.tasks import TASKS, CallAdmission, Chain, FiniteTask, ThreeState, make
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 
 FINITE = {name: task() for name, task in TASKS.items() if issubclass(task, FiniteTask)}
@@ -50,7 +50,7 @@ def test_an_admission_is_paid_for_the_state_in_which_it_was_decided():
 @pytest.mark.parametrize("name", FINITE)
 def test_the_mean_reward_in_the_engine_is_the_oracles(name):
     task, runs, decisions, settle = FINITE[name], 200, 4_000, 400
-    stepper = stepper_of(task, Agent(still(task), Gpomdp(0.0)), range(runs))
+    stepper = stepper_for(task, Agent(still(task), gpomdp(0.0)), range(runs))
     stepper.advance(settle)  # forget the start
     stepper.harvest()
     stepper.advance(decisions)
@@ -64,7 +64,7 @@ def test_the_mean_reward_in_the_engine_is_the_oracles(name):
 @pytest.mark.parametrize("variant", ["walk", "reset"])
 def test_a_chain_cut_after_one_decision_less_than_its_length_pays_once_in_thirty_two_episodes(variant):
     task, runs, episodes = Chain(length=6, variant=variant, time_limit=5), 200, 300
-    stepper = stepper_of(task, Agent(still(task), Gpomdp(0.0)), range(runs))
+    stepper = stepper_for(task, Agent(still(task), gpomdp(0.0)), range(runs))
     stepper.advance(5 * episodes)
     record = stepper.harvest()
     np.testing.assert_array_equal(record["episodes"], episodes)
@@ -74,14 +74,14 @@ def test_a_chain_cut_after_one_decision_less_than_its_length_pays_once_in_thirty
 
 
 def test_a_continuing_task_has_no_episodes():
-    stepper = stepper_of(ThreeState(), Agent(still(ThreeState()), Gpomdp(0.0)), range(2))
+    stepper = stepper_for(ThreeState(), Agent(still(ThreeState()), gpomdp(0.0)), range(2))
     stepper.advance(10)
     assert "episodes" not in stepper.harvest()
 
 
 def test_a_truncated_episode_begins_anew_with_an_empty_trace():
     task = Chain(length=6, time_limit=3)
-    stepper = stepper_of(task, Agent(still(task), Gpomdp(0.9)), range(4))
+    stepper = stepper_for(task, Agent(still(task), gpomdp(0.9)), range(4))
     stepper.advance(6)
     state = stepper.state
     np.testing.assert_array_equal(state["world"], task.dynamics.start)

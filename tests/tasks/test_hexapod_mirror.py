@@ -14,7 +14,7 @@ from motorgrad.cli import main
 from motorgrad.policies import Hyperplanes, Mirrored, initial, mirrored
 from motorgrad.tasks import TASKS, Hexapod, HexapodSynergy, Mirror
 from motorgrad.tasks.hexapod._hexapod import SENSES
-from motorgrad.training import settings_for, train
+from motorgrad.training import agent_for, train
 
 BODIES = {"plain": HexapodBody(), "biomimetic": biomimetic_hexapod(), "yawing spine": HexapodBody(spine_axis="yaw")}
 TASKS_HERE = {
@@ -149,17 +149,16 @@ def test_a_run_with_everything_resumes_and_loads(tmp_path):
     task = HexapodSynergy(observes=SENSES)
     changes = {
         "policy": "mirrored",
-        "metric": "fisher",
-        "metric_kl": 0.01,
-        "critic": "td",
-        "average": True,
+        "metric": {"kind": "fisher", "kl": 0.01},
+        "baseline": {"kind": "critic", "fit": "td"},
+        "averaging": "polyak",
         "entropy": 0.01,
         "improve": 10,
     }
-    settings = settings_for(task, **changes)
-    whole = train(task, settings, steps=40, seeds=2, out=tmp_path / "whole", window=10, progress=False)
+    agent = agent_for(task, changes)
+    whole = train(task, agent, steps=40, seeds=2, out=tmp_path / "whole", window=10, progress=False)
     for steps in (20, 40):
-        train(task, settings, steps=steps, seeds=2, out=tmp_path / "parts", window=10, progress=False)
+        train(task, agent, steps=steps, seeds=2, out=tmp_path / "parts", window=10, progress=False)
     loaded = mg.load(tmp_path / "parts")
     assert isinstance(loaded.policies, Mirrored)
     assert (loaded.policies.order, loaded.policies.signs) == (task.mirror.inputs, task.mirror.signs)

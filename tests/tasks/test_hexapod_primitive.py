@@ -10,7 +10,7 @@ import pytest
 from motorgrad.bodies import LEGS, TRIPODS, read_hexapod
 from motorgrad.environments import TaskEnv
 from motorgrad.tasks import HexapodPrimitive, make
-from motorgrad.training import settings_for, stepper_of, train
+from motorgrad.training import agent_for, stepper_for, train
 
 NONE = jnp.zeros(0)
 
@@ -89,14 +89,14 @@ def test_the_lateral_angles_are_observed_and_speed_is_paid():
 
 def test_it_learns_both_and_either_alone():
     task = HexapodPrimitive()
-    rates = dict(task.learner["rates"])
+    rates = dict(task.learner["learning_rate"])
     for off, still, moved in (
         ((), (), ("weights", "level")),
         (("level",), ("level",), ("weights",)),
         (("weights", "bias"), ("weights",), ("level",)),
     ):
-        settings = settings_for(task, rates=rates | dict.fromkeys(off, 0.0))
-        run = train(task, settings, steps=150, seeds=1, progress=False)
+        agent = agent_for(task, learning_rate=rates | dict.fromkeys(off, 0.0))
+        run = train(task, agent, steps=150, seeds=1, progress=False)
         learnt = {"weights": run.policies.precondition.weights, "level": run.policies.movement.level}
         assert all(not np.any(learnt[name]) for name in still)
         assert all(np.any(learnt[name]) for name in moved)
@@ -105,11 +105,11 @@ def test_it_learns_both_and_either_alone():
 @pytest.mark.slow
 def test_a_saved_learner_goes_on_to_the_last_bit():
     task = HexapodPrimitive()
-    agent = settings_for(task).agent(task)
-    whole, parts = stepper_of(task, agent, [0, 1], threads=1), stepper_of(task, agent, [0, 1], threads=1)
+    agent = agent_for(task)
+    whole, parts = stepper_for(task, agent, [0, 1], threads=1), stepper_for(task, agent, [0, 1], threads=1)
     whole.advance(40)
     parts.advance(17)
-    again = stepper_of(task, agent, [0, 1], threads=1)
+    again = stepper_for(task, agent, [0, 1], threads=1)
     again.restore(parts.state)
     again.advance(23)
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
@@ -118,8 +118,9 @@ def test_a_saved_learner_goes_on_to_the_last_bit():
 @pytest.mark.slow
 def test_other_policies_of_real_numbers_will_do_too():
     task = make("hexapod-primitive")
-    settings = settings_for(task, policy="graded-hyperplanes", rates={"slope": 1e-4, "level": 1e-4, "log_deviation": 0})
-    run = train(task, settings, steps=30, seeds=1, progress=False)
+    rates = {"slope": 1e-4, "level": 1e-4, "log_deviation": 0}
+    agent = agent_for(task, policy="graded-hyperplanes", learning_rate=rates)
+    run = train(task, agent, steps=30, seeds=1, progress=False)
     assert run.policies.level.shape == (1, 6)
     environment = TaskEnv(task)
     environment.reset(seed=0)

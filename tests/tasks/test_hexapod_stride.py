@@ -12,7 +12,7 @@ from motorgrad.bodies import read_hexapod
 from motorgrad.environments import TaskEnv
 from motorgrad.policies import graded_hyperplanes, hyperplanes
 from motorgrad.tasks import HexapodStride, make
-from motorgrad.training import settings_for, stepper_of, train
+from motorgrad.training import agent_for, stepper_for, train
 
 
 @pytest.fixture(autouse=True)
@@ -117,18 +117,18 @@ def test_it_learns_on_real_numbers_and_refuses_other_policies():
     run = train(task, steps=60, seeds=2, progress=False)
     assert not np.array_equal(run.policies.level, run.initial.level)
     with pytest.raises(ValueError, match="binary actions, but the task 'hexapod-stride' takes graded"):
-        train(task, settings_for(task, policy="hyperplanes", rate=1e-3), steps=10, progress=False)
+        train(task, agent_for(task, policy="hyperplanes", learning_rate=1e-3), steps=10, progress=False)
     assert (graded_hyperplanes(task).inputs, hyperplanes(task).outputs) == (1, 1)
 
 
 @pytest.mark.slow
 def test_a_saved_learner_goes_on_to_the_last_bit():
     task = HexapodStride(stretch=0.1)
-    agent = settings_for(task).agent(task)
-    whole, parts = stepper_of(task, agent, [0, 1], threads=1), stepper_of(task, agent, [0, 1], threads=1)
+    agent = agent_for(task)
+    whole, parts = stepper_for(task, agent, [0, 1], threads=1), stepper_for(task, agent, [0, 1], threads=1)
     whole.advance(40)
     parts.advance(17)
-    again = stepper_of(task, agent, [0, 1], threads=1)
+    again = stepper_for(task, agent, [0, 1], threads=1)
     again.restore(parts.state)
     again.advance(23)
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)

@@ -11,7 +11,7 @@ import motorgrad as mg
 from motorgrad.bodies import LEGS, TRIPODS, BodyBatch, OnTerrain, Terrain, biomimetic_hexapod, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks import TRIPOD_SYNERGIES, Hexapod, HexapodSynergy, make
-from motorgrad.training import evaluate, settings_for, stepper_of, train
+from motorgrad.training import agent_for, evaluate, stepper_for, train
 
 NONE = jnp.zeros(0)
 ALL = ("lateral", "current", "contact", "yaw", "course")
@@ -200,7 +200,7 @@ def test_an_overturned_trunk_ends_the_episode_and_counts_as_a_fall():
 
 def test_the_engine_puts_a_body_on_its_back_on_its_feet():
     task = HexapodSynergy()
-    stepper = stepper_of(task, settings_for(task).agent(task), range(2), threads=1)
+    stepper = stepper_for(task, agent_for(task), range(2), threads=1)
     stepper.advance(3)
     stepper.harvest()
     snapshot = stepper.batch.snapshot()

@@ -10,10 +10,10 @@ import pytest
 
 from motorgrad.bodies import Attachment, BodyState, Muscle
 from motorgrad.bodies import Hopper as HopperBody
-from motorgrad.learning import Agent, Gpomdp
+from motorgrad.learning import Agent, gpomdp
 from motorgrad.policies import hyperplanes
 from motorgrad.tasks import Hopper, make
-from motorgrad.training import settings_for, stepper_of, train
+from motorgrad.training import agent_for, stepper_for, train
 
 AIR, GROUND = 0.0, 5.0  # newtons of contact
 IDLE = jnp.zeros(2)
@@ -132,7 +132,7 @@ def reference(task, heights, contacts, actions):
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_the_engine_pays_along_recorded_hops_what_the_rule_says(variant):
     task = Hopper(paid=variant)
-    stepper = stepper_of(task, settings_for(task).agent(task), range(3), mode="sample")
+    stepper = stepper_for(task, agent_for(task), range(3), mode="sample")
     paid, seen, actions = [], [], []
     for _ in range(250):
         actions.append(np.array(stepper.activation))
@@ -152,7 +152,7 @@ def test_an_action_lasts_whole_physics_steps(period, timestep, substeps):
     task = Hopper(action_period=period, body=HopperBody(timestep=timestep))
     assert task.substeps == substeps
     assert task.period == period
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     stepper.advance(3)
     assert stepper.state["physics"]["state"][0, 0] == pytest.approx(3 * period)  # the physics' own clock
 
@@ -218,7 +218,7 @@ def test_every_variant_of_the_body_learns(settings):
 
 def test_an_estimate_at_fixed_parameters_is_finite_and_not_nothing():
     task = Hopper()
-    stepper = stepper_of(task, Agent(hyperplanes(task), Gpomdp(0.98)), range(3))
+    stepper = stepper_for(task, Agent(hyperplanes(task), gpomdp(0.98)), range(3))
     stepper.advance(400)
     agent = stepper.state["cycle"].agent
     np.testing.assert_array_equal(agent.policy.weights, 0)

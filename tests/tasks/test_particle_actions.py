@@ -6,7 +6,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.tasks import FallingParticle, make
-from motorgrad.training import settings_for, train
+from motorgrad.training import agent_for, train
 from motorgrad.worlds import ParticleState
 
 
@@ -31,8 +31,8 @@ def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
     task = make(name)
     assert task.accepted_actions == ("binary", "graded")
     rates = {"centre": 1e-4, "log_width": 1e-4, "strength": 1e-3, "log_deviation": 1e-3}
-    settings = settings_for(task, policy="graded-tiles", policy_settings={"copies": 2}, rates=rates)
-    run = train(task, settings, 300, 2, progress=False)
+    agent = agent_for(task, policy={"kind": "graded-tiles", "copies": 2}, learning_rate=rates)
+    run = train(task, agent, 300, 2, progress=False)
     assert np.isfinite(run.curve()[1]).all()
     assert (run.policies.strength != 0).any()
 
@@ -41,11 +41,11 @@ def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
 def test_a_mixture_learns_all_its_parts():
     task = FallingParticle(units=10)
     rates = {"centre": 2e-4, "log_width": 8e-4, "weights": 0.03, "bias": 0.03}
-    settings = settings_for(task, policy="mixture", policy_settings={"copies": 2}, rates=rates)
-    run = train(task, settings, 500, 2, progress=False)
+    agent = agent_for(task, policy={"kind": "mixture", "copies": 2}, learning_rate=rates)
+    run = train(task, agent, 500, 2, progress=False)
     local, everywhere = run.policies.pools
     first = run.initial.pools
     assert (local.centre != first[0].centre).any()
     assert (everywhere.weights != first[1].weights).any()
     with pytest.raises(ValueError, match="discrete actions, but the task 'particle' takes binary or graded"):
-        mg.train(task, settings_for(task, policy="softmax", policy_settings=None, rate=1e-3), 10, progress=False)
+        mg.train(task, agent_for(task, policy="softmax", learning_rate=1e-3), 10, progress=False)

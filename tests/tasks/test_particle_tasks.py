@@ -10,7 +10,7 @@ import pytest
 import motorgrad as mg
 from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, around, make, region_reward
 from motorgrad.tasks._particle import LAYOUTS
-from motorgrad.training import settings_for, stepper_of, train
+from motorgrad.training import agent_for, stepper_for, train
 from motorgrad.worlds import ParticleState
 
 NAMES = ("particle", "particle-navigation", "particle-orbit")
@@ -29,7 +29,7 @@ def pays(task, state):
 
 
 def stepped(task, decisions, seeds=3, **changes):
-    stepper = stepper_of(task, settings_for(task, **changes).agent(task), range(seeds))
+    stepper = stepper_for(task, agent_for(task, **changes), range(seeds))
     stepper.advance(decisions)
     return stepper
 
@@ -53,7 +53,7 @@ def test_regions_of_ones_own_take_the_layouts_place():
 def test_the_floor_ends_an_episode_and_nothing_else_does():
     task = FallingParticle()
     assert [pays(task, at(0.5, 0.5, reached=[side]))[1] for side in range(4)] == [False, True, False, False]
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     heights, ended = [], 0
     for _ in range(80):
         stepper.advance(1)
@@ -175,18 +175,18 @@ def test_a_run_goes_on_where_it_was_put_back(name):
 
 def test_the_first_policy_tiles_the_box_with_both_directions_at_each_place():
     task = FallingParticle()
-    policy = settings_for(task).agent(task).policy
+    policy = agent_for(task).policy
     places = [(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)]
     np.testing.assert_allclose(policy.centre, np.repeat(places, 2, axis=0))
     np.testing.assert_allclose(np.exp(policy.log_width), 0.16, rtol=1e-6)
     wide = make("particle", physics={"walls": {"left": -1.0, "right": 3.0}}, start={"x": [-1.0, 3.0]})
-    policy = settings_for(wide).agent(wide).policy
+    policy = agent_for(wide).policy
     assert sorted(set(map(float, policy.centre[:, 0]))) == [0.0, 2.0]
     np.testing.assert_allclose(np.exp(policy.log_width[0]), [0.64, 0.16], rtol=1e-6)
 
 
 @pytest.mark.representatives("change0")
-@pytest.mark.parametrize("change", [{"rates": {"centre": 2e-4, "log_width": 10.0}}, {"improve": 7}])
+@pytest.mark.parametrize("change", [{"learning_rate": {"centre": 2e-4, "log_width": 10.0}}, {"improve": 7}])
 def test_learning_keeps_widths_within_their_limits(change):
     limits = {"copies": 2, "least_log_width": -1.9, "most_log_width": -1.8}
     rates = change.get("rates", {"centre": 0.0, "log_width": 10.0})
@@ -229,7 +229,7 @@ def test_what_cannot_be_is_refused_by_name(name, changes, words):
 
 
 def test_untrained_rewards_and_the_length_of_episodes_are_those_of_the_reading():
-    still = {"rates": {"centre": 0.0, "log_width": 0.0}}
+    still = {"learning_rate": {"centre": 0.0, "log_width": 0.0}}
     for layout, expected in (("R1", -0.001), ("R2", 0.123)):
         task = make("particle", layout=layout)
         record = stepped(task, 5_000, 20, **still).harvest()

@@ -4,14 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from motorgrad.training._packing import Packing
 
 import motorgrad as mg
 from motorgrad.environments import TaskEnv
 from motorgrad.learning import Agent, FisherMetric
 from motorgrad.policies import GradedMotoneurons, Hyperplanes, Motoneurons, Querying
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
-from motorgrad.training import evaluate, settings_for, stepper_of, train
+from motorgrad.training import agent_for, evaluate, stepper_for, train
+from motorgrad.training.engines._packing import Packing
 from motorgrad.worlds import QueriedLoads
 
 NONE = jnp.zeros(0)
@@ -37,7 +37,7 @@ def test_each_activation_counts_as_far_as_it_is_between_nought_and_one(task):
 def test_graded_units_learn_on_both_tasks():
     rates = {"gain": 2e-4, "threshold": 4e-4, "log_deviation": 2e-4}
     for task in (LinearRecruitment(units=2), ArmRecruitment(units=2)):
-        run = train(task, settings_for(task, policy="graded-motoneurons", rates=rates), 300, 2, progress=False)
+        run = train(task, agent_for(task, policy="graded-motoneurons", learning_rate=rates), 300, 2, progress=False)
         assert isinstance(run.policies, GradedMotoneurons)
         assert not np.array_equal(run.policies.log_deviation, run.initial.log_deviation)
         quiet = evaluate(run, 50, mode="mode")
@@ -47,9 +47,9 @@ def test_graded_units_learn_on_both_tasks():
 def test_an_evaluation_by_the_mode_has_no_noise():
     task = LinearRecruitment(units=1)
     pool = GradedMotoneurons([0.5], [4.8], [np.log(0.5)])
-    stepper = stepper_of(task, Agent(pool), [0], "mode")
+    stepper = stepper_for(task, Agent(pool), [0], "mode")
     stepper.advance(500)
-    noisy = stepper_of(task, Agent(pool), [0], "sample")
+    noisy = stepper_for(task, Agent(pool), [0], "sample")
     noisy.advance(500)
     quiet, loud = (float(s.harvest()["error"][0]) for s in (stepper, noisy))
     assert quiet < 0.06
@@ -59,14 +59,14 @@ def test_an_evaluation_by_the_mode_has_no_noise():
 @pytest.mark.slow
 def test_one_graded_unit_grades_the_force_better_than_one_that_fires_or_not():
     task = LinearRecruitment(units=1)
-    run = train(task, settings_for(task, policy="graded-motoneurons"), 600_000, 8, progress=False)
+    run = train(task, agent_for(task, policy="graded-motoneurons"), 600_000, 8, progress=False)
     assert run.curve("error")[1][:, -20:].mean() < 0.15  # the best of a binary unit is 0.217
     assert (run.policies.floor[:, None] + np.exp(run.policies.log_deviation) < 0.2).all()
 
 
 def test_the_next_load_is_the_one_asked_for():
     pool = Querying(SHARP, explore=0.0, cells=10)
-    stepper = stepper_of(QUERIED, Agent(pool), [0, 1, 2], "sample")
+    stepper = stepper_for(QUERIED, Agent(pool), [0, 1, 2], "sample")
     asked = []
     for _ in range(200):
         stepper.advance(1)
@@ -78,7 +78,7 @@ def test_the_next_load_is_the_one_asked_for():
     # only the cells whose middles are unsure; 0.3 and 0.7 are the borders of cells: nothing is unsure, so all are alike
     assert np.histogram(asked, np.linspace(0, 1, 11))[0].min() > 20
     near = Querying(Motoneurons([0.35, 0.75], [1e4, 1e4]), explore=0.0, cells=10)
-    stepper = stepper_of(QUERIED, Agent(near), [0], "sample")
+    stepper = stepper_for(QUERIED, Agent(near), [0], "sample")
     stepper.advance(1)
     for _ in range(50):
         stepper.advance(1)
@@ -99,7 +99,7 @@ def test_queries_beyond_the_range_are_cut():
 
 def test_the_task_with_queries_has_its_own_learner_and_can_be_stored(tmp_path):
     run = train(QUERIED, steps=60, seeds=2, window=20, out=tmp_path, progress=False)
-    assert run.config["agent"]["policy"] == "querying-motoneurons"
+    assert run.config["agent"]["policy"]["kind"] == "querying-motoneurons"
     again = mg.load(tmp_path)
     assert isinstance(again.policies, Querying)
     assert again.policies.cells == 32
@@ -110,14 +110,14 @@ def test_the_task_with_queries_has_its_own_learner_and_can_be_stored(tmp_path):
 
 def test_uniform_loads_start_as_they_did_and_queries_cost_no_random_number():
     uniform, queried = LinearRecruitment(units=2), QUERIED
-    starts = [stepper_of(t, settings_for(t).agent(t), range(3)).state["cycle"] for t in (uniform, queried)]
+    starts = [stepper_for(t, agent_for(t), range(3)).state["cycle"] for t in (uniform, queried)]
     np.testing.assert_array_equal(starts[0].observation, starts[1].observation)
     np.testing.assert_array_equal(starts[0].agent.policy.threshold, starts[1].agent.policy.policy.threshold)
 
 
 def test_the_natural_gradient_goes_through_the_query():
-    settings = settings_for(QUERIED, metric="fisher", dampings={"threshold": 0.05})
-    run = train(QUERIED, settings, 400, 2, progress=False)
+    agent = agent_for(QUERIED, metric="fisher", damping={"threshold": 0.05})
+    run = train(QUERIED, agent, 400, 2, progress=False)
     plain = train(QUERIED, steps=400, seeds=2, progress=False)
     assert not np.array_equal(run.policies.policy.gain, plain.policies.policy.gain)
     assert np.isfinite(run.policies.policy.gain).all()

@@ -8,7 +8,7 @@ import pytest
 
 from motorgrad.bodies import Arm, lift
 from motorgrad.tasks import ArmRecruitment, Drift, LinearRecruitment, make, spacing_error
-from motorgrad.training import settings_for, stepper_of, train
+from motorgrad.training import agent_for, stepper_for, train
 
 NONE = jnp.zeros(0)
 
@@ -127,14 +127,14 @@ def test_more_hangs_in_the_hand_than_is_seen():
 
 def test_readings_are_of_what_hangs_in_the_hand():
     task = LinearRecruitment(units=1, drift=Drift(0.25, 10, "steps", "load"))
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     for decision in range(20):
         load = float(stepper.state["cycle"].observation[0, 0]) + 0.25 * (decision % 10 >= 5)
         stepper.advance(1)
         action = float(stepper.state["cycle"].action[0, 0])
         assert float(stepper.harvest()["error"][0]) == pytest.approx(abs(action - (1.2 * load - 0.1)), abs=1e-6)
     arm = ArmRecruitment(low=-0.05, drift=Drift(1.0, 4, "steps", "load"))
-    stepper = stepper_of(arm, settings_for(arm).agent(arm), [0])
+    stepper = stepper_for(arm, agent_for(arm), [0])
     stepper.advance(1)
     assert not np.isfinite(stepper.harvest()["height"][0])  # no load yet
     stepper.advance(1)
@@ -158,7 +158,7 @@ def test_a_learnt_pool_meets_an_added_load_with_more_force():
 
 def test_drift_outlives_an_episode():
     task = ArmRecruitment(drift=Drift(-0.2, 1000))
-    stepper = stepper_of(task, settings_for(task).agent(task), range(2))
+    stepper = stepper_for(task, agent_for(task), range(2))
     stepper.advance(123)
     assert (stepper.harvest()["episodes"] == 1).all()
     np.testing.assert_array_equal(stepper.state["cycle"].memory.clock, 123)
@@ -205,7 +205,7 @@ def test_direct_simulation_pays_what_the_table_does():
     stepped = []
     for height in ("table", "direct"):
         task = ArmRecruitment(units=3, height=height, least=1.0, most=3.0)
-        stepper = stepper_of(task, settings_for(task).agent(task), range(2))
+        stepper = stepper_for(task, agent_for(task), range(2))
         stepper.advance(12)
         stepped.append(stepper.harvest())
     table, direct = stepped
@@ -217,7 +217,7 @@ def test_direct_simulation_pays_what_the_table_does():
 @pytest.mark.parametrize("change", [{}, {"batch": "mean"}])
 def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     task = ArmRecruitment(least=2.0, most=2.0, low=-2.0, high=9.0)  # -2, 0 … 8: six decisions
-    stepper = stepper_of(task, settings_for(task, **change).agent(task), range(3))
+    stepper = stepper_for(task, agent_for(task, **change), range(3))
     start = stepper.policies().gain.copy()
     stepper.advance(5)
     np.testing.assert_array_equal(stepper.policies().gain, start)
@@ -227,7 +227,7 @@ def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     moved = stepper.policies().gain - start
     assert (moved != 0).any()
     # the sixth sample is unknown here, but the sum is six times the mean
-    other = stepper_of(task, settings_for(task, batch="mean" if not change else "sum").agent(task), range(3))
+    other = stepper_for(task, agent_for(task, batch="mean" if not change else "sum"), range(3))
     other.advance(6)
     times = 6.0 if not change else 1 / 6
     np.testing.assert_allclose(moved, times * (other.policies().gain - start), rtol=1e-4)
@@ -236,7 +236,7 @@ def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
 
 def test_a_sweep_ends_above_its_heaviest_load():
     task = ArmRecruitment()
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     loads = []
     for _ in range(200):
         loads.append(float(stepper.state["cycle"].observation[0, 0]))
@@ -251,14 +251,14 @@ def test_a_sweep_ends_above_its_heaviest_load():
 
 def test_a_time_limit_cuts_a_sweep():
     task = ArmRecruitment(time_limit=7)
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     stepper.advance(21)
     assert stepper.harvest()["episodes"] == 3
 
 
 def test_the_readings_are_of_the_action_just_taken():
     task = LinearRecruitment(units=1, output="ratio")
-    stepper = stepper_of(task, settings_for(task).agent(task), [0])
+    stepper = stepper_for(task, agent_for(task), [0])
     for _ in range(20):
         load = float(stepper.state["cycle"].observation[0, 0])
         stepper.advance(1)

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import Agent, Gpomdp
+from motorgrad.learning import Agent, gpomdp
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import LinearRecruitment, spacing_error
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import SweepingLoads, UniformLoads, immediate_gradient, immediate_reward, mean_field
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(100)
@@ -73,7 +73,7 @@ def test_the_expectation_and_its_gradient_are_those_of_the_moments(settings):
 
 def test_what_the_learner_estimates_is_the_exact_gradient():
     task, policy = LinearRecruitment(units=3), Motoneurons([0.2, 0.5, 0.9], [3.0, 5.0, -2.0])
-    stepper = stepper_of(task, Agent(policy, Gpomdp(0.0)), range(64))
+    stepper = stepper_for(task, Agent(policy, gpomdp(0.0)), range(64))
     stepper.advance(20_000)
     estimate = stepper.state["cycle"].agent.gradient.mean
     exact = immediate_gradient(policy, NODES, WEIGHTS, task.immediate)

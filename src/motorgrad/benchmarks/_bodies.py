@@ -61,7 +61,7 @@ def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
     """Seconds, of all seeds together, that are simulated and learnt from per second, for a `body_row`."""
     assert row.other is not None
     ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
-    return Row("   in simulated time", ours, other, "simulated s/s", None, None, wanted)
+    return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
 
 
 HOPPER = "motorgrad/Hopper-v0"
@@ -164,5 +164,5 @@ def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
         simulated, last = float(np.median(each)), np.nanmean(apex[:, -8:], axis=1)
         name = f"hopper paid at {paid}, decay {decay}, {seeds} seeds"
         yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
-        yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s", None, None)
+        yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s")
         yield Row(f"   apex at {seconds:.0f} s", float(np.median(last)), 0.72, "m", None, (last.min(), last.max()))

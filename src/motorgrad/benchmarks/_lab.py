@@ -28,7 +28,7 @@ def peer_row(blocks: int, ticks: int, peer_ticks: int, pairs: int = 5, wanted: s
     name = f"diagram of {blocks} blocks, continuous"
     if importlib.util.find_spec("pathsim") is None:
         missing = f"{name} (PathSim is not installed: extra peers)"
-        return Row(missing, rate(run, ticks, pairs), None, "ticks/s", None, None, wanted)
+        return Row(missing, rate(run, ticks, pairs), None, "ticks/s", wanted=wanted)
     peer = PathSimOscillators(blocks // 5)
     ours, other = lambda: run.advance(ticks), lambda: peer.advance(peer_ticks)
     return in_turn(f"{name} ÷ PathSim", "ticks/s", ticks, ours, other, peer_ticks, pairs, wanted)
@@ -38,7 +38,7 @@ def discrete_row(blocks: int, ticks: int, runs: int = 5, wanted: str = "") -> Ro
     """Ticks per second of a diagram of delays, gains and sums."""
     run = Run(network(blocks))
     run.advance(1)  # compiles
-    return Row(f"diagram of {blocks} blocks, discrete", rate(run, ticks, runs), None, "ticks/s", None, None, wanted)
+    return Row(f"diagram of {blocks} blocks, discrete", rate(run, ticks, runs), None, "ticks/s", wanted=wanted)
 
 
 def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
@@ -52,7 +52,7 @@ def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
         took.append(time.perf_counter() - start)
     ours, other = took[0], took[1] if single else None
     unit = "s (other: every block by itself)" if single else "s"
-    return Row(f"diagram of {blocks} blocks, until its first tick", ours, other, unit, None, None, wanted)
+    return Row(f"diagram of {blocks} blocks, until its first tick", ours, other, unit, wanted=wanted)
 
 
 def rate(run: Run, ticks: int, runs: int) -> float:
@@ -141,13 +141,7 @@ def learning_diagram_row(name: str, seeds: int, ticks: int, runs: int = 5, wante
     run = Run(remove_sinks(example(name)), seeds)
     run.advance(128)  # compiles
     return Row(
-        f"diagram {name} that learns, {seeds:,} seeds",
-        rate(run, ticks, runs) * seeds,
-        None,
-        "ticks/s",
-        None,
-        None,
-        wanted,
+        f"diagram {name} that learns, {seeds:,} seeds", rate(run, ticks, runs) * seeds, None, "ticks/s", wanted=wanted
     )
 
 

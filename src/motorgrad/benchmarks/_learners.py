@@ -70,11 +70,8 @@ def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
     task = LinearRecruitment(units=16)
     natural = agent_for(task, metric="fisher", damping={"threshold": 0.05}, learning_rate=1e-4)
     learners = [stepper_for(task, agent, range(seeds)) for agent in (natural, agent_for(task))]
-    for learner in learners:
-        learner.advance(decisions)  # compiles
-    ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"linear recruitment of {task.units}, natural ÷ plain step, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(name, "updates/s", decisions * seeds, ours, other, pairs=pairs)
+    name = f"linear recruitment of {task.units}, natural ÷ plain step"
+    return _compare(name, "updates/s", learners, seeds, decisions, pairs)
 
 
 def sweep_row(settings: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
@@ -86,12 +83,8 @@ def sweep_row(settings: int, seeds: int, decisions: int, pairs: int = 5, wanted:
     lanes = np.tile(np.arange(seeds), settings)
     sweep = training_stepper_for(task, agent, lanes.tolist(), numbers={"optimizer.learning_rate": rates})
     single = training_stepper_for(task, agent, range(settings * seeds))
-    learners = (sweep, single)
-    for learner in learners:
-        learner.advance(decisions)  # compiles
-    ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"three-state OLGARB, sweep of {settings} settings × {seeds} seeds ÷ {settings * seeds:,} seeds"
-    return in_turn(name, "updates/s", decisions * settings * seeds, ours, other, pairs=pairs, wanted=wanted)
+    name = f"three-state OLGARB, sweep of {settings} settings × {seeds} seeds ÷ one setting"
+    return _compare(name, "updates/s", (sweep, single), settings * seeds, decisions, pairs, wanted)
 
 
 EPISODE = 24.5  # decisions on average, for the initial policy
@@ -132,7 +125,7 @@ def local_learning_row(seeds: int, episodes: int, wanted: str) -> Row:
     learner.advance(round(episodes * EPISODE))
     took = time.perf_counter() - start
     name = f"particle, {seeds} seeds × {episodes:,} episodes, with compilation"
-    return Row(name, took, None, "s", None, None, wanted)
+    return Row(name, took, None, "s", wanted=wanted)
 
 
 WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere does not depend on their total number
@@ -146,8 +139,16 @@ def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: st
     rates = {"centre": 2e-4 * (width / 0.16) ** 2, "log_width": 8e-4}
     agents = [agent_for(task, {"policy": policy, "learning_rate": rates, "kind": kind}) for kind in ("sparse", "dense")]
     learners = [stepper_for(task, agent, range(seeds)) for agent in agents]
+    name = f"falling particle of {units:,} units, indexed ÷ all"
+    return _compare(name, "decisions/s", learners, seeds, decisions, pairs, wanted)
+
+
+def _compare(
+    name: str, unit: str, learners: Sequence[Any], seeds: int, decisions: int, pairs: int, wanted: str = ""
+) -> Row:
+    """The rate of the first of two learners, against the second's."""
     for learner in learners:
         learner.advance(decisions)  # compiles
     ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"falling particle of {units:,} units, indexed ÷ all, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(name, "decisions/s", decisions * seeds, ours, other, pairs=pairs, wanted=wanted)
+    name = f"{name}, {seeds:,} seed{'s' * (seeds > 1)}"
+    return in_turn(name, unit, decisions * seeds, ours, other, pairs=pairs, wanted=wanted)

@@ -20,8 +20,8 @@ class Row:
     ours: float
     other: float | None
     unit: str
-    ratio: float | None
-    spread: tuple[float, float] | None
+    ratio: float | None = None
+    spread: tuple[float, float] | None = None
     wanted: str = ""
 
 
@@ -78,19 +78,19 @@ def start_row(name: str, arguments: list[str], wanted: str, runs: int = 7) -> Ro
 
     took = [(seconds(arguments), seconds(["-c", "pass"])) for _ in range(runs)]
     ours, empty = np.median(took, axis=0)
-    return Row(name, float(ours), float(empty), "s (other: python -c pass)", None, None, wanted)
+    return Row(name, float(ours), float(empty), "s (other: python -c pass)", wanted=wanted)
 
 
 def memory_row(wanted: str) -> Row:
     """Peak memory of a new process that trains 16 hoppers."""
-    return Row("peak memory, 16 hoppers", _peak(HOPPERS) / 1e9, None, "GB", None, None, wanted)
+    return Row("peak memory, 16 hoppers", _peak(HOPPERS) / 1e9, None, "GB", wanted=wanted)
 
 
 def seed_memory_row() -> Row:
     """How much each additional seed of the particle's learner adds to the peak memory of a new process."""
     fewer, more = (_peak(PARTICLES.format(seeds=seeds)) for seeds in SEEDS)
     each = (more - fewer) / (SEEDS[1] - SEEDS[0])
-    return Row("memory of a seed, particle with 8 local units", each / 1e3, None, "kB", None, None)
+    return Row("memory of a seed, particle with 8 local units", each / 1e3, None, "kB")
 
 
 def _peak(script: str) -> int:

@@ -8,47 +8,16 @@ from motorgrad.bodies._batch import BodyBatch, BodyState
 from motorgrad.bodies._body import Body, WrappedBody, add_muscles, compile_model, to_mjcf
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
-from motorgrad.bodies.arm import Arm, LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
-from motorgrad.bodies.hexapod import (
-    LEGS,
-    TOUCH,
-    TRIPODS,
-    Gait,
-    Hexapod,
-    HexapodReading,
-    Hinge,
-    LateralPair,
-    Leg,
-    LegState,
-    Section,
-    Segment,
-    TripodClock,
-    TripodController,
-    Turning,
-    VerticalPair,
-    Walk,
-    biomimetic_hexapod,
-    debounced,
-    measure_gait,
-    read_hexapod,
-    walk,
-)
-from motorgrad.bodies.muscles import (
-    Attachment,
-    Muscle,
-    Servo,
-    Wrap,
-    away_angle,
-    check_muscle_callback,
-    groups_of,
-    install_muscle_callback,
-    native_force_length,
-    path_points,
-    tension,
-    wrapped_length,
-    wrapped_rate,
-    wrapping_angle,
-)
+from motorgrad.bodies.arm._arm import Arm
+from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
+from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock, TripodController, Turning
+from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure_gait, walk
+from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
+from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
+from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
+from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
+from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
 BODIES: dict[str, type[Body]] = {
     "arm": Arm,

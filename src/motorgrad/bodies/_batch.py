@@ -12,7 +12,7 @@ from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, check_integer
 from motorgrad.bodies._body import START, Body, actuators_of, compile_model
-from motorgrad.bodies.muscles import check_muscle_callback, uses_callback
+from motorgrad.bodies.muscles._callback import check_muscle_callback, uses_callback
 
 _WARNING = mujoco.mjtWarning
 # On one of these, MuJoCo resets the simulation silently and only increments a counter.

@@ -16,14 +16,8 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, choice, unknown
-from motorgrad.bodies.muscles import (
-    Attachment,
-    Muscle,
-    Servo,
-    check_muscle_callback,
-    install_muscle_callback,
-    set_native_gain,
-)
+from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, set_native_gain
 
 MUSCLE_MODELS = ("thesis", "native")
 START = "start"
@@ -180,6 +174,13 @@ def add_geom(
 def about(axis: Sequence[float], angle: float) -> tuple[float, ...]:
     """The quaternion of a rotation by `angle` (rad) about a unit axis."""
     return (math.cos(angle / 2.0), *(math.sin(angle / 2.0) * part for part in axis))
+
+
+def add_sensors(spec: mujoco.MjSpec, kind: str, of: str, names: Mapping[str, str]) -> None:
+    """Add sensors of one `kind`, such as "JOINTPOS". `names` maps each to the object it observes, such as a "JOINT"."""
+    sensor, target = getattr(mujoco.mjtSensor, f"mjSENS_{kind}"), getattr(mujoco.mjtObj, f"mjOBJ_{of}")
+    for name, object_name in names.items():
+        spec.add_sensor(name=name, type=sensor, objtype=target, objname=object_name)
 
 
 def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: str) -> None:

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_fields, check_not_negative, check_positive
-from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery
-from motorgrad.bodies.muscles import Attachment, Muscle, Wrap, groups_of
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
+from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
 
 SIDES = ("left", "right")
 # Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
@@ -167,7 +167,11 @@ def _skeleton(hopper: Hopper) -> mujoco.MjSpec:
     for side in SIDES:
         _add_leg(load, hopper, side)
     _close_loop(spec, hopper)
-    _add_sensors(spec)
+    add_sensors(spec, "JOINTPOS", "JOINT", {"knee_angle": "knee_left"})
+    add_sensors(spec, "JOINTVEL", "JOINT", {"knee_velocity": "knee_left"})
+    add_sensors(spec, "FRAMEPOS", "SITE", {"foot_height": "sole"})
+    add_sensors(spec, "TOUCH", "SITE", {"foot_contact": "foot_touch"})
+    add_sensors(spec, "FRAMEPOS", "SITE", {"load_height": "harness"})
     return spec
 
 
@@ -268,18 +272,6 @@ def _add_equality(spec: mujoco.MjSpec, kind: mujoco.mjtEq, first: str, second: s
     equality = spec.add_equality(name=f"{first}_{second}", type=kind, name1=first, name2=second)
     equality.solref = (0.003, 1.0)
     return equality
-
-
-def _add_sensors(spec: mujoco.MjSpec) -> None:
-    kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
-    for name, kind, object_kind, of in (
-        ("knee_angle", kinds.mjSENS_JOINTPOS, objects.mjOBJ_JOINT, "knee_left"),
-        ("knee_velocity", kinds.mjSENS_JOINTVEL, objects.mjOBJ_JOINT, "knee_left"),
-        ("foot_height", kinds.mjSENS_FRAMEPOS, objects.mjOBJ_SITE, "sole"),
-        ("foot_contact", kinds.mjSENS_TOUCH, objects.mjOBJ_SITE, "foot_touch"),
-        ("load_height", kinds.mjSENS_FRAMEPOS, objects.mjOBJ_SITE, "harness"),
-    ):
-        spec.add_sensor(name=name, type=kind, objtype=object_kind, objname=of)
 
 
 def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple, hopper: Hopper) -> mujoco.MjsJoint:

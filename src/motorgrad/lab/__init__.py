@@ -63,7 +63,7 @@ and `Integrator` (continuous state) in `lab/blocks/_linear.py`.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import motorgrad.lab.blocks as _blocks
 from motorgrad.lab.blocks import *  # noqa: F403  (every registered block is exported)
@@ -158,6 +158,11 @@ __all__ = [
     "whole_ticks",
 ]
 __all__ += _blocks.__all__
+
+
+def __getattr__(title: str) -> Any:
+    """The block of a registered part of a learner by the name of its class, such as `EligibilityTrace`."""
+    return getattr(_blocks, title)
 
 
 def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Editor":

@@ -112,7 +112,7 @@ class Agent(Part):
     growth: Growth | None = None
     averaging: PolyakAveraging | None = None
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
         check(made, "policy", self.policy, "a policy or a function from a key to one")
         for index, stage in enumerate(self.transformations):

@@ -248,7 +248,7 @@ class BinnedBaseline(InputBaseline):
     input: int = count(0)
     rate: float = number(0.0, 0, 1)
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         known = not (is_tracer(self.low) or is_tracer(self.high))
         check(not known or self.low < self.high, "low, high", (self.low, self.high), "finite, low < high")
 

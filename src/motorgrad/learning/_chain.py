@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Int, PyTree
 
-from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number
@@ -161,7 +160,8 @@ class Optax(Optimizer):
 
     An agent wraps one by itself: `Agent(policy, optimizer=optax.adam(1e-3))`. The transformation is static. Numbers
     that it takes from `optax.inject_hyperparams` are leaves of the tree, `hyperparameters`, which may differ by seed
-    and change while the learner runs. Its functions cannot be saved: to go on with a run, give the agent again.
+    and change while the learner runs; those with a schedule of their own stay with optax. Its functions cannot be
+    saved: to go on with a run, give the agent again.
 
     **Arguments:**
 
@@ -175,9 +175,9 @@ class Optax(Optimizer):
     def __init__(self, transformation: Any, hyperparameters: dict[str, Any] | None = None):
         if hyperparameters is None:
             state = transformation.init({"parameter": jnp.zeros(1)})
-            found = getattr(state, "hyperparams", None)
-            # a copy of NumPy's: the tree holds plain numbers
-            hyperparameters = None if found is None else {name: float(value) for name, value in found.items()}
+            found, scheduled = getattr(state, "hyperparams", None), getattr(state, "hyperparams_states", {})
+            if found is not None:
+                hyperparameters = {name: float(value) for name, value in found.items() if name not in scheduled}
         self.transformation = transformation
         self.hyperparameters = hyperparameters
 
@@ -282,8 +282,3 @@ def as_transformation(value: Any) -> Any:
     """A transformation; one of optax's is wrapped."""
     foreign = not isinstance(value, Part) and hasattr(value, "init") and hasattr(value, "update")
     return Optax(value) if foreign else value
-
-
-def check_transformation(name: str, value: Any, kind: type[Transformation], example: str) -> None:
-    """Refuse what is no transformation of a kind."""
-    check(isinstance(value, kind), name, value, f"{example}, or an optax transformation")

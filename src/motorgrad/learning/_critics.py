@@ -254,7 +254,7 @@ class LinearCritic(Baseline):
     decay: float = number(0.9, 0, 1)
     fit: CriticFit = LeastSquares()
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         made = callable(self.features) and isinstance(self.features, Part)
         check(made, "features", self.features, "a Part that can be called, such as Features()")
 

@@ -141,7 +141,7 @@ class LaggedGaussian(_Kernel):
     lag: float = static(5.0)
     width: float = static(2.0)
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         check(0 <= self.lag <= LONGEST, "lag", self.lag, f"from 0 to {LONGEST} decisions")
         check(0 < self.width <= LONGEST, "width", self.width, f"a positive number of decisions, at most {LONGEST}")
 

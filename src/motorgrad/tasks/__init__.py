@@ -2,7 +2,7 @@
 
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
-from motorgrad.tasks._hopper import Hopper, HopperMemory
+from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
 from motorgrad.tasks._particle import (
     LAYOUTS,
@@ -14,29 +14,16 @@ from motorgrad.tasks._particle import (
     around,
     region_reward,
 )
-from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, RecruitmentMemory, spacing_error
+from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
 from motorgrad.tasks._registry import TASKS, make
 from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, outcome
-from motorgrad.tasks.gymnasium import (
-    EnvironmentBatch,
-    EnvironmentMemory,
-    EnvironmentState,
-    Gymnasium,
-    from_gymnasium,
-)
-from motorgrad.tasks.hexapod import (
-    TRIPOD_SYNERGIES,
-    Hexapod,
-    HexapodMemory,
-    HexapodPrimitive,
-    HexapodStride,
-    HexapodSynergy,
-    PrimitiveMemory,
-    StrideMemory,
-    Synergies,
-    find_synergies,
-    synergy_matrix,
-)
+from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
+from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
+from motorgrad.tasks.hexapod._hexapod import Hexapod, HexapodSynergy
+from motorgrad.tasks.hexapod._primitive import HexapodPrimitive
+from motorgrad.tasks.hexapod._stride import HexapodStride
+from motorgrad.tasks.hexapod._synergies import Synergies, find_synergies, synergy_matrix
+from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES
 
 __all__ = [
     "LAYOUTS",
@@ -54,12 +41,10 @@ __all__ = [
     "FiniteTask",
     "Gymnasium",
     "Hexapod",
-    "HexapodMemory",
     "HexapodPrimitive",
     "HexapodStride",
     "HexapodSynergy",
     "Hopper",
-    "HopperMemory",
     "HostBatch",
     "HostTask",
     "LinearRecruitment",
@@ -68,12 +53,9 @@ __all__ = [
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
-    "PrimitiveMemory",
     "Reading",
     "Recruitment",
-    "RecruitmentMemory",
     "Region",
-    "StrideMemory",
     "Synergies",
     "Task",
     "ThreeState",

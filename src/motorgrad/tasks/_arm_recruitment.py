@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
 from motorgrad.tasks._recruitment import Recruitment, RecruitmentMemory
-from motorgrad.tasks._task import Reading
+from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.worlds import SweepingLoads
 
 COMPLETE = 0.999  # of the full lift, the accuracy to which simulation and table agree
@@ -79,12 +79,10 @@ class ArmRecruitment(Recruitment):
     def dynamics(self) -> SweepingLoads:
         return SweepingLoads(self.low, self.least, self.most)
 
-    def over(self, state: Float[Array, ""]) -> Bool[Array, ""]:
+    def over(self, state: Scalar) -> Flag:
         return state > self.high
 
-    def effect(
-        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
-    ) -> Float[Array, ""]:
+    def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
         """H, the height to which a fraction of the pool lifts a load; JAX arrays, which broadcast."""
         force = self.body.strength * strength * ratio
         lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
@@ -93,10 +91,10 @@ class ArmRecruitment(Recruitment):
             part = jnp.where(part > COMPLETE, part, 0.0)
         return jnp.where(load > 0, self.scale * part, self.unloaded)
 
-    def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
+    def pay(self, load: Scalar, ratio: Scalar, effect: Scalar) -> Scalar:
         return effect - self.cost * ratio
 
-    def readings(self, memory: RecruitmentMemory, state: Float[Array, ""]) -> dict[str, Reading]:
+    def readings(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Reading]:
         """`height`: of the lift, if there was a load. `active`: the fraction of the pool that fired."""
         return {"height": (memory.effect, memory.at > 0), "active": (memory.ratio, True)}
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from motorgrad._errors import (
     check,
@@ -18,7 +18,7 @@ from motorgrad._errors import (
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._host_task import BodyTask
-from motorgrad.tasks._task import Reading
+from motorgrad.tasks._task import Flag, Reading, Scalar
 
 MOST = 10_000  # units
 FASTEST = 50.0  # rad/s
@@ -28,9 +28,9 @@ class HopperMemory(NamedTuple):
     """The memory of the hopper's task: the greatest foot `height` of the current flight, its `first` apex (0 before
     it), and the greatest height of a flight that has just `landed` (else 0)."""
 
-    height: Float[Array, ""]
-    first: Float[Array, ""]
-    landed: Float[Array, ""]
+    height: Scalar
+    first: Scalar
+    landed: Scalar
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Hopper(BodyTask):
 
     def reward(
         self, memory: HopperMemory, state: BodyState, action: Float[Array, " units"]
-    ) -> tuple[HopperMemory, Float[Array, ""], Bool[Array, ""] | bool]:
+    ) -> tuple[HopperMemory, Scalar, Flag]:
         now = state.sensors["foot_height"]
         down = state.sensors["foot_contact"] > 0
         height = jnp.maximum(memory.height, now)

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_fields, check_integer
 from motorgrad._random import normals
-from motorgrad.tasks._task import Reading, Task, check_time_limit
+from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
 
 MOST = 10_000  # units
@@ -123,9 +123,7 @@ class ParticleTask(Task):
         return memory, seen + self.observation_noise * normals(uniforms) if self.observation_noise else seen
 
     @abc.abstractmethod
-    def reward(
-        self, memory: Any, state: ParticleState, action: Float[Array, " units"]
-    ) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]: ...
+    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, Flag]: ...
 
 
 def around(strength: float, directions: int) -> tuple[tuple[float, float], ...]:
@@ -175,9 +173,7 @@ class FallingParticle(ParticleTask):
         """The given regions, or the layout's."""
         return LAYOUTS[self.layout] if self.regions is None else self.regions
 
-    def reward(
-        self, memory: Any, state: ParticleState, action: Float[Array, " units"]
-    ) -> tuple[Any, Float[Array, ""], Bool[Array, ""]]:
+    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, Flag]:
         return memory, region_reward(self.places, state.position), state.reached[FLOOR]
 
 
@@ -223,7 +219,7 @@ class ParticleNavigation(ParticleTask):
             check_region(f"obstacles[{number}]", region, walls)
             check(region[0] < 0, f"obstacles[{number}] amplitude", region[0], "negative")
 
-    def arrived(self, position: Float[Array, " 2"]) -> Bool[Array, ""]:
+    def arrived(self, position: Float[Array, " 2"]) -> Flag:
         """Whether the particle is within one width of the goal."""
         return squared_distance(jnp.asarray(self.goal, position.dtype)[None], position)[0] <= 1.0
 
@@ -233,7 +229,7 @@ class ParticleNavigation(ParticleTask):
 
     def reward(
         self, memory: Int[Array, ""], state: ParticleState, action: Float[Array, " units"]
-    ) -> tuple[Int[Array, ""], Float[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[Int[Array, ""], Scalar, Flag]:
         arrived = self.arrived(state.position)
         paid = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
         return memory + 1, paid, arrived
@@ -276,9 +272,7 @@ class ParticleOrbit(ParticleTask):
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(y=(0.0, 1.0)))
     wanted: Literal["wide", "narrow"] = "wide"
 
-    def reward(
-        self, memory: Any, state: ParticleState, action: Float[Array, " units"]
-    ) -> tuple[Any, Float[Array, ""], bool]:
+    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, bool]:
         radius = self.physics.field.distance(*state.position)
         return memory, radius if self.wanted == "wide" else -radius, False
 
@@ -287,7 +281,7 @@ class ParticleOrbit(ParticleTask):
         return {"radius": (self.physics.field.distance(*state.position), True)}
 
 
-def region_reward(regions: Sequence[Region], position: Float[Array, " 2"]) -> Float[Array, ""]:
+def region_reward(regions: Sequence[Region], position: Float[Array, " 2"]) -> Scalar:
     r"""A sum of axis-aligned Gaussians at a position: $\sum_k A_k \exp\left(-\tfrac12 \lVert (x - c_k)/w_k
     \rVert^2\right)$."""
     numbers = jnp.asarray(regions, position.dtype).reshape(-1, 5)

@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_fields, check_integer
-from motorgrad.tasks._task import Reading, Task, check_time_limit
+from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import QueriedLoads, UniformLoads
 
 MOST = 10_000  # units
@@ -47,11 +47,11 @@ class Drift:
             check(abs(self.amount) < 1e6, "amount", self.amount, "between -1e6 and 1e6, in units of the load")
         check_integer("period", self.period, 2, 2**31 - 1)
 
-    def strength(self, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+    def strength(self, clock: Int[Array, ""] | None) -> Scalar | float:
         """The factor of the muscle's force at a decision of the period, counted from 0; 1 without a clock."""
         return self._course(1.0, clock) if self.of == "strength" else 1.0
 
-    def load(self, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+    def load(self, clock: Int[Array, ""] | None) -> Scalar | float:
         """The additional load at a decision of the period; 0 without a clock."""
         return self._course(0.0, clock) if self.of == "load" else 0.0
 
@@ -63,7 +63,7 @@ class Drift:
         """The clock at the next decision."""
         return None if clock is None else (clock + 1) % self.period
 
-    def _course(self, start: float, clock: Int[Array, ""] | None) -> Float[Array, ""] | float:
+    def _course(self, start: float, clock: Int[Array, ""] | None) -> Scalar | float:
         """From `start` to `start` + `amount` and back."""
         if clock is None:
             return start
@@ -77,10 +77,10 @@ class RecruitmentMemory(NamedTuple):
     acted `at` (the observed one and the drift), its `ratio` (the fraction of the pool that fired, by size) and its
     `effect`; and the `clock` of the drift, or `None`."""
 
-    load: Float[Array, ""]
-    at: Float[Array, ""]
-    ratio: Float[Array, ""]
-    effect: Float[Array, ""]
+    load: Scalar
+    at: Scalar
+    ratio: Scalar
+    effect: Scalar
     clock: Int[Array, ""] | None
 
 
@@ -131,17 +131,15 @@ class Recruitment(Task):
         return grown / grown.sum()
 
     @abc.abstractmethod
-    def effect(
-        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
-    ) -> Float[Array, ""]:
+    def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
         """The effect of pulling at a load with a fraction `ratio` of the pool, for a muscle whose force has changed by
         the factor `strength`."""
 
     @abc.abstractmethod
-    def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
+    def pay(self, load: Scalar, ratio: Scalar, effect: Scalar) -> Scalar:
         """The reward for an effect."""
 
-    def ratio(self, action: Float[Array, " units"]) -> Float[Array, ""]:
+    def ratio(self, action: Float[Array, " units"]) -> Scalar:
         """The fraction of the pool that fires, by size, from 0 to 1. Graded activations are clipped to that range
         individually."""
         action = jnp.clip(action[: self.units], 0, 1)
@@ -158,25 +156,25 @@ class Recruitment(Task):
         return self.init(uniforms)._replace(clock=memory.clock)
 
     def observe(
-        self, memory: RecruitmentMemory, state: Float[Array, ""], uniforms: Float[Array, " 0"]
+        self, memory: RecruitmentMemory, state: Scalar, uniforms: Float[Array, " 0"]
     ) -> tuple[RecruitmentMemory, Float[Array, " 1"]]:
         return memory._replace(load=state), state[None]
 
     def reward(
-        self, memory: RecruitmentMemory, state: Float[Array, ""], action: Float[Array, " units"]
-    ) -> tuple[RecruitmentMemory, Float[Array, ""], Bool[Array, ""] | bool]:
+        self, memory: RecruitmentMemory, state: Scalar, action: Float[Array, " units"]
+    ) -> tuple[RecruitmentMemory, Scalar, Flag]:
         ratio = self.ratio(action)
         load = memory.load + self.drift.load(memory.clock)
         effect = self.effect(load, ratio, self.drift.strength(memory.clock))
         memory = RecruitmentMemory(memory.load, load, ratio, effect, self.drift.tick(memory.clock))
         return memory, self.pay(load, ratio, effect), self.over(state)
 
-    def over(self, state: Float[Array, ""]) -> Bool[Array, ""] | bool:
+    def over(self, state: Scalar) -> Flag:
         """Whether the episode ends if the next load is `state`."""
         del state
         return False
 
-    def immediate(self, observation: Float[Array, " 1"], action: Any) -> Float[Array, ""]:
+    def immediate(self, observation: Float[Array, " 1"], action: Any) -> Scalar:
         """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` expects it (without drift)."""
         ratio = self.ratio(action)
         return self.pay(observation[0], ratio, self.effect(observation[0], ratio))
@@ -239,17 +237,15 @@ class LinearRecruitment(Recruitment):
         """The target force at a load, as a ratio; arrays of any shape."""
         return self.slope * load + self.intercept
 
-    def effect(
-        self, load: Float[Array, ""], ratio: Float[Array, ""], strength: Float[Array, ""] | float = 1.0
-    ) -> Float[Array, ""]:
+    def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
         """The force, as a ratio."""
         return strength * ratio
 
-    def pay(self, load: Float[Array, ""], ratio: Float[Array, ""], effect: Float[Array, ""]) -> Float[Array, ""]:
+    def pay(self, load: Scalar, ratio: Scalar, effect: Scalar) -> Scalar:
         scale = self.units if self.output == "count" else 1
         return -jnp.square(scale * (effect - self.target(load)))
 
-    def readings(self, memory: RecruitmentMemory, state: Float[Array, ""]) -> dict[str, Reading]:
+    def readings(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Reading]:
         """`error`: the absolute difference between force and target, as a ratio."""
         return {"error": (jnp.abs(memory.effect - self.target(memory.at)), True)}
 

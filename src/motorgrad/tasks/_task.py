@@ -12,7 +12,9 @@ from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
 Actions = Literal["binary", "discrete", "graded"]
-Reading = tuple[Float[Array, ""], Bool[Array, ""] | bool]
+Scalar = Float[Array, ""]
+Flag = Bool[Array, ""] | bool
+Reading = tuple[Scalar, Flag]
 """A reported quantity, and whether it occurred at this decision."""
 
 
@@ -136,10 +138,10 @@ class Task(abc.ABC):
         """The policy's observation of `state`, and the new memory."""
 
     @abc.abstractmethod
-    def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Float[Array, ""], Bool[Array, ""] | bool]:
+    def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Scalar, Flag]:
         """The new memory, the reward for the step that led to `state` by `action`, and `terminated`."""
 
-    def truncated(self, memory: Any, state: Any) -> Bool[Array, ""] | bool:
+    def truncated(self, memory: Any, state: Any) -> Flag:
         """Whether the dynamics themselves cut the episode at `state`, by their own time limit. Called after
         `reward`."""
         del memory, state
@@ -167,9 +169,9 @@ class Outcome(NamedTuple):
 
     memory: Any
     observation: Float[Array, " inputs"]
-    reward: Float[Array, ""]
-    terminated: Bool[Array, ""] | bool
-    truncated: Bool[Array, ""] | bool
+    reward: Scalar
+    terminated: Flag
+    truncated: Flag
     elapsed: Int[Array, ""] | None
 
 

@@ -72,8 +72,7 @@ def gradient(mdp: FiniteMDP, policy: P) -> P:
 def biased_gradient(mdp: FiniteMDP, policy: P, decay: float) -> P:
     r"""$\nabla_\beta\eta = \pi'\,\nabla P\,(I - \beta P)^{-1} r$: what a trace of `decay` $\beta$ estimates."""
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
-    matrix = transition_matrix(mdp, policy)
-    return _contract(mdp, policy, _stationary(matrix), _quality(mdp, policy, matrix, decay))
+    return _contract(mdp, policy, stationary_distribution(mdp, policy), _quality(mdp, policy, decay))
 
 
 def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Float[np.ndarray, " states"]:
@@ -82,10 +81,10 @@ def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Flo
     With a `discount` $\gamma \in [0, 1)$, $(I - \gamma P)^{-1} r$; with `None`, the differential value of the average
     reward, $[I - P + e\pi']^{-1} (r - \eta e)$, whose stationary mean is 0.
     """
-    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
     if discount is not None:
         check(0 <= discount < 1, "discount", discount, "in [0, 1)")
-        return np.linalg.solve(np.eye(mdp.states) - discount * matrix, rewards)
+        return _discounted(mdp, policy, discount)
+    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
     pi = _stationary(matrix)
     return np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
 
@@ -140,17 +139,15 @@ def natural_gradient(mdp: FiniteMDP, policy: P) -> P:
 def discounted_return(mdp: FiniteMDP, policy: Policy, discount: float) -> float:
     r"""$\mathbb E \sum_{t \ge 0} \gamma^t r_{t+1}$ from the start state, with `discount` $\gamma \in [0, 1)$."""
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")
-    matrix = transition_matrix(mdp, policy)
-    return float(np.linalg.solve(np.eye(mdp.states) - discount * matrix, _mean_rewards(mdp, policy))[mdp.start])
+    return float(_discounted(mdp, policy, discount)[mdp.start])
 
 
 def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
     r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$."""
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")
-    matrix = transition_matrix(mdp, policy)
-    resolvent = np.eye(mdp.states) - discount * matrix
+    resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
     visits = np.linalg.solve(resolvent.T, np.eye(mdp.states)[mdp.start])
-    return _contract(mdp, policy, visits, _quality(mdp, policy, matrix, discount))
+    return _contract(mdp, policy, visits, _quality(mdp, policy, discount))
 
 
 def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
@@ -202,12 +199,14 @@ def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"
     return np.einsum("sa,as->s", action_probabilities(mdp, policy), mdp.expected_rewards)
 
 
-def _quality(
-    mdp: FiniteMDP, policy: Policy, matrix: Float[np.ndarray, "states states"], decay: float
-) -> Float[np.ndarray, "actions states"]:
+def _discounted(mdp: FiniteMDP, policy: Policy, discount: float) -> Float[np.ndarray, " states"]:
+    resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
+    return np.linalg.solve(resolvent, _mean_rewards(mdp, policy))
+
+
+def _quality(mdp: FiniteMDP, policy: Policy, decay: float) -> Float[np.ndarray, "actions states"]:
     """The discounted value of each action in each state when the policy is followed afterwards."""
-    value = np.linalg.solve(np.eye(mdp.states) - decay * matrix, _mean_rewards(mdp, policy))
-    return mdp.expected_rewards + decay * mdp.transitions @ value
+    return mdp.expected_rewards + decay * mdp.transitions @ _discounted(mdp, policy, decay)
 
 
 def _contract(

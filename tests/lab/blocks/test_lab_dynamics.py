@@ -91,7 +91,7 @@ def test_matrices_that_do_not_fit_are_refused_by_name():
     for settings, message in (
         ({"numerator": (1.0, 2.0, 3.0)}, "numerator = .*: must be at most 2"),
         ({"denominator": (0.0, 1.0)}, "denominator = .*: must be a list whose first coefficient is not 0"),
-        ({"denominator": (1.0,)}, "denominator = .*: must be of 2 … 21"),
+        ({"denominator": (1.0,)}, "denominator = .*: must be 2 … 21"),
         ({"numerator": 1.0}, "numerator = 1.0: must be a list of coefficients"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -91,7 +91,7 @@ def test_every_function_is_tried_above():
         ("-" * 31 + "a", "column 31: nested deeper than 30"),
         ("a" + "+a" * 200, "more than 100 nested operators"),
         ("a" * (LONGEST + 1), f"column {LONGEST + 1}: longer than {LONGEST} characters"),
-        (None, "column 1: must be a text"),
+        (None, "column 1: must be a string"),
         ("a\nb", "column 3: expected an operator"),
     ],
 )

@@ -82,7 +82,7 @@ def test_product_multiplies_and_divides():
     a, b, c = np.random.default_rng(2).uniform(0.5, 2, (3, 10, 4))
     y = drive(of("product", "*/*", shape=(4,)), 10, u1=a, u2=b, u3=c)["y"]
     np.testing.assert_allclose(y, a / b * c, rtol=1e-5)
-    with pytest.raises(ValueError, match=r"signs = '\+': must be a text of \* and /"):
+    with pytest.raises(ValueError, match=r"signs = '\+': must be a string of \* and /"):
         of("product", "+")
 
 

@@ -142,7 +142,7 @@ def test_bad_data_files_are_refused_by_name(tmp_path):
         ({"path": good, "columns": ("nan",)}, "column nan, row 1: must be a finite number"),
         ({"path": good, "columns": ("y", "short")}, "columns of different lengths: y 2, short 1"),
         ({"path": good, "time": "t"}, "column t: must increase from row to row"),
-        ({"path": good, "between": "linear"}, "between = 'linear': must be 'hold' where no column"),
+        ({"path": good, "between": "linear"}, "between = 'linear': must be 'hold' without a column"),
         ({"path": good, "columns": ()}, "columns = .*: must be a list of 1"),
     ):
         with pytest.raises(ValueError, match=message) as error:

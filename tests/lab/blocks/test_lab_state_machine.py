@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from block_driver import drive, of
 
-from motorgrad.bodies import TripodController
-from motorgrad.bodies.hexapod import LEGS, TRIPODS, HexapodReading
+from motorgrad.bodies import LEGS, TRIPODS, HexapodReading, TripodController
 from motorgrad.lab import Diagram, Interpreter, Outlet, Run
 
 LOWEST = -0.6

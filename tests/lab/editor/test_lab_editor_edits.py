@@ -164,11 +164,11 @@ def test_parameters_and_single_units_by_address():
     assert leaves(edited(both, operation("freeze", address="policy", on=False, unit=2)))["policy"].frozen == (
         (True, False, False, False)
     )
-    assert leaves(edited(diagram, operation("freeze", address="ascent", on=True)))["ascent"].frozen is True
+    assert leaves(edited(diagram, operation("freeze", address="optimizer", on=True)))["optimizer"].frozen is True
     for wrong, message in [
         ({"address": "load", "on": True}, "load.*must be a block that learns"),
-        ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be a whole number in 0 … 3"),
-        ({"address": "ascent", "on": True, "unit": 0}, "must be null|0 … 0|as one"),
+        ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be an integer in 0 … 3"),
+        ({"address": "optimizer", "on": True, "unit": 0}, "must be null|0 … 0|as one"),
     ]:
         with pytest.raises(ValueError, match=message):
             edited(diagram, operation("freeze", **wrong))
@@ -187,9 +187,15 @@ def test_parameters_and_single_units_by_address():
         ({"op": "remove", "at": [], "names": ["wrld"]}, "did you mean 'world'"),
         ({"op": "rename", "at": [], "name": "world", "to": "policy"}, "must be a new name"),
         ({"op": "rename", "at": [], "name": "world", "to": "a/b"}, "without '.' and '/'"),
-        ({"op": "set", "at": [], "name": "ascent", "field": "rate", "value": -1}, "rate = -1: must be"),
+        (
+            {"op": "set", "at": [], "name": "optimizer", "field": "learning_rate", "value": -1},
+            "learning_rate = -1: must be",
+        ),
         ({"op": "set", "at": [], "field": "tick", "value": 0}, "tick = 0: must be a positive"),
-        ({"op": "set", "at": [], "name": "ascent", "field": "rat", "value": 1}, "did you mean 'rate'"),
+        (
+            {"op": "set", "at": [], "name": "optimizer", "field": "learning_rat", "value": 1},
+            "did you mean 'learning_rate'",
+        ),
         ({"op": "connect", "at": [], "source": "policy.score", "target": "baseline.reward"}, "accepts one float"),
         ({"op": "disconnect", "at": [], "target": "world.reward"}, "unknown input of world"),
         ({"op": "move", "at": [], "positions": {"nothing": [0, 0]}}, "unknown block 'nothing'"),

@@ -238,14 +238,14 @@ def test_a_broken_diagram_does_not_play_and_says_where(client):
 @pytest.mark.parametrize(
     ("op", "fields", "message"),
     [
-        ("scrub", {"branch": "main", "tick": 11}, "tick = 11: must be a whole number in 0 … 10"),
+        ("scrub", {"branch": "main", "tick": 11}, "tick = 11: must be an integer in 0 … 10"),
         ("scrub", {"branch": "mian", "tick": 1}, "did you mean 'main'"),
-        ("fork", {"branch": "main", "name": "main"}, "name = 'main': must be a new one"),
+        ("fork", {"branch": "main", "name": "main"}, "name = 'main': must be a new name"),
         ("watch", {"addresses": ["gain.z"]}, "unknown output 'gain.z'"),
         ("parameter", {"address": "gain.gian", "value": 1}, "did you mean 'gain'"),
         ("parameter", {"address": "gain.gain", "value": None}, "gain = None: must be finite numbers"),
-        ("play", {"speed": 0}, "speed = 0: must be a number above 0"),
-        ("tick", {"n": 0}, "n = 0: must be a whole number from 1"),
+        ("play", {"speed": 0}, "speed = 0.0: must be a number above 0"),
+        ("tick", {"n": 0}, "n = 0: must be an integer from 1"),
         ("prune", {"branch": "main"}, "must be one of several"),
         ("replay", {"log": {"format": "x"}}, "format = 'x': must be 'motorgrad log'"),
     ],

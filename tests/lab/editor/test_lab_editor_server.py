@@ -181,7 +181,7 @@ def test_a_slow_client_is_not_sent_a_pile_of_samples(server):
 def test_a_port_that_is_taken_is_refused_by_number(server):
     with pytest.raises(ValueError, match=f"port = {server.port}: cannot be used"):
         Server(server.session, server.port)
-    with pytest.raises(ValueError, match="port = -1: must be a whole number in 0"):
+    with pytest.raises(ValueError, match="port = -1: must be an integer in 0"):
         Server(server.session, -1)
 
 

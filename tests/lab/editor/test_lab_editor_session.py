@@ -90,7 +90,7 @@ def test_declarations_have_all_that_forms_and_palettes_need(start):
     told = client.wait(lambda event: event["event"] == "declarations")
     assert set(told["blocks"]) == {*lab.BLOCKS, "diagram"}
     assert {name for names in told["categories"].values() for name in names} == set(told["blocks"])
-    rate = next(field for field in told["blocks"]["ascent"]["fields"] if field["name"] == "rate")
+    rate = next(field for field in told["blocks"]["sgd"]["fields"] if field["name"] == "learning_rate")
     assert (rate["role"], rate["low"], rate["high"], rate["default"]) == ("parameter", 0.0, None, 1e-3)
     assert all(block["help"] for block in told["blocks"].values())
     assert {entry["name"] for entry in told["gallery"]} == set(gallery.GALLERY)
@@ -124,12 +124,12 @@ def test_files_are_saved_opened_and_never_lost(start, tmp_path):
     client.do("files")
     assert client.last("files")["files"] == ["mine.json"]
     other = Client(start())
-    assert "to replace it, say so" in other.ask("save", file="mine.json")["message"]
+    assert "confirm to replace it" in other.ask("save", file="mine.json")["message"]
     other.do("open", file="mine.json")
     other.do("set", at=[], field="title", value="Theirs")
     other.do("save")
     client.do("set", at=[], field="comment", value="later")
-    assert "as it was when it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
+    assert "unchanged since it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
     client.do("save", over=True)
     assert lab.load(tmp_path / "mine.json").title == "Mine"
     for name in ("../out", "/tmp/x", "a/b", ".hidden", "", "x" * 300):

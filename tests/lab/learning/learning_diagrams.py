@@ -6,7 +6,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad import lab, policies
 from motorgrad.lab.gallery import learner
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 
 SEEDS = [3, 4, 11]
 
@@ -17,7 +17,7 @@ def flat(policy):
 
 
 def stepper(task, agent, seeds=SEEDS):
-    return stepper_of(task, agent, seeds)
+    return stepper_for(task, agent, seeds)
 
 
 def diagram_of(units, world, decay, **settings):

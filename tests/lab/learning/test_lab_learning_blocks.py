@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
+from motorgrad.lab._stack import stack
 
 from motorgrad import lab, learning, policies
 from motorgrad.lab.blocks import learning as learning_blocks
 from motorgrad.lab.blocks import worlds as world_blocks
-from motorgrad.lab.compiler import stack
 
 SIZE, TICKS = 3, 30
 
@@ -95,14 +95,14 @@ def test_local_units_keep_within_their_limits():
     np.testing.assert_allclose(widths[[0, 1, -1]], [0.5 * np.exp(0.5), 0.5 * np.e, 2.0], rtol=1e-5)
 
 
-def test_a_frozen_ascent_learns_nothing_and_goes_on_when_thawed():
+def test_a_frozen_optimizer_learns_nothing_and_goes_on_when_thawed():
     from motorgrad.lab.gallery import example
 
     run = lab.Run(example("chain"), 2, watch=["policy.parameters"])
-    run["ascent.frozen"] = True
+    run["optimizer.frozen"] = True
     still = run.advance(300)["policy.parameters"]
     assert np.ptp(still, axis=1).max() == 0
-    run["ascent.frozen"] = False
+    run["optimizer.frozen"] = False
     assert np.ptp(run.advance(300)["policy.parameters"], axis=1).max() > 0
     assert run.compilations == 1
 
@@ -150,13 +150,17 @@ def test_blocks_of_one_kind_are_evaluated_as_one():
         (lambda: lab.EligibilityTrace(size=0), "size = 0"),
         (lambda: lab.WindowTrace(0), "length = 0"),
         (lambda: lab.WindowTrace("ten"), "length = 'ten'"),
-        (lambda: lab.Ascent(size=4, groups=(3, 2)), "add up to size = 4"),
-        (lambda: lab.Ascent(rate=-1.0), "rate = -1.0"),
+        (lambda: lab.SGD(size=4, groups=(3, 2)), "add up to size = 4"),
+        (lambda: lab.SGD(learning_rate=-1.0), "learning_rate = -1.0"),
+        (lambda: lab.Adam(b1=1.0), r"b1 = 1.0: must be in \[0, 1\)"),
+        (lambda: lab.FixedStepBaseline(0.0), r"rate = 0.0: must be in \(0, 1\]"),
+        (lambda: lab.BinnedBaseline(low=2.0), "low, high = .*low < high"),
+        (lambda: lab.Critic(fit="lstd"), "unknown fit 'lstd'"),
         (lambda: lab.NamedPolicy("tyles"), "did you mean 'tiles'"),
-        (lambda: lab.NamedPolicy("tiles", 2, 4, "copies = 9"), "policy_settings.copies = 9"),
-        (lambda: lab.NamedPolicy("tiles", 2, 4, "width = 'wide'"), "policy_settings.width"),
+        (lambda: lab.NamedPolicy("tiles", 2, 4, "copies = 9"), "policy.copies = 9"),
+        (lambda: lab.NamedPolicy("tiles", 2, 4, "width = 'wide'"), "policy.width"),
         (lambda: lab.Learner(2, 2, "polcy = 'softmax'"), "did you mean 'policy'"),
-        (lambda: lab.Learner(2, 2, "index = true"), "settings.index = True"),
+        (lambda: lab.Learner(2, 2, "kind = 'sparse'"), "settings.kind = 'sparse'"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(make, told):
@@ -168,7 +172,11 @@ def test_what_cannot_be_is_refused_in_one_line(make, told):
 ODD = [None, True, -1, 0, 1.5, float("nan"), 1e30, 10**30, "", "x", (), (1, 2), ((1, 2), (3,)), ("a",), {"a": 1}, b"x"]
 
 
-@pytest.mark.parametrize("kind", [*learning_blocks.BLOCKS, *world_blocks.BLOCKS], ids=lambda kind: kind.name)
+@pytest.mark.parametrize(
+    "kind",
+    [*learning_blocks.BLOCKS, *learning_blocks.PART_BLOCKS.values(), *world_blocks.BLOCKS],
+    ids=lambda kind: kind.name,
+)
 def test_odd_values_are_taken_or_refused_in_one_line(kind):
     refused = []
     for field in (*lab.settings_of(kind), *lab.parameters_of(kind)):

@@ -4,20 +4,19 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 from learning_diagrams import diagram_of, flat, learnt, stepper
+from motorgrad.lab.blocks.worlds._body import BODIES
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
-from motorgrad.lab.blocks.worlds._tasks import BODIES
 from motorgrad.lab.gallery import learner
-from motorgrad.training import AgentSettings
 
 
 def test_olgarb_on_the_three_state_world_is_the_librarys():
     task = mg.make("three-state")
-    agent = mg.Agent(policies.softmax(task), learning.Olgarb(0.8), learning.sgd(0.01))
+    agent = mg.Agent(policies.softmax(task), learning.olgarb(0.8), learning.SGD(0.01))
     theirs = stepper(task, agent)
     theirs.advance(700)
-    ours = learnt(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, rate=0.01), 700)
+    ours = learnt(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.01), 700)
     assert np.abs(ours).max() > 0.1
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
@@ -25,7 +24,7 @@ def test_olgarb_on_the_three_state_world_is_the_librarys():
 def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
     task = mg.make("linear-recruitment")
     start = policies.Motoneurons([0.2, 0.4, 0.6, 0.8], [0.5] * 4)
-    theirs = stepper(task, mg.Agent(start, learning.Olgarb(0.0), learning.sgd(2e-4)))
+    theirs = stepper(task, mg.Agent(start, learning.olgarb(0.0), learning.SGD(2e-4)))
     load = theirs.state["world"]  # the first load is drawn for another purpose than a block's start
 
     def begin(state):
@@ -37,7 +36,7 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
 
     theirs.advance(900)
     units = lab.Motoneurons(4, threshold=(0.2, 0.4, 0.6, 0.8), gain=0.5)
-    ours = learnt(diagram_of(units, lab.World("linear-recruitment"), 0.0, rate=2e-4), 900, begin=begin)
+    ours = learnt(diagram_of(units, lab.World("linear-recruitment"), 0.0, learning_rate=2e-4), 900, begin=begin)
     moved = ours - ravel_pytree(policies.trainable(start))[0]
     assert np.abs(moved).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
@@ -45,10 +44,10 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
 
 def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     task = mg.make("hopper")
-    agent = mg.Agent(policies.hyperplanes(task), learning.Olgarb(0.995), learning.sgd(5e-4))
+    agent = mg.Agent(policies.hyperplanes(task), learning.olgarb(0.995), learning.SGD(5e-4))
     theirs = stepper(task, agent)
     theirs.advance(400)
-    made = diagram_of(lab.Hyperplanes(2, 3), lab.Body("hopper"), 0.995, rate=5e-4)
+    made = diagram_of(lab.Hyperplanes(2, 3), lab.Body("hopper"), 0.995, learning_rate=5e-4)
     ours = learnt(made, 400)
     assert np.abs(ours).max() > 0.05
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
@@ -57,15 +56,14 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
 @pytest.mark.parametrize("fit", ["td", pytest.param("least-squares", marks=pytest.mark.slow)])
 def test_a_critic_is_the_librarys(fit):
     task = mg.make("chain", time_limit=9)
-    settings = {"critic": fit, "critic_discount": 0.9, "critic_rate": 0.01, "decay": 0.8, "rate": 0.1}
-    theirs = stepper(task, AgentSettings(policy="softmax", **settings).agent(task))
+    rate = {"td": {"learning_rate": 0.01}, "least-squares": {"rate": 0.01}}[fit]
+    baseline = {"kind": "critic", "discount": 0.9, "fit": {"kind": fit, **rate}}
+    theirs = stepper(task, mg.agent_for(task, policy="softmax", baseline=baseline, decay=0.8, learning_rate=0.1))
     theirs.advance(300)
     world = lab.World("chain", {"time_limit": 9})
-    critic = lab.Critic(task.observation_size, fit, 0.9, rate=0.01)
+    critic = lab.Critic(observed=task.observation_size, fit=fit, discount=0.9, **rate)
     made = lab.Diagram(tick=1.0)
-    learner(made, lab.Softmax(2, task.observation_size), world, 0.8, baseline=critic, rate=0.1)
-    for port in ("observation", "next_observation", "terminated", "ended"):
-        made.connect(f"world.{port}", f"baseline.{port}")
+    learner(made, lab.Softmax(2, task.observation_size), world, 0.8, baseline=critic, learning_rate=0.1)
     ours = learnt(made, 300)
     assert np.abs(ours).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
@@ -74,12 +72,16 @@ def test_a_critic_is_the_librarys(fit):
 QUICK_RULE = "adam, a fixed step of the baseline"
 RULES = {
     QUICK_RULE: (
-        {"ascent": "adam", "rate": 0.01, "baseline": "fixed-step", "baseline_rate": 0.05, "decay": 0.8},
-        {"baseline": lab.FixedStepBaseline(0.05), "ascent": lab.Adam(rate=0.01, size=4)},
+        {"optimizer": {"kind": "adam", "learning_rate": 0.01}, "baseline": {"kind": "fixed-step", "rate": 0.05}},
+        {"baseline": lab.FixedStepBaseline(0.05), "optimizer": lab.Adam(learning_rate=0.01, size=4)},
     ),
     "no baseline": (
-        {"rate": 0.02, "baseline": "none", "decay": 0.8},
-        {"baseline": lab.ConstantBaseline(), "rate": 0.02},
+        {"learning_rate": 0.02, "baseline": None},
+        {"baseline": lab.ConstantBaseline(), "learning_rate": 0.02},
+    ),
+    "a baseline of the observation": (
+        {"learning_rate": 0.02, "baseline": {"kind": "linear", "rate": 0.05}},
+        {"baseline": lab.LinearBaseline(rate=0.05, observed=2), "learning_rate": 0.02},
     ),
 }
 
@@ -87,10 +89,10 @@ RULES = {
 @pytest.mark.parametrize(
     "name", [QUICK_RULE, *(pytest.param(n, marks=pytest.mark.slow) for n in RULES if n != QUICK_RULE)]
 )
-def test_other_baselines_and_ascents_are_the_librarys(name):
+def test_other_baselines_and_optimizers_are_the_librarys(name):
     settings, parts = RULES[name]
     task = mg.make("three-state")
-    theirs = stepper(task, AgentSettings(policy="softmax", **settings).agent(task))
+    theirs = stepper(task, mg.agent_for(task, policy="softmax", decay=0.8, **settings))
     theirs.advance(300)
     ours = learnt(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, **parts), 300)
     assert np.abs(ours).max() > 0.05
@@ -99,24 +101,27 @@ def test_other_baselines_and_ascents_are_the_librarys(name):
 
 @pytest.mark.slow
 def test_normalised_batches_with_a_decay_are_the_librarys():
-    """A scale of advantages, means of batches and a decay of weights, put between blocks that are there."""
+    """Normalization, means of batches and weight decay, put between blocks that are there."""
     task = mg.make("three-state")
-    settings = {"advantages": "normalised", "advantage_rate": 0.05, "improve": 20, "decay": 0.8, "rate": 0.1}
-    theirs = stepper(task, AgentSettings(policy="softmax", **settings).agent(task))
+    settings = {"normalization": {"rate": 0.05}, "improve": 20, "decay": 0.8, "learning_rate": 0.1}
+    agent = mg.agent_for(task, policy="softmax", weight_decay=0.01, **settings)
+    theirs = stepper(task, agent)
     theirs.advance(301)  # the step of 300 samples acts at decision 300 already
-    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, rate=0.1)
-    made.add("scale", lab.AdvantageScale(0.05))
+    settings = {"learning_rate": 0.1, "weight_decay": 0.01}
+    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, **settings)
+    made.add("normalization", lab.AdvantageNormalization(0.05))
     made.add("batch", lab.GradientMean(4, samples=20))
-    for target in ("gradient.error", "ascent.gradient", "ascent.due"):
+    for target in ("gradient.error", "optimizer.gradient", "optimizer.due"):
         made.disconnect(target)
     for source, target in (
-        ("baseline.error", "scale.error"),
-        ("world.valid", "scale.valid"),
-        ("scale.error", "gradient.error"),
+        ("baseline.error", "normalization.error"),
+        ("world.valid", "normalization.valid"),
+        ("normalization.error", "gradient.error"),
         ("gradient.gradient", "batch.gradient"),
         ("world.valid", "batch.valid"),
-        ("batch.gradient", "ascent.gradient"),
-        ("batch.due", "ascent.due"),
+        ("batch.gradient", "optimizer.gradient"),
+        ("batch.due", "optimizer.due"),
+        ("policy.parameters", "optimizer.parameters"),
     ):
         made.connect(source, target)
     ours = learnt(made, 301)
@@ -125,9 +130,15 @@ def test_normalised_batches_with_a_decay_are_the_librarys():
 
 
 LEARNERS = {
-    "olgarb": {"policy": "softmax", "decay": 0.8, "rate": 0.01},
-    "natural": {"policy": "softmax", "metric": "fisher", "metric_rate": 0.01, "rate": 0.002},
-    "critic": {"policy": "softmax", "critic": "td", "decay": 0.5, "improve": 10, "rate": 0.05},
+    "olgarb": {"policy": "softmax", "decay": 0.8, "learning_rate": 0.01},
+    "natural": {"policy": "softmax", "metric": {"kind": "fisher", "rate": 0.01}, "decay": 0.9, "learning_rate": 0.002},
+    "critic": {
+        "policy": "softmax",
+        "baseline": {"kind": "critic", "fit": "td"},
+        "decay": 0.5,
+        "improve": 10,
+        "learning_rate": 0.05,
+    },
 }
 
 
@@ -136,7 +147,7 @@ LEARNERS = {
 )
 def test_a_whole_learner_in_one_block_is_the_librarys(name):
     task = mg.make("three-state")
-    theirs = stepper(task, AgentSettings(**LEARNERS[name]).agent(task))
+    theirs = stepper(task, mg.agent_for(task, LEARNERS[name]))
     theirs.advance(300)
     made = lab.Diagram(tick=1.0)
     made.add("world", lab.World("three-state"))
@@ -151,7 +162,7 @@ def test_a_whole_learner_in_one_block_is_the_librarys(name):
 
 @pytest.mark.slow
 def test_the_interpreter_learns_the_same():
-    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, rate=0.05)
+    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.05)
     fast = lab.Run(made, [7], watch=["policy.parameters"]).advance(12)["policy.parameters"][0, -1]
     slow = lab.Interpreter(made, 7)
     slow.advance(12)
@@ -160,7 +171,7 @@ def test_the_interpreter_learns_the_same():
 
 
 def test_a_block_beside_changes_no_number():
-    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, rate=0.05)
+    made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.05)
     alone = learnt(made, 50)
     made.add("beside", lab.Motoneurons(3))
     made.add("noise", lab.BLOCKS["uniform noise"](shape=(1,)))
@@ -177,9 +188,10 @@ CHANCE = ("hexapod-stride",)
 def test_any_body_leads_a_learner_to_where_training_does(name):
     task = mg.make(name)
     policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
-    settings = {"policy": policy, "decay": 0.9, "rate": 1e-3, "baseline": "none"}
+    settings = {"policy": policy, "decay": 0.9, "baseline": "none", "learning_rate": 1e-3}
     assert task.uniforms == task.init_uniforms == 0
-    theirs = stepper(task, AgentSettings(**settings).agent(task))
+    initial = mg.training.NamedPolicy(task, policy)
+    theirs = stepper(task, mg.Agent(initial, learning.olpomdp(0.9), learning.SGD(1e-3)))
     theirs.advance(40)
     made = lab.Diagram(tick=task.period)
     made.add("world", lab.Body(name))

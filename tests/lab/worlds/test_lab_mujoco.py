@@ -74,7 +74,7 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
         ({"xml": "<mujoco><worldbody>"}, "xml: MuJoCo cannot read it"),
         ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot read it.*size"),
         ({"xml": ""}, "xml: MuJoCo cannot read it"),
-        ({"xml": 3}, "xml = 3: must be a text"),
+        ({"xml": 3}, "xml = 3: must be a string"),
         ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an MJCF file that is there"),
         (
             {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
@@ -123,7 +123,7 @@ def test_the_muscle_law_is_the_bodies():
 
 
 def test_a_tick_that_no_steps_make_up_is_refused_before_anything_runs():
-    with pytest.raises(ValueError, match=r"tick of the block = 0\.003: must be a whole number of the time steps"):
+    with pytest.raises(ValueError, match=r"tick of the block = 0\.003: must be a whole number of simulation steps"):
         driven(lab.MujocoModel(), 1, 0.003, ["angle"])
     diagram = lab.Diagram(tick=0.02)
     diagram.add("hopper", lab.Body("hopper"))

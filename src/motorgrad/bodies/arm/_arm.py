@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery
-from motorgrad.bodies.muscles import Attachment, Muscle, groups_of
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
+from motorgrad.bodies.muscles._muscle import Attachment, Muscle, groups_of
 
 HANGING = 90.0  # degrees between the bones when the lower arm hangs, as the upper arm is level
 GRAVITY = 9.81
@@ -141,12 +141,9 @@ class Arm:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self._add_bones(spec)
         add_scenery(spec, rail=(-self.bone_length, 0.06), target="upper_arm")
-        for name, kind, object_kind, of in (
-            ("flexion", mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtObj.mjOBJ_JOINT, "elbow"),
-            ("flexion_velocity", mujoco.mjtSensor.mjSENS_JOINTVEL, mujoco.mjtObj.mjOBJ_JOINT, "elbow"),
-            ("hand_height", mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtObj.mjOBJ_SITE, "hand"),
-        ):
-            spec.add_sensor(name=name, type=kind, objtype=object_kind, objname=of)
+        add_sensors(spec, "JOINTPOS", "JOINT", {"flexion": "elbow"})
+        add_sensors(spec, "JOINTVEL", "JOINT", {"flexion_velocity": "elbow"})
+        add_sensors(spec, "FRAMEPOS", "SITE", {"hand_height": "hand"})
         add_muscles(spec, self.muscles)
         spec.add_key(name=START, qpos=np.zeros(1))
         return spec

@@ -23,8 +23,9 @@ from motorgrad.bodies.hexapod._numbers import (
     Segment,
     VerticalPair,
 )
-from motorgrad.bodies.hexapod._sensors import LEGS, add_sensors
-from motorgrad.bodies.muscles import Attachment, Muscle, Servo, Wrap, add_servos, groups_of, wrapped_length
+from motorgrad.bodies.hexapod._sensors import LEGS, add_hexapod_sensors
+from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, add_servos, groups_of
+from motorgrad.bodies.muscles._wrapping import wrapped_length
 
 SIDES = ("left", "right")
 _BONE, _FOOT = (0.90, 0.87, 0.80, 1.0), (0.36, 0.38, 0.44, 1.0)
@@ -310,7 +311,7 @@ def _skeleton(hexapod: Hexapod) -> mujoco.MjSpec:
         _add_section(body, name, section)
     middle.add_site(name="trunk", size=(0.01, 0.01, 0.01), group=4)
     add_scenery(spec, rail=None, target="middle")
-    add_sensors(spec)
+    add_hexapod_sensors(spec)
     return spec
 
 

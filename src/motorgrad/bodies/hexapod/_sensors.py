@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from motorgrad.bodies._batch import BodyState
+from motorgrad.bodies._body import add_sensors
 
 LEGS = tuple(f"{side}_{section}" for side in ("left", "right") for section in ("front", "middle", "rear"))
 """The names of a hexapod's legs in the order of all arrays: left legs first, front to rear."""
@@ -67,27 +68,19 @@ def read_hexapod(state: BodyState) -> HexapodReading:
     )
 
 
-def add_sensors(spec: mujoco.MjSpec) -> None:
+def add_hexapod_sensors(spec: mujoco.MjSpec) -> None:
     """Add all sensors to the skeleton of a hexapod."""
-    kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
     for freedom in ("lateral", "vertical"):
-        for leg in LEGS:
-            joint = f"{freedom}_{leg}"
-            spec.add_sensor(name=joint, type=kinds.mjSENS_JOINTPOS, objtype=objects.mjOBJ_JOINT, objname=joint)
-        for leg in LEGS:
-            joint = f"{freedom}_{leg}"
-            velocity = f"{joint}_velocity"
-            spec.add_sensor(name=velocity, type=kinds.mjSENS_JOINTVEL, objtype=objects.mjOBJ_JOINT, objname=joint)
-    touched = {f"contact_{leg}": f"foot_{leg}" for leg in LEGS} | {
-        f"belly_{each}": f"belly_{each}" for each in SECTIONS
-    }
-    for name, site in touched.items():
-        spec.add_sensor(name=name, type=kinds.mjSENS_TOUCH, objtype=objects.mjOBJ_SITE, objname=site)
+        joints = [f"{freedom}_{leg}" for leg in LEGS]
+        add_sensors(spec, "JOINTPOS", "JOINT", {joint: joint for joint in joints})
+        add_sensors(spec, "JOINTVEL", "JOINT", {f"{joint}_velocity": joint for joint in joints})
+    add_sensors(spec, "TOUCH", "SITE", {f"contact_{leg}": f"foot_{leg}" for leg in LEGS})
+    add_sensors(spec, "TOUCH", "SITE", {f"belly_{section}": f"belly_{section}" for section in SECTIONS})
     for name, kind in (
-        ("position", kinds.mjSENS_FRAMEPOS),
-        ("forward", kinds.mjSENS_FRAMEXAXIS),
-        ("velocity", kinds.mjSENS_FRAMELINVEL),
-        ("rotation", kinds.mjSENS_FRAMEANGVEL),
-        ("upward", kinds.mjSENS_FRAMEZAXIS),
+        ("position", "FRAMEPOS"),
+        ("forward", "FRAMEXAXIS"),
+        ("velocity", "FRAMELINVEL"),
+        ("rotation", "FRAMEANGVEL"),
+        ("upward", "FRAMEZAXIS"),
     ):
-        spec.add_sensor(name=name, type=kind, objtype=objects.mjOBJ_SITE, objname="trunk")
+        add_sensors(spec, kind, "SITE", {name: "trunk"})

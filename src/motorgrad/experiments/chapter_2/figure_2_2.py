@@ -120,7 +120,22 @@ class HillClimbing(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        return draw_landscape(values)
+        """The objective as a surface, the same from above, and the reward beneath."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        figure = new_figure(13, 6.6, dpi=200)  # the surface is rasterised, also in an SVG
+        grid = figure.add_gridspec(2, 2, width_ratios=[1.35, 1], height_ratios=[2.6, 1])
+        reached = values["reached"]
+        scale = Normalize(min(0.3, float(reached.min())), float(values["best"]))
+        colour = ScalarMappable(scale, COLOURS)
+        _surface(figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False), values, colour)
+        above = figure.add_subplot(grid[0, 1])
+        _above(above, values, colour)
+        _reward(figure.add_subplot(grid[1, 1], sharex=above), values, colour)
+        bar = figure.colorbar(colour, ax=figure.axes, location="bottom", fraction=0.035, pad=0.02, aspect=60)
+        bar.set_label("reward of the optimum to which hill climbing leads")
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [*_wide_claims(values), *_random_claims(values), *_noise_claims(values)]
@@ -214,25 +229,6 @@ def _noise_claims(values: Values) -> list[Claim]:
             "It falls like the inverse square root of time, because the step size is proportional to σ².",
         ),
     ]
-
-
-def draw_landscape(values: Values) -> Figure:
-    """The objective as a surface, the same from above, and the reward beneath."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    figure = new_figure(13, 6.6, dpi=200)  # the surface is rasterised, also in an SVG
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.35, 1], height_ratios=[2.6, 1])
-    reached = values["reached"]
-    scale = Normalize(min(0.3, float(reached.min())), float(values["best"]))
-    colour = ScalarMappable(scale, COLOURS)
-    _surface(figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False), values, colour)
-    above = figure.add_subplot(grid[0, 1])
-    _above(above, values, colour)
-    _reward(figure.add_subplot(grid[1, 1], sharex=above), values, colour)
-    bar = figure.colorbar(colour, ax=figure.axes, location="bottom", fraction=0.035, pad=0.02, aspect=60)
-    bar.set_label("reward of the optimum to which hill climbing leads")
-    return figure
 
 
 def _surface(axes: Any, values: Values, colour: Any) -> None:

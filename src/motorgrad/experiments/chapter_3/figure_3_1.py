@@ -122,7 +122,18 @@ class Learner(Experiment):
         return (last - truth) @ way / np.linalg.norm(truth)
 
     def figure(self, values: Values) -> Figure:
-        return draw_estimates(values, ERRORS, GOOD)
+        """The listing and four panels: bias, error against the length of the run and against the decay, learning."""
+
+        figure = new_figure(12.5, 7)
+        panels = figure.subplot_mosaic(
+            [["listing", "bias", "length"], ["listing", "decay", "learning"]], width_ratios=[1, 1, 1]
+        )
+        _listing(panels["listing"])
+        _bias(panels["bias"], values)
+        _length(panels["length"], values, ERRORS)
+        _decay(panels["decay"], values)
+        _learning(panels["learning"], values, GOOD)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [
@@ -252,21 +263,6 @@ def _learnt(values: Values) -> Claim:
         share.value == 1,
         f"of seeds, after {int(values['decision'][-1]):,} decisions",
     )
-
-
-def draw_estimates(values: Values, independent: Mapping[str, Mapping[int, float]], good: float) -> Figure:
-    """The listing and four panels: bias, error against the length of the run and against the decay, learning."""
-
-    figure = new_figure(12.5, 7)
-    panels = figure.subplot_mosaic(
-        [["listing", "bias", "length"], ["listing", "decay", "learning"]], width_ratios=[1, 1, 1]
-    )
-    _listing(panels["listing"])
-    _bias(panels["bias"], values)
-    _length(panels["length"], values, independent)
-    _decay(panels["decay"], values)
-    _learning(panels["learning"], values, good)
-    return figure
 
 
 def _listing(axes: Axes) -> None:

@@ -76,7 +76,31 @@ class ArmPolicies(Experiment):
         return work.train(task, agent_for(task), self.steps, self.seeds)
 
     def figure(self, values: Values) -> Figure:
-        return draw_arm_policies(values)
+        """Above, the policies of the median pools, and samples; below, the results of every seed."""
+
+        counts = values["units"].tolist()
+        figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
+        panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
+        mesh: Any = None
+        for (policy, seeds), units in zip(panels.T, counts, strict=False):
+            load, best = values[f"load {units}"], values[f"best count {units}"]
+            thresholds, gains, reward = (values[f"{what} {units}"] for what in ("threshold", "gain", "reward"))
+            middle = int(values[f"middle {units}"])
+            mesh = draw_pool(policy, thresholds[middle], gains[middle], load)
+            policy.plot(load, best, color=IDEAL, linestyle=":", linewidth=1.6)
+            policy.set_title(f"{units} units")
+            for change in load[1:][np.diff(best) != 0]:
+                seeds.axvline(change, color=IDEAL, linestyle=":", linewidth=1)
+            draw_thresholds(seeds, thresholds, gains, (load[0], load[-1]), np.argsort(-reward, kind="stable"))
+            caught = np.sum((gains < 0).any(1))
+            seeds.set(xlabel="load (kg)")
+            seeds.set_title(f"a unit of negative gain: {caught} of {len(gains)}", fontsize=9)
+        panels[0, 0].set_ylabel("active units")
+        panels[1, 0].set_ylabel("thresholds, every seed")
+        _samples(figure, panels[0, -1], values, counts[-1])
+        _earned(panels[1, -1], values)
+        figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = []
@@ -169,34 +193,6 @@ def threshold_shifts(values: Values, units: int) -> np.ndarray:
     ideal = np.repeat(load[1:], np.maximum(np.diff(best), 0))  # with many units, several may be added at one load
     good = (values[f"gain {units}"] > 0).all(1)
     return (np.sort(values[f"threshold {units}"][good], axis=1) - ideal).mean(1)
-
-
-def draw_arm_policies(values: Values) -> Figure:
-    """Above, the policies of the median pools, and samples; below, the results of every seed."""
-
-    counts = values["units"].tolist()
-    figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
-    panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
-    mesh: Any = None
-    for (policy, seeds), units in zip(panels.T, counts, strict=False):
-        load, best = values[f"load {units}"], values[f"best count {units}"]
-        thresholds, gains, reward = (values[f"{what} {units}"] for what in ("threshold", "gain", "reward"))
-        middle = int(values[f"middle {units}"])
-        mesh = draw_pool(policy, thresholds[middle], gains[middle], load)
-        policy.plot(load, best, color=IDEAL, linestyle=":", linewidth=1.6)
-        policy.set_title(f"{units} units")
-        for change in load[1:][np.diff(best) != 0]:
-            seeds.axvline(change, color=IDEAL, linestyle=":", linewidth=1)
-        draw_thresholds(seeds, thresholds, gains, (load[0], load[-1]), np.argsort(-reward, kind="stable"))
-        caught = np.sum((gains < 0).any(1))
-        seeds.set(xlabel="load (kg)")
-        seeds.set_title(f"a unit of negative gain: {caught} of {len(gains)}", fontsize=9)
-    panels[0, 0].set_ylabel("active units")
-    panels[1, 0].set_ylabel("thresholds, every seed")
-    _samples(figure, panels[0, -1], values, counts[-1])
-    _earned(panels[1, -1], values)
-    figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
-    return figure
 
 
 def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:

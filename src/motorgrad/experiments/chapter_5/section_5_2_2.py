@@ -93,7 +93,33 @@ class ActionPeriod(Experiment):
         return {"height": heights[:, np.maximum(ended, 0)], "passed": time_to_height(HIGH, time, heights)}
 
     def figure(self, values: Values) -> Figure:
-        return draw_periods(values, THESIS)
+        """Heights after several amounts of practice (left) and practice until hopping (right); one period is marked."""
+        from matplotlib import colormaps
+
+        figure = new_figure(9.5, 4.2)
+        heights, times = figure.subplots(1, 2)
+        period, practice = 1000 * values["period"], values["practice"]
+        shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
+        for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
+            look = {"marker": "o", "markersize": 4}
+            draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
+        heights.set(ylabel="height of hops (m)", ylim=(0, None))
+        heights.legend(title="after practice of", fontsize=9)
+        passed = values["passed"]
+        spread = np.exp(np.linspace(-0.08, 0.08, passed.shape[1]))
+        times.plot(period[:, None] * spread, passed, "o", color="0.6", markersize=3.5, markeredgewidth=0)
+        times.plot(period, np.median(passed, axis=1), "o-", color=shades[-1], markersize=5, label="median")
+        times.plot([], [], "o", color="0.6", markersize=3.5, label="one seed")
+        if passed.max() > 0.98 * practice[-1]:
+            times.axhline(practice[-1], color="0.7", linewidth=1, linestyle="--")
+            times.text(
+                period[-1], practice[-1], "not within the practice", ha="right", va="bottom", color="0.45", fontsize=9
+            )
+        times.set(yscale="log", ylabel=f"practice until hops pass {HIGH} m,\nin means over {SMOOTH:g} s (s)")
+        times.legend()
+        for axes in (heights, times):
+            _periods(axes, period, 1000 * THESIS)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         final, periods = values["height"][:, :, -1], 1000 * values["period"]
@@ -146,36 +172,6 @@ def behind_best(values: np.ndarray, end: int) -> np.ndarray:
     others = between.sum(axis=1, keepdims=True) - between
     best = np.argmax(others, axis=0)
     return between[best, np.arange(values.shape[1])] - values[end]
-
-
-def draw_periods(values: dict[str, np.ndarray], marked: float) -> Figure:
-    """Heights after several amounts of practice (left) and practice until hopping (right), with one period marked."""
-    from matplotlib import colormaps
-
-    figure = new_figure(9.5, 4.2)
-    heights, times = figure.subplots(1, 2)
-    period, practice = 1000 * values["period"], values["practice"]
-    shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
-    for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
-        look = {"marker": "o", "markersize": 4}
-        draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
-    heights.set(ylabel="height of hops (m)", ylim=(0, None))
-    heights.legend(title="after practice of", fontsize=9)
-    passed = values["passed"]
-    spread = np.exp(np.linspace(-0.08, 0.08, passed.shape[1]))
-    times.plot(period[:, None] * spread, passed, "o", color="0.6", markersize=3.5, markeredgewidth=0)
-    times.plot(period, np.median(passed, axis=1), "o-", color=shades[-1], markersize=5, label="median")
-    times.plot([], [], "o", color="0.6", markersize=3.5, label="one seed")
-    if passed.max() > 0.98 * practice[-1]:
-        times.axhline(practice[-1], color="0.7", linewidth=1, linestyle="--")
-        times.text(
-            period[-1], practice[-1], "not within the practice", ha="right", va="bottom", color="0.45", fontsize=9
-        )
-    times.set(yscale="log", ylabel=f"practice until hops pass {HIGH} m,\nin means over {SMOOTH:g} s (s)")
-    times.legend()
-    for axes in (heights, times):
-        _periods(axes, period, 1000 * marked)
-    return figure
 
 
 def _periods(axes: Axes, period: np.ndarray, marked: float) -> None:

@@ -51,7 +51,66 @@ class ParticlePolicy(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        return draw_policy()
+        """Position, units, forces, particle, reward."""
+        from matplotlib.patches import FancyBboxPatch
+
+        figure = new_figure(9.2, 4.6)
+        axes = figure.subplots()
+        for place, words, colour in (
+            (UNITS, "plastic, stochastic layer\n$\\theta_t$", PLASTIC),
+            (FORCES, "fixed forces", FIXED),
+        ):
+            look: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
+            axes.add_patch(FancyBboxPatch((place - 0.6, HEIGHTS[-1] - 0.45), 1.2, 3.6, linewidth=1.2, **look))
+            axes.text(place, HEIGHTS[0] + 0.68, words, ha="center", va="bottom", color=colour)
+        for number, height in enumerate(HEIGHTS):
+            left = number % 2 == 0
+            _bump(axes, (UNITS, height))
+            draw_arrow(axes, (0.75, MIDDLE), (UNITS - 0.42, height), SEEN)
+            draw_arrow(axes, (UNITS + 0.42, height), (FORCES - 0.5, height), PLASTIC)
+            axes.text(
+                (UNITS + FORCES) / 2, height + 0.1, f"$a^{{({number + 1})}}$", ha="center", fontsize=9, color=PLASTIC
+            )
+            axes.text(FORCES, height + 0.12, f"${'-' if left else '+'}F$", ha="center", fontsize=9, color=FIXED)
+            ends = (FORCES + 0.32, FORCES - 0.32) if left else (FORCES - 0.32, FORCES + 0.32)
+            draw_arrow(axes, (ends[0], height - 0.12), (ends[1], height - 0.12), FIXED, width=2.4)
+            draw_arrow(axes, (FORCES + 0.72, height), (SUM - 0.26, MIDDLE), FIXED)
+        axes.text((UNITS + FORCES) / 2, HEIGHTS[-1] - 0.42, "0 or 1", ha="center", fontsize=8, color="0.45")
+        _disc(axes, (SUM, MIDDLE), 0.24, FIXED)
+        axes.text(SUM, MIDDLE, "Σ", ha="center", va="center", color=FIXED, zorder=5)
+        draw_arrow(axes, (SUM + 0.24, MIDDLE), (PARTICLE - 1.3, MIDDLE), FIXED)
+        axes.text((SUM + PARTICLE - 1.06) / 2, MIDDLE + 0.12, "$f_t$", ha="center", color=FIXED)
+        _world(axes)
+        axes.text(0.35, MIDDLE, "position\n$x$", ha="center", va="center", color=SEEN, fontsize=11)
+        for start, end, head in (
+            ((PARTICLE, 0.42), (PARTICLE, BELOW + 0.3), True),
+            ((PARTICLE - 0.95, BELOW), (UNITS, BELOW), False),
+            ((UNITS, BELOW), (UNITS, HEIGHTS[-1] - 0.57), True),
+        ):
+            draw_arrow(axes, start, end, PAID, head=head)
+        look = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": PAID, "linewidth": 1.3}
+        axes.text(PARTICLE, BELOW, "reward $r_t(x)$", ha="center", va="center", color=PAID, bbox=look, zorder=3)
+        axes.text((UNITS + PARTICLE) / 2, BELOW + 0.1, "the same for all units", ha="center", fontsize=9, color=PAID)
+        # the observation: around the outside
+        top = HEIGHTS[0] + 1.55
+        for start, end, head in (
+            ((PARTICLE, 3.1), (PARTICLE, top), False),
+            ((PARTICLE, top), (0.35, top), False),
+            ((0.35, top), (0.35, MIDDLE + 0.38), True),
+        ):
+            draw_arrow(axes, start, end, SEEN, head=head)
+        axes.text(
+            (UNITS + PARTICLE) / 2,
+            top - 0.1,
+            "observed: the position only",
+            ha="center",
+            va="top",
+            fontsize=9,
+            color=SEEN,
+        )
+        axes.set(xlim=(-0.1, PARTICLE + 1.4), ylim=(BELOW - 0.45, top + 0.15), aspect="equal")
+        axes.set_axis_off()
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         sides = values["sides"]
@@ -86,61 +145,6 @@ def motions(side: int) -> tuple[int, int]:
     moved = jax.vmap(lambda action: world.step(rest, action, jnp.zeros(world.uniforms)).velocity)(patterns)
     speeds = np.sort(np.asarray(moved)[:, 0])
     return len(patterns), 1 + int((np.diff(speeds) > SAME).sum())
-
-
-def draw_policy() -> Figure:
-    """Position, units, forces, particle, reward."""
-    from matplotlib.patches import FancyBboxPatch
-
-    figure = new_figure(9.2, 4.6)
-    axes = figure.subplots()
-    for place, words, colour in (
-        (UNITS, "plastic, stochastic layer\n$\\theta_t$", PLASTIC),
-        (FORCES, "fixed forces", FIXED),
-    ):
-        look: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
-        axes.add_patch(FancyBboxPatch((place - 0.6, HEIGHTS[-1] - 0.45), 1.2, 3.6, linewidth=1.2, **look))
-        axes.text(place, HEIGHTS[0] + 0.68, words, ha="center", va="bottom", color=colour)
-    for number, height in enumerate(HEIGHTS):
-        left = number % 2 == 0
-        _bump(axes, (UNITS, height))
-        draw_arrow(axes, (0.75, MIDDLE), (UNITS - 0.42, height), SEEN)
-        draw_arrow(axes, (UNITS + 0.42, height), (FORCES - 0.5, height), PLASTIC)
-        axes.text((UNITS + FORCES) / 2, height + 0.1, f"$a^{{({number + 1})}}$", ha="center", fontsize=9, color=PLASTIC)
-        axes.text(FORCES, height + 0.12, f"${'-' if left else '+'}F$", ha="center", fontsize=9, color=FIXED)
-        ends = (FORCES + 0.32, FORCES - 0.32) if left else (FORCES - 0.32, FORCES + 0.32)
-        draw_arrow(axes, (ends[0], height - 0.12), (ends[1], height - 0.12), FIXED, width=2.4)
-        draw_arrow(axes, (FORCES + 0.72, height), (SUM - 0.26, MIDDLE), FIXED)
-    axes.text((UNITS + FORCES) / 2, HEIGHTS[-1] - 0.42, "0 or 1", ha="center", fontsize=8, color="0.45")
-    _disc(axes, (SUM, MIDDLE), 0.24, FIXED)
-    axes.text(SUM, MIDDLE, "Σ", ha="center", va="center", color=FIXED, zorder=5)
-    draw_arrow(axes, (SUM + 0.24, MIDDLE), (PARTICLE - 1.3, MIDDLE), FIXED)
-    axes.text((SUM + PARTICLE - 1.06) / 2, MIDDLE + 0.12, "$f_t$", ha="center", color=FIXED)
-    _world(axes)
-    axes.text(0.35, MIDDLE, "position\n$x$", ha="center", va="center", color=SEEN, fontsize=11)
-    for start, end, head in (
-        ((PARTICLE, 0.42), (PARTICLE, BELOW + 0.3), True),
-        ((PARTICLE - 0.95, BELOW), (UNITS, BELOW), False),
-        ((UNITS, BELOW), (UNITS, HEIGHTS[-1] - 0.57), True),
-    ):
-        draw_arrow(axes, start, end, PAID, head=head)
-    look = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": PAID, "linewidth": 1.3}
-    axes.text(PARTICLE, BELOW, "reward $r_t(x)$", ha="center", va="center", color=PAID, bbox=look, zorder=3)
-    axes.text((UNITS + PARTICLE) / 2, BELOW + 0.1, "the same for all units", ha="center", fontsize=9, color=PAID)
-    # the observation: around the outside
-    top = HEIGHTS[0] + 1.55
-    for start, end, head in (
-        ((PARTICLE, 3.1), (PARTICLE, top), False),
-        ((PARTICLE, top), (0.35, top), False),
-        ((0.35, top), (0.35, MIDDLE + 0.38), True),
-    ):
-        draw_arrow(axes, start, end, SEEN, head=head)
-    axes.text(
-        (UNITS + PARTICLE) / 2, top - 0.1, "observed: the position only", ha="center", va="top", fontsize=9, color=SEEN
-    )
-    axes.set(xlim=(-0.1, PARTICLE + 1.4), ylim=(BELOW - 0.45, top + 0.15), aspect="equal")
-    axes.set_axis_off()
-    return figure
 
 
 def _bump(axes: Axes, place: Point) -> None:

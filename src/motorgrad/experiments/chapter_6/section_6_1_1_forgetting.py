@@ -137,7 +137,48 @@ class Forgetting(LocalStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-        return draw_forgetting(values, self.gaps, {name: KINDS[name].words for name in self.kinds})
+        """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learnt, and
+        reward of the learner on B."""
+        words = {name: KINDS[name].words for name in self.kinds}
+
+        figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(self.gaps))
+        grid = figure.subplots(len(self.gaps), len(words), sharex=True, sharey=True, squeeze=False)
+        for number, (row, gap) in enumerate(zip(grid, self.gaps, strict=True)):
+            for panel, (name, title) in zip(row, words.items(), strict=True):
+                key = f"{gap:g} {name}"
+                draw_band(
+                    panel,
+                    values[f"{key} checked"] / 1000,
+                    values[f"{key} A"].T,
+                    "C0",
+                    "on the left (A), frozen",
+                    mean=True,
+                )
+                decision, reward = values[f"{key} decision"], values[f"{key} B"]
+                kept = len(decision) // SMOOTH * SMOOTH
+                smooth = reward[:, :kept].reshape(len(reward), -1, SMOOTH).mean(2)
+                draw_band(
+                    panel,
+                    decision[SMOOTH - 1 : kept : SMOOTH] / 1000,
+                    smooth,
+                    "C1",
+                    "on the right (B), learning",
+                    mean=True,
+                )
+                half = values[f"{key} checked"][-1] / 2000
+                panel.axvline(half, color="0.7", linewidth=0.8, linestyle="--")
+                for at, phase in ((half / 2, "learns A"), (1.5 * half, "learns B")):
+                    where = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
+                    panel.annotate(phase, (at, 0.99), color="0.4", fontsize=8.5, **where)
+                if number == 0:
+                    panel.set_title(title, fontsize=9)
+            row[0].set_ylabel(f"gap {gap:g}\nreward per decision")
+        for panel in grid[-1]:
+            panel.set_xlabel("thousand decisions")
+        low, high = grid[0, 0].get_ylim()
+        grid[0, 0].set_ylim(low, high + 0.08 * (high - low))
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [claim for gap in self.gaps for claim in _claims(values, gap, self.kinds)]
@@ -243,42 +284,3 @@ def _flat(leaf: Any) -> Any:
 
 def _together(policies: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *leaves: jnp.concatenate([jnp.asarray(leaf) for leaf in leaves]), *policies)
-
-
-def draw_forgetting(values: Values, gaps: Sequence[float], words: Mapping[str, str]) -> Figure:
-    """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learnt, and reward
-    of the learner on B."""
-
-    figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(gaps))
-    grid = figure.subplots(len(gaps), len(words), sharex=True, sharey=True, squeeze=False)
-    for number, (row, gap) in enumerate(zip(grid, gaps, strict=True)):
-        for panel, (name, title) in zip(row, words.items(), strict=True):
-            key = f"{gap:g} {name}"
-            draw_band(
-                panel, values[f"{key} checked"] / 1000, values[f"{key} A"].T, "C0", "on the left (A), frozen", mean=True
-            )
-            decision, reward = values[f"{key} decision"], values[f"{key} B"]
-            kept = len(decision) // SMOOTH * SMOOTH
-            smooth = reward[:, :kept].reshape(len(reward), -1, SMOOTH).mean(2)
-            draw_band(
-                panel,
-                decision[SMOOTH - 1 : kept : SMOOTH] / 1000,
-                smooth,
-                "C1",
-                "on the right (B), learning",
-                mean=True,
-            )
-            half = values[f"{key} checked"][-1] / 2000
-            panel.axvline(half, color="0.7", linewidth=0.8, linestyle="--")
-            for at, phase in ((half / 2, "learns A"), (1.5 * half, "learns B")):
-                where = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
-                panel.annotate(phase, (at, 0.99), color="0.4", fontsize=8.5, **where)
-            if number == 0:
-                panel.set_title(title, fontsize=9)
-        row[0].set_ylabel(f"gap {gap:g}\nreward per decision")
-    for panel in grid[-1]:
-        panel.set_xlabel("thousand decisions")
-    low, high = grid[0, 0].get_ylim()
-    grid[0, 0].set_ylim(low, high + 0.08 * (high - low))
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
-    return figure

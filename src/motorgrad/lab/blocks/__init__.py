@@ -4,6 +4,8 @@ A block is a class in one of these files, or in a file of its own. Its line belo
 into `motorgrad.lab`, the editor's palette, diagram files, the documentation and the tests of all blocks.
 """
 
+from typing import Any
+
 from motorgrad.lab.blocks._control import PID as PID
 from motorgrad.lab.blocks._control import Backlash as Backlash
 from motorgrad.lab.blocks._control import DeadZone as DeadZone
@@ -56,27 +58,17 @@ from motorgrad.lab.blocks._sources import UniformNoise as UniformNoise
 from motorgrad.lab.blocks._tables import DataFile as DataFile
 from motorgrad.lab.blocks._tables import LookUp as LookUp
 from motorgrad.lab.blocks._tables import LookUp2D as LookUp2D
-from motorgrad.lab.blocks.learning import Adam as Adam
-from motorgrad.lab.blocks.learning import AdvantageScale as AdvantageScale
-from motorgrad.lab.blocks.learning import Ascent as Ascent
-from motorgrad.lab.blocks.learning import ConstantBaseline as ConstantBaseline
-from motorgrad.lab.blocks.learning import Critic as Critic
-from motorgrad.lab.blocks.learning import EligibilityTrace as EligibilityTrace
-from motorgrad.lab.blocks.learning import EpisodicTrace as EpisodicTrace
-from motorgrad.lab.blocks.learning import FixedStepBaseline as FixedStepBaseline
+from motorgrad.lab.blocks.learning import PART_BLOCKS
 from motorgrad.lab.blocks.learning import Gaussians as Gaussians
 from motorgrad.lab.blocks.learning import GradientMean as GradientMean
 from motorgrad.lab.blocks.learning import GradientSample as GradientSample
 from motorgrad.lab.blocks.learning import GrowingGaussians as GrowingGaussians
 from motorgrad.lab.blocks.learning import Hyperplanes as Hyperplanes
-from motorgrad.lab.blocks.learning import LaggedTrace as LaggedTrace
 from motorgrad.lab.blocks.learning import Learner as Learner
-from motorgrad.lab.blocks.learning import MeanBaseline as MeanBaseline
 from motorgrad.lab.blocks.learning import Motoneurons as Motoneurons
 from motorgrad.lab.blocks.learning import NamedPolicy as NamedPolicy
 from motorgrad.lab.blocks.learning import Softmax as Softmax
 from motorgrad.lab.blocks.learning import WeightDecay as WeightDecay
-from motorgrad.lab.blocks.learning import WindowTrace as WindowTrace
 from motorgrad.lab.blocks.worlds._mujoco import MujocoModel as MujocoModel
 from motorgrad.lab.blocks.worlds._mujoco import MuscleLaw as MuscleLaw
 from motorgrad.lab.blocks.worlds._tasks import Body as Body
@@ -92,3 +84,9 @@ BLOCKS.update(
     if isinstance(kind, type) and issubclass(kind, Block) and kind is not Block
 )
 __all__ = sorted(kind.__name__ for kind in BLOCKS.values())  # pyright: ignore[reportUnsupportedDunderAll]
+BLOCKS.maps.append(PART_BLOCKS)  # type: ignore[arg-type]  # derived from the registered parts of learners
+
+
+def __getattr__(title: str) -> Any:
+    """The block of a registered part of a learner by the name of its class, such as `EligibilityTrace`."""
+    return PART_BLOCKS.by_title(title)

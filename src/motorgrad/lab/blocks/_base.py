@@ -77,7 +77,7 @@ LONGEST_TOML = 100_000  # characters
 
 
 def as_text(name: str, value: Any) -> str:
-    """A table as TOML; a text is returned unchanged. **Raises** `ValueError` for anything else."""
+    """A table as TOML; a string is returned unchanged. **Raises** `ValueError` for anything else."""
     check(isinstance(value, str | Mapping), name, value, "TOML, such as 'units = 8', or a mapping")
     if isinstance(value, Mapping):
         import tomli_w
@@ -85,7 +85,7 @@ def as_text(name: str, value: Any) -> str:
         try:
             value = tomli_w.dumps(dict(value)).strip()
         except TypeError as error:
-            raise ValueError(f"{name}: must contain numbers, texts, lists and tables only: {error}") from None
+            raise ValueError(f"{name}: must contain numbers, strings, lists and tables only: {error}") from None
     read_table(name, value)
     return value
 
@@ -93,7 +93,10 @@ def as_text(name: str, value: Any) -> str:
 def read_table(name: str, text: Any) -> dict[str, Any]:
     """Parse a TOML text. **Raises** `ValueError` for invalid TOML."""
     check(
-        isinstance(text, str) and len(text) <= LONGEST_TOML, name, text, f"a text of at most {LONGEST_TOML} characters"
+        isinstance(text, str) and len(text) <= LONGEST_TOML,
+        name,
+        text,
+        f"a string of at most {LONGEST_TOML} characters",
     )
     try:
         return tomllib.loads(text)

@@ -1,4 +1,4 @@
-"""Formulas: texts parsed into trees of numbers, names and known functions. Nothing in a text is executed.
+"""Formulas: strings parsed into trees of numbers, names and known functions. Nothing in a string is executed.
 
 condition  = both {"or" both};  both = inverse {"and" inverse};  inverse = {"not"} comparison
 comparison = sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
@@ -84,7 +84,7 @@ OPERATORS: dict[str, Function] = {
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
-LONGEST = 1000  # characters of a text
+LONGEST = 1000  # characters of a formula
 NESTED = 30  # nested brackets, signs and powers
 DEEPEST = 100  # nested operators, as in a long sum
 LARGEST = 3.4e38  # in single precision
@@ -139,7 +139,7 @@ def formula(name: str, text: Any, known: Iterable[str]) -> Tree:
     """
     try:
         if not isinstance(text, str):
-            raise FormulaError(1, "must be a text")
+            raise FormulaError(1, "must be a string")
         tree = parsed(text)
         for part in _name_nodes(tree):
             if part.name not in {*known, *CONSTANTS}:
@@ -151,7 +151,7 @@ def formula(name: str, text: Any, known: Iterable[str]) -> Tree:
 
 @functools.lru_cache(maxsize=1024)
 def parsed(text: str) -> Tree:
-    """The tree of a text. **Raises** `FormulaError`."""
+    """The tree of a formula. **Raises** `FormulaError`."""
     if len(text) > LONGEST:
         raise FormulaError(LONGEST + 1, f"longer than {LONGEST} characters")
     reader = _Reader(_tokens(text.translate(_SAME)))

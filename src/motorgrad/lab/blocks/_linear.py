@@ -119,7 +119,7 @@ class Delay(Shaped):
     def validate(self) -> None:
         super().validate()
         most = MOST_HELD // int(np.prod(self.shape))
-        check(1 <= self.length <= most, "length", self.length, f"a whole number in 1 … {most}")
+        check(1 <= self.length <= most, "length", self.length, f"an integer in 1 … {most}")
 
     @property
     def inputs(self) -> Ports:

@@ -42,7 +42,7 @@ class Sum(OneShape):
 
     def validate(self) -> None:
         valid = self.signs and set(self.signs) <= {"+", "-"}
-        check(valid, "signs", self.signs, "a text of + and -, one per input")
+        check(valid, "signs", self.signs, "a string of + and -, one per input")
 
     @property
     def inputs(self) -> Ports:
@@ -67,7 +67,7 @@ class Product(Shaped):
 
     def validate(self) -> None:
         valid = self.signs and set(self.signs) <= {"*", "/"}
-        check(valid, "signs", self.signs, "a text of * and /, one per input")
+        check(valid, "signs", self.signs, "a string of * and /, one per input")
 
     @property
     def inputs(self) -> Ports:
@@ -272,5 +272,5 @@ def _check_indices(name: str, given: Any) -> None:
         all(n >= 0 for n in given) and 1 <= len(given) <= MOST_PORTS,
         name,
         given,
-        f"a list of 1 … {MOST_PORTS} whole numbers from 0",
+        f"a list of 1 … {MOST_PORTS} integers from 0",
     )

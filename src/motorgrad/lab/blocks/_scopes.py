@@ -188,7 +188,7 @@ class Histogram(Viewer):
     limits: Annotated[tuple[float, float] | None, Setting("range of the bins; None for automatic")] = None
 
     def validate(self) -> None:
-        check(1 <= self.bins <= 10_000, "bins", self.bins, "a whole number in 1 … 10000")
+        check(1 <= self.bins <= 10_000, "bins", self.bins, "an integer in 1 … 10000")
         check_limits("limits", self.limits)
 
     @property

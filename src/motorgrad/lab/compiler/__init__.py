@@ -1,27 +1,8 @@
 """The compiler: from a diagram to a compiled loop over its ticks."""
 
+# ruff: noqa: F401  (imported to be imported from here; motorgrad.lab exports the public ones)
 from motorgrad.lab.compiler._host_loop import HostLoop
 from motorgrad.lab.compiler._plan import Plan, address_of, plan, problems, with_watched
 from motorgrad.lab.compiler._program import Loop, cached_program
 from motorgrad.lab.compiler._stack import Stacks, stack
 from motorgrad.lab.compiler._step import SPAN, Carry, Step, Values, draw_span, draw_start, rk4
-
-__all__ = [
-    "SPAN",
-    "Carry",
-    "HostLoop",
-    "Loop",
-    "Plan",
-    "Stacks",
-    "Step",
-    "Values",
-    "address_of",
-    "cached_program",
-    "draw_span",
-    "draw_start",
-    "plan",
-    "problems",
-    "rk4",
-    "stack",
-    "with_watched",
-]

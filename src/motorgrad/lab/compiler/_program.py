@@ -40,20 +40,10 @@ class Loop:
     @functools.cached_property
     def longest(self) -> int:
         """The largest number of ticks of one call: as many as the buffer for recorded signals holds."""
-        width = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(self._shapes))
+        width = sum(
+            leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(self.step.recorded_shapes(len(self.seeds)))
+        )
         return LONGEST if width == 0 else min(16384, max(SPAN, BUFFER // width))
-
-    @functools.cached_property
-    def _shapes(self) -> Recorded:
-        """Shapes and dtypes of what the sinks record per tick."""
-        kinds, seeds = self.step.kinds, len(self.seeds)
-        return {
-            k: {
-                name: jax.ShapeDtypeStruct((len(kinds[k].members), *port.shape, seeds), port.dtype)
-                for name, port in kinds[k].block.inputs.items()
-            }
-            for k in self.step.sinks
-        }
 
     @property
     def compilations(self) -> int:
@@ -94,7 +84,9 @@ class Loop:
 
     def _ticks(self, values: Values, carry: Carry, seeds: Array, first: Array, stop: Array) -> tuple[Carry, Recorded]:
         """Ticks `first` … `stop` − 1, one span of random numbers at a time."""
-        buffer = jax.tree.map(lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self._shapes)
+        buffer = jax.tree.map(
+            lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self.step.recorded_shapes(len(self.seeds))
+        )
 
         def ticks(
             start: Array, stop: Array, numbers: Numbers, position: tuple[Carry, Recorded]

@@ -145,6 +145,16 @@ class Step:
         """The values at the sinks' inputs, by kind; rows lead."""
         return {k: self._inputs(k, environment) for k in self.sinks}
 
+    def recorded_shapes(self, seeds: int) -> dict[int, dict[str, jax.ShapeDtypeStruct]]:
+        """Shapes and dtypes of what the sinks record per tick, for all seeds, which come last."""
+        return {
+            k: {
+                name: jax.ShapeDtypeStruct((len(self.kinds[k].members), *port.shape, seeds), port.dtype)
+                for name, port in self.kinds[k].block.inputs.items()
+            }
+            for k in self.sinks
+        }
+
     def empty(self) -> Environment:
         """The environment before any output is known."""
         return [{} for _ in self.stacks.batches]

@@ -20,6 +20,7 @@ from motorgrad.lab.diagram._declarations import (
     Setting,
     checked_shape,
     dtype_of,
+    nested,
     parameters_of,
     settings_of,
 )
@@ -85,6 +86,7 @@ __all__ = [
     "load",
     "loads",
     "make_block",
+    "nested",
     "numbered_names",
     "parameters_of",
     "required_fields",

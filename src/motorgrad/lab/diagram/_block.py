@@ -7,6 +7,7 @@ compiled program serves all parameter values, and one call evaluates all blocks 
 
 import abc
 import dataclasses
+from collections import ChainMap
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -16,6 +17,7 @@ from jaxtyping import Array, Float, UInt32
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted
 from motorgrad.lab.diagram._declarations import (
+    Parameter,
     Port,
     Setting,
     checked_shape,
@@ -162,9 +164,27 @@ class Block:
         """The number of ticks of `tick` seconds between two evaluations. **Raises** `ValueError` if it is not whole."""
         return self.every if self.period is None else whole_ticks("period", self.period, tick)
 
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that are present, by name. Settings may add parameters to those of the type; such names may
+        have dots."""
+        declared = parameters_of(type(self))
+        return {name: part for name, part in declared.items() if getattr(self, name) is not None}
+
+    @property
+    def structure(self) -> Any:
+        """What, beside their type and the shapes of their parameters, blocks have in common that are compiled as one;
+        it can be hashed."""
+        settings = (name for name in settings_of(type(self)) if name not in ("every", "period"))
+        return tuple((name, repr(getattr(self, name))) for name in settings)
+
+    def retuned(self, values: Mapping[str, Any]) -> Self:
+        """The block with other values of some parameters or settings, by name, checked as a new one is."""
+        return dataclasses.replace(self, **values)
+
     def values(self) -> dict[str, np.ndarray]:
-        """The parameters by name, as arrays."""
-        return {name: part.array(getattr(self, name)) for name, part in parameters_of(type(self)).items()}
+        """The parameters that are present by name, as arrays."""
+        return {name: part.array(getattr(self, name)) for name, part in self.parameters.items()}
 
     def bound(self, values: Mapping[str, Any]) -> Self:
         """The block with arrays in place of its parameters, unchecked: the `self` of its functions in compiled code."""
@@ -249,5 +269,5 @@ class HostBlock(Block, abc.ABC):
         """
 
 
-BLOCKS: dict[str, type[Block]] = {}
+BLOCKS: ChainMap[str, type[Block]] = ChainMap({})
 """Every block type by its name in files. `motorgrad.lab.blocks` fills it; you may add types of your own."""

@@ -67,7 +67,7 @@ def checked_shape(name: str, shape: Any) -> tuple[int, ...]:
     given = tuple(shape) if isinstance(shape, tuple | list) else None
     whole = given is not None and all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in given)
     valid = given is not None and whole and all(n >= 1 for n in given) and np.prod(given, dtype=float) < 2**31
-    check(valid, name, shape, "a list of whole numbers from 1, () for one number")
+    check(valid, name, shape, "a list of integers from 1, () for one number")
     return tuple(int(n) for n in given or ())
 
 
@@ -81,6 +81,7 @@ class Parameter:
     - `unit`: its unit.
     - `low`, `high`: the range of every element; `open` excludes the ends.
     - `kind`: the kind of its numbers.
+    - `optional`: whether `None` may stand for an absent parameter. Presence is structure: a run cannot change it.
     """
 
     help: str = ""
@@ -89,12 +90,15 @@ class Parameter:
     high: float = np.inf
     kind: Kind = "float"
     open: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         choice("kind", self.kind, KINDS)
 
     def plain(self, name: str, value: Any) -> Any:
         """A value as nested tuples of plain numbers. **Raises** `ValueError` for a value that is not allowed."""
+        if value is None and self.optional:
+            return None
         try:
             given = np.asarray(value)
         except (TypeError, ValueError, OverflowError):  # ragged lists
@@ -123,8 +127,9 @@ class Parameter:
         least, most = ("above", "below") if self.open else ("at least", "at most")
         bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
         bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
-        numbers = f"{'whole' if self.kind == 'int' else 'finite'} numbers"
-        return ", ".join([f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])])
+        numbers = "integers" if self.kind == "int" else "finite numbers"
+        words = [f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])]
+        return ", ".join([*words, *(["or none"] if self.optional else [])])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,8 +137,8 @@ class Setting:
     """Declares a value that decides a block's shapes or structure, with a few words of `help`. Changing a setting
     recompiles the diagram.
 
-    A setting is a number, a text, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a block
-    is made. `choices` lists all allowed texts.
+    A setting is a number, a string, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a
+    block is made. `choices` lists all allowed strings.
     """
 
     help: str = ""

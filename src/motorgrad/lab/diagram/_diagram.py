@@ -103,7 +103,7 @@ class Diagram:
         number = isinstance(tick, int | float) and not isinstance(tick, bool)
         check(number and 0 < tick < np.inf, "tick", tick, "a positive number of seconds")
         whole = isinstance(substeps, int) and not isinstance(substeps, bool)
-        check(whole and 1 <= substeps <= 1000, "substeps", substeps, "a whole number in 1 … 1000")
+        check(whole and 1 <= substeps <= 1000, "substeps", substeps, "an integer in 1 … 1000")
         self.tick, self.substeps = float(tick), substeps
         self.title, self.comment = title, comment
         self.nodes: dict[str, Node] = {}
@@ -267,4 +267,4 @@ def numbered_names(name: str) -> Iterator[str]:
 def _check_name(name: Any, what: str = "name") -> None:
     text = isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and name.isprintable() and name == name.strip()
     plain = text and not {".", "/"} & set(name)
-    check(plain, what, name, f"a text of 1 … {LONGEST_NAME} characters without '.' and '/'")
+    check(plain, what, name, f"a string of 1 … {LONGEST_NAME} characters without '.' and '/'")

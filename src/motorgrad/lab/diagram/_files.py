@@ -1,6 +1,6 @@
 """Diagram files: plain JSON in canonical form, one line per block and per wire.
 
-The logic comes first and the layout, which belongs to an editor, last. Loading reads numbers and texts and looks up
+The logic comes first and the layout, which belongs to an editor, last. Loading reads numbers and strings and looks up
 block types by name; no code is executed.
 """
 
@@ -54,7 +54,7 @@ def loads(text: str) -> Diagram:
     **Raises** `ValueError` that names the place: for invalid JSON, another format or version, unknown block types,
     ports or names, and numbers that are not finite or not allowed.
     """
-    check(isinstance(text, str) and len(text) <= LARGEST, "file", text, f"a text of at most {LARGEST:,} characters")
+    check(isinstance(text, str) and len(text) <= LARGEST, "file", text, f"a string of at most {LARGEST:,} characters")
     try:
         data = json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
@@ -119,7 +119,7 @@ def _written(value: Any, depth: int) -> str:
 def _read_diagram(data: Mapping[str, Any], path: str) -> Diagram:
     """The diagram of a table; `path` is its place as a subsystem."""
     for name in ("title", "comment"):
-        check(isinstance(data.get(name, ""), str), f"{path}{name}", data.get(name), "a text")
+        check(isinstance(data.get(name, ""), str), f"{path}{name}", data.get(name), "a string")
     for part in PARTS:
         check(isinstance(data.get(part, {}), dict), f"{path}{part}", data.get(part), "a table")
     with _error_context(path.rstrip("/") or "diagram"):
@@ -128,7 +128,7 @@ def _read_diagram(data: Mapping[str, Any], path: str) -> Diagram:
         with _error_context(f"{path}{name}"):
             check(isinstance(node, dict), "block", node, "a table with its type and settings")
             id = node.get("id", name)
-            check(isinstance(id, str), "id", id, "a text")
+            check(isinstance(id, str), "id", id, "a string")
             diagram.add(name, _block(node, f"{path}{name}"), id)
     for target, source in data.get("wires", {}).items():
         with _error_context(f"wire to {path}{target}"):
@@ -162,8 +162,8 @@ def make_block(kind: Any, fields: Mapping[str, Any]) -> Block:
 
 def with_fields(block: Block, fields: Mapping[str, Any]) -> Block:
     """A block with other values of some fields. **Raises** `ValueError` for an unknown or invalid field."""
-    _check_keys(block.name, fields, fields_of(type(block)))
-    return dataclasses.replace(block, **fields)
+    _check_keys(block.name, fields, {**fields_of(type(block)), **block.parameters})
+    return block.retuned(fields)
 
 
 def required_fields(cls: type[Block]) -> list[str]:
@@ -221,7 +221,7 @@ def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
         check(data.isascii() or not any("\ud800" <= sign <= "\udfff" for sign in data), name, data, "whole characters")
     elif isinstance(data, dict):
         for key, value in data.items():
-            check(isinstance(key, str), name, key, "a table whose names are texts")
+            check(isinstance(key, str), name, key, "a table whose keys are strings")
             _check_plain(key, place, depth)
             _check_plain(value, (*place, key), depth + 1)
     elif isinstance(data, list | tuple):

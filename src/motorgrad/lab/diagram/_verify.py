@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.lab.diagram._block import Block, HostBlock, Moment
-from motorgrad.lab.diagram._declarations import Port, settings_of
+from motorgrad.lab.diagram._declarations import Port
 from motorgrad.lab.diagram._flat import Placed, Problem
 
 Shape = jax.ShapeDtypeStruct
@@ -19,11 +19,8 @@ Shape = jax.ShapeDtypeStruct
 
 def kind_of(block: Block) -> tuple[Any, ...]:
     """What blocks must share to be evaluated together: type, settings, and shapes of parameters."""
-    settings = [
-        (name, repr(getattr(block, name))) for name in settings_of(type(block)) if name not in ("every", "period")
-    ]
     shapes = [(name, np.shape(value)) for name, value in block.values().items()]
-    return type(block), tuple(settings), tuple(shapes), jnp.result_type(float).name
+    return type(block), block.structure, tuple(shapes), jnp.result_type(float).name
 
 
 def verify(placed: Placed) -> list[Problem]:

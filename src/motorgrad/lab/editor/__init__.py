@@ -1,7 +1,7 @@
-"""The editor of diagrams: sessions, and the ways by which browsers and notebooks reach them.
+"""The diagram editor: sessions, and how browsers and notebooks connect to them.
 
-A session holds a diagram, its history and its run; clients ask it to change them, and are told what changed: see
-`_protocol`. It is loaded when first used: `import motorgrad.lab` needs none of what it is built on.
+A session holds a diagram, its history and its run. Clients send operations and receive events; see `_protocol`. The
+editor is imported on first use: `import motorgrad.lab` needs none of its dependencies.
 """
 
 from motorgrad.lab.editor._server import Server

@@ -1,4 +1,8 @@
-"""One course of events: where it came from, how far it went, and what was seen in it."""
+"""A branch of a run: its origin, its timeline, and its recorded signals; and the log that reproduces it.
+
+A log has its `seeds`, the `tick` at which it ends, a `digest` of the state there, and `parts`: a `diagram` each, as
+text, that ran `from` one tick `until` another, with the `changes` of parameters in between.
+"""
 
 import time
 from typing import Any
@@ -15,20 +19,20 @@ LOG_FORMAT = "motorgrad log"
 
 
 def checked_log(log: Any) -> dict[str, Any]:
-    """A log, seen to be one. **Raises** `ValueError` that says what is wrong with it."""
+    """A validated log. **Raises** `ValueError` that says what is wrong with it."""
     check(isinstance(log, dict) and log.get("format") == LOG_FORMAT, "format", log.get("format"), f"{LOG_FORMAT!r}")
     check(log.get("version") == 1, "version", log.get("version"), "1, which this release reads")
     seeds, parts = log.get("seeds"), log.get("parts")
     tick: Any = log.get("tick")
     check(isinstance(seeds, list) and seeds, "seeds", seeds, "a list of integers")
-    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "a whole number from 0")
+    check(isinstance(tick, int) and 0 <= tick <= MOST_TICKS, "tick", tick, "an integer from 0")
     check(isinstance(parts, list) and parts, "parts", parts, "a list of at least one part")
     now = 0
     for part in parts or ():
         check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
-        check(part.get("from") == now, "from", part.get("from"), f"{now}, where the part before ends")
+        check(part.get("from") == now, "from", part.get("from"), f"{now}, where the previous part ends")
         last: Any = part.get("until")
-        check(isinstance(last, int) and now <= last <= tick, "until", last, f"a whole number in {now} … {tick}")
+        check(isinstance(last, int) and now <= last <= tick, "until", last, f"an integer in {now} … {tick}")
         check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
         for change in part["changes"]:
             known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}
@@ -40,10 +44,10 @@ def checked_log(log: Any) -> dict[str, Any]:
     return {"digest": None, **log}
 
 
-EVERY = 16  # ticks from one state that is kept to the next, at first
-COST = 1e-3  # seconds; where a state takes longer, they lie farther apart
-KEPT = 128  # states of a branch; with more, every other one goes, and so on
-LARGEST = 256 * 2**20  # bytes of them
+EVERY = 16  # initial number of ticks between snapshots
+COST = 1e-3  # seconds; slower snapshots are taken farther apart
+KEPT = 128  # snapshots of a branch; beyond that, every second one is dropped
+LARGEST = 256 * 2**20  # bytes of all snapshots of a branch
 Part = dict[str, Any]
 
 
@@ -70,10 +74,10 @@ class ForwardOnly:
 
 
 class Branch:
-    """A branch of a run, which begins where its timeline is.
+    """A branch of a run, which begins at the current tick of its timeline.
 
-    **Arguments:** its name; the program; the branch it comes from; whether the diagram was edited in between; its
-    timeline, by default a new one of the program's run.
+    **Arguments:** its name; the program; the parent branch; whether the diagram was edited in between; its timeline, by
+    default a new one of the program's run.
     """
 
     def __init__(
@@ -83,7 +87,7 @@ class Branch:
         self.timeline = timeline or _timeline(program)
         self.start = self.timeline.tick
         self.past: list[Part] = [] if parent is None else parent.past
-        """What the log has before this diagram."""
+        """The parts of the log before this diagram."""
         if parent is not None and edited:
             self.past = parent.parts()
         self._inherited = len(self.timeline.log)
@@ -102,31 +106,31 @@ class Branch:
         return min(self.timeline.snapshots)
 
     def set_parameters(self, values: Values) -> None:
-        """Set parameters from now on; of blocks that do not run, such as inlets with a wire, nothing is set."""
+        """Set parameters from now on. Blocks that do not run, such as connected inlets, are skipped."""
         for address, value in values.items():
-            if address.rpartition(".")[0] in self._paths:
+            if address.partition(".")[0] in self._paths:
                 self.timeline[address] = value
 
     def overrides(self, values: Values) -> Values:
-        """Those of its parameters that are not these values, to single precision."""
-        there = {address: self.run[address] for address in values if address.rpartition(".")[0] in self._paths}
+        """Its parameters that differ from these values in single precision."""
+        there = {address: self.run[address] for address in values if address.partition(".")[0] in self._paths}
         return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
     def switch_program(self, program: Program) -> None:
-        """Go on with the same diagram compiled otherwise."""
+        """Continue with another compilation of the same diagram."""
         program.run.restore(self.run.state)
         self.run.close()
         self.program, self.timeline.run = program, program.run
 
     def parts(self) -> list[Part]:
-        """The diagrams that its present follows from, each with the changes that were made in it."""
+        """The diagrams that its current state follows from, each with the changes made to it."""
         changes = [change._asdict() for change in self.timeline.log if change.tick <= self.timeline.tick]
         first = self.past[-1]["until"] if self.past else 0
         own = {"from": first, "until": self.timeline.tick, "diagram": self.program.text, "changes": changes}
         return [*self.past, own]
 
     def log(self) -> dict[str, Any]:
-        """All that its state follows from, as plain data, and a digest of it."""
+        """Everything that its state follows from, as plain data, and a digest of the state."""
         own = {"format": LOG_FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": self.parts()}
         state = None if self.program.fixed else digest(self.run.state)
         return own | {"tick": self.timeline.tick, "digest": state}
@@ -144,8 +148,9 @@ class Branch:
 
 
 def _timeline(program: Program) -> Any:
-    """The timeline of a program's run. The larger its states, the fewer are kept; the longer one takes, the farther
-    they lie apart."""
+    """The timeline of a program's run. The larger the states, the fewer snapshots are kept; the slower they are to
+    take, the farther apart they are.
+    """
     if program.fixed is not None:
         return ForwardOnly(program.run)
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The diagram that is worked on, and how it came to be so."""
+"""The edited diagram and its history."""
 
 import dataclasses
 from pathlib import Path
@@ -7,22 +7,22 @@ from typing import Any
 from motorgrad._errors import check
 from motorgrad.lab.diagram import Diagram
 
-LONGEST = 500  # changes that can be taken back
-TOGETHER = 1.0  # seconds within which changes of one thing are taken back as one
+LONGEST = 500  # changes that can be undone
+TOGETHER = 1.0  # seconds within which changes with the same key are undone together
 
 
 @dataclasses.dataclass(frozen=True)
 class Version:
-    """The document at one time: nothing of it is altered afterwards."""
+    """The document at one point in its history; it is never modified."""
 
     diagram: Diagram
     file: Path | None = None
 
 
 class Document:
-    """A diagram and its history, each version of which shares with the one before what did not change.
+    """A diagram and its history. Successive versions share what did not change.
 
-    `revision` counts the changes, and those taken back too; `saved` says whether the diagram is as its file has it.
+    `revision` counts changes, including undone ones; `saved` tells whether the diagram equals the content of its file.
     """
 
     def __init__(self, diagram: Diagram, file: Path | None = None):
@@ -42,31 +42,31 @@ class Document:
         return self._saved is not None and (self._saved is self.diagram or self._saved == self.diagram)
 
     def update(self, diagram: Diagram, key: Any = None, time: float = 0.0) -> None:
-        """Another version of the diagram. Those with the same `key`, soon after each other, count as one change."""
+        """Add a version of the diagram. Versions with the same `key` in quick succession count as one change."""
         together = key is not None and self._last[0] == key and time - self._last[1] < TOGETHER and not self._after
         self._step(Version(diagram, self.now.file), bool(together and self._before))
         self._last = key, time
 
     def open(self, diagram: Diagram, file: Path | None, saved: bool = True) -> None:
-        """Another document in place of this one; `saved` says whether it is somewhere else too."""
+        """Replace the document by another one; `saved` tells whether it also exists elsewhere."""
         self._step(Version(diagram, file), False)
         self._saved = diagram if saved else None
 
     def mark_saved(self, file: Path) -> None:
-        """Note that the file is as the diagram is now."""
+        """Record that the file contains the current diagram."""
         self.now = Version(self.diagram, file)
         self._saved = self.diagram
         self._last = None, 0.0
 
     def undo(self) -> None:
-        """Take back the last change. **Raises** `ValueError` where there is none."""
+        """Undo the last change. **Raises** `ValueError` if there is none."""
         check(self._before, "undo", "", "after a change")
         self._after.append(self.now)
         self.now = self._before.pop()
         self._count_revision()
 
     def redo(self) -> None:
-        """Make the last change again that was taken back."""
+        """Redo the last change that was undone."""
         check(self._after, "redo", "", "after an undo")
         self._before.append(self.now)
         self.now = self._after.pop()
@@ -74,7 +74,7 @@ class Document:
 
     @property
     def flags(self) -> dict[str, Any]:
-        """What clients show of it beside the diagram."""
+        """What clients show besides the diagram."""
         return {
             "revision": self.revision,
             "file": self.now.file.name if self.now.file else None,

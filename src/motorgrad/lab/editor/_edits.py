@@ -247,10 +247,11 @@ class SetParameter(Change, op="parameter"):
     value: Any
 
     def apply(self, document: Diagram) -> Diagram:
-        path, _, name = self.address.rpartition(".")
+        path, _, name = self.address.partition(".")
         *at, block = path.split("/")
         node = _node(opened(document, at)[-1], block)
-        known = () if isinstance(node.block, Diagram) else parameters_of(type(node.block))
+        block_type = type(node.block)
+        known = {} if isinstance(node.block, Diagram) else {**parameters_of(block_type), **node.block.parameters}
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
         return Set(tuple(at), block, name, self.value).apply(document)
@@ -275,7 +276,7 @@ class Freeze(Change):
             value = np.full(frozen.shape, self.on)
         else:
             check(frozen.ndim == 1, "unit", self.unit, "null: the units of this block are frozen together")
-            check(0 <= self.unit < len(frozen), "unit", self.unit, f"a whole number in 0 … {len(frozen) - 1}")
+            check(0 <= self.unit < len(frozen), "unit", self.unit, f"an integer in 0 … {len(frozen) - 1}")
             value = np.where(np.arange(len(frozen)) == self.unit, self.on, frozen)
         return SetParameter(f"{path}.frozen", value.tolist()).apply(document)
 
@@ -317,7 +318,7 @@ def _set_head(scope: Diagram, values: dict[str, Any]) -> None:
         if name not in HEAD:
             raise unknown("setting of a diagram", name, HEAD)
     for name in {"title", "comment"} & set(values):
-        check(isinstance(values[name], str), name, values[name], "a text")
+        check(isinstance(values[name], str), name, values[name], "a string")
     checked = Diagram(**{name: getattr(scope, name) for name in HEAD} | values)
     for name in HEAD:
         setattr(scope, name, getattr(checked, name))

@@ -1,4 +1,4 @@
-"""A diagram compiled, and what tells whether another is the same but for its parameters."""
+"""A compiled diagram, and the signature that tells whether another diagram differs in parameters only."""
 
 import hashlib
 from typing import Any
@@ -7,14 +7,14 @@ import jax
 import numpy as np
 
 from motorgrad.lab.compiler import Plan, plan
-from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of, parameters_of
+from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of
 from motorgrad.lab.engine import Run, State
 
 Values = dict[str, Any]
 
 
 class Program:
-    """A diagram compiled, with a `run` of it at tick 0.
+    """A compiled diagram, with a `run` at tick 0.
 
     **Arguments:** the diagram; the seeds; the outputs to record. **Raises** `DiagramError` for a diagram that cannot
     run.
@@ -26,12 +26,13 @@ class Program:
         there = outputs(diagram) if watch else []
         self.run = Run(diagram, seeds, watch=[address for address in watch if address in there])
         self.fixed = next((f"{path}: {why}" for path, why in self.run.no_restore.items()), None)
-        """Why it cannot go back in time, if it cannot."""
+        """Why the run cannot go back in time; `None` if it can."""
 
 
 def signature(diagram: Diagram) -> Any:
-    """What two diagrams have in common that differ only in parameters, layout and how sinks draw. **Raises**
-    `DiagramError`."""
+    """A value that is equal for diagrams that differ only in parameters, layout and the drawing of sinks. **Raises**
+    `DiagramError`.
+    """
     made: Plan = plan(diagram)
 
     def kind(block: Any) -> Any:
@@ -44,7 +45,7 @@ def signature(diagram: Diagram) -> Any:
 
 
 def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
-    """All blocks that are no subsystems, by path."""
+    """All blocks that are not subsystems, by path."""
     found: dict[str, Any] = {}
     for name, node in diagram.nodes.items():
         if isinstance(node.block, Diagram):
@@ -57,9 +58,7 @@ def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
 def parameters(diagram: Diagram) -> Values:
     """All parameters by address."""
     return {
-        f"{path}.{name}": getattr(block, name)
-        for path, block in leaves(diagram).items()
-        for name in parameters_of(type(block))
+        f"{path}.{name}": getattr(block, name) for path, block in leaves(diagram).items() for name in block.parameters
     }
 
 
@@ -69,13 +68,13 @@ def outputs(diagram: Diagram) -> list[str]:
 
 
 def sink_at(diagram: Diagram, path: str) -> Any:
-    """The sink at a path, where it is one that draws; an outlet draws lines."""
+    """The sink at a path, if it draws; outlets draw lines."""
     block = leaves(diagram).get(path)
     return block if isinstance(block, Sink) and not isinstance(block, Outlet) else None
 
 
 def digest(state: State) -> str:
-    """A number that two states share if they are the same bit for bit, and else hardly ever."""
+    """A hash of a state: equal for states that are equal bit for bit."""
     known = hashlib.sha256()
     for path, leaf in jax.tree_util.tree_leaves_with_path(state):
         array = np.ascontiguousarray(leaf)
@@ -85,5 +84,5 @@ def digest(state: State) -> str:
 
 
 def size_of(state: State) -> int:
-    """How many bytes a state has."""
+    """The size of a state in bytes."""
     return sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(state))

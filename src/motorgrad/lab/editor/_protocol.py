@@ -2,8 +2,9 @@
 per message.
 
 **Operations** come from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`. Each is a
-class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the outermost
-diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is `"subsystem/block.port"`.
+class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the
+outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is
+`"subsystem/block.port"`.
 
 **Events** go to clients; `"event"` is the name.
 
@@ -214,9 +215,9 @@ def read_message(text: str) -> tuple[str, int, Operation]:
         raise ValueError("message: has too many nested lists") from None
     check(isinstance(data, dict), "message", data, "a JSON object")
     client, sequence = data.pop("client", None), data.pop("sequence", None)
-    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a text of 1 … 100 characters")
+    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a string of 1 … 100 characters")
     whole = isinstance(sequence, int) and not isinstance(sequence, bool)
-    check(whole and 0 <= sequence < 2**63, "sequence", sequence, "a whole number from 0")
+    check(whole and 0 <= sequence < 2**63, "sequence", sequence, "an integer from 0")
     return client, sequence, operation_from(data)
 
 

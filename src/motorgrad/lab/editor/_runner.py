@@ -1,11 +1,10 @@
-"""The run of a session, in a thread of its own: what is played, and how clients hear of it.
+"""The run of a session, in a thread of its own: playback, and reports to clients.
 
-The event `run` says how it stands: `state` (`"empty"`, `"paused"`, `"playing"` or `"compiling"`), `branch`, `tick`,
-`time`, `head` (the last tick of the branch), `speed` as wanted and `achieved`, `seeds`, `watch`, `branches`;
-`stale`, whether the diagram was changed in structure since it was compiled: it goes on with the new one, as a branch
-of its own, when next played; `fixed`, why it cannot go back in time, or `null`; `overrides`, parameters that are
-otherwise in this branch than in the diagram; `fresh`, blocks that began anew when it was last compiled. Fields that are
-missing have not changed.
+The event `run` has `state` (`"empty"`, `"paused"`, `"playing"` or `"compiling"`), `branch`, `tick`, `time`, `head` (the
+last tick of the branch), the requested `speed` and the one `achieved`, `seeds`, `watch` and `branches`; `stale`: the
+structure of the diagram changed since it was compiled, and the run will continue with the new one in a new branch;
+`fixed`: why it cannot go back in time, or `null`; `overrides`: parameters of this branch that differ from the diagram;
+`fresh`: blocks that started anew at the last compilation. Missing fields have not changed.
 """
 
 import queue
@@ -29,7 +28,7 @@ Command = Callable[[], None]
 class Runner:
     """Plays a diagram.
 
-    **Arguments:** the diagram, and what takes its events, in the thread of the ask.
+    **Arguments:** the diagram, and a function that takes its events, in the thread of the run.
     """
 
     def __init__(self, diagram: Diagram, emit: Callable[[Event], None]):
@@ -43,19 +42,19 @@ class Runner:
         self._rate, self._since, self._begun = 0.0, 0.0, 0
         self._next, self._span = 0.0, (0.0, 0)
         self.status: Event = {"event": "run"}
-        """The last event `run`, whole."""
+        """The last complete `run` event."""
         self._report(whole=True)
         self._thread = threading.Thread(target=self._work, name="motorgrad-lab-run", daemon=True)
         self._thread.start()
 
     def submit(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> None:
-        """Have an operation performed; `done` hears when it was, or why not."""
+        """Queue an operation; `done` is called when it is performed, with the error if it failed."""
 
         def perform() -> None:
             try:
                 if self._perform(operation, done, answer):
                     done(None)
-            except Exception as error:  # whatever a block's own code raises must not end the thread
+            except Exception as error:  # a block's own code may raise anything; it must not end the thread
                 self._pause()
                 done(error)
 
@@ -63,7 +62,7 @@ class Runner:
         self._commands.put(perform)
 
     def edit(self, diagram: Diagram, fresh: bool = False) -> None:
-        """Go on with a diagram that was changed; with a `fresh` one nothing of the run before is left."""
+        """Continue with a changed diagram; a `fresh` one discards the previous run."""
 
         def apply() -> None:
             if fresh:
@@ -75,12 +74,12 @@ class Runner:
         self._commands.put(apply)
 
     def greet(self, send: Callable[[Event], None]) -> None:
-        """Tell a client that comes later how things are, and were."""
+        """Send the current state and all recorded signals to a client that joins later."""
         send(dict(self.status))
         self._commands.put(lambda: self._tree.resend(send))
 
     def close(self) -> None:
-        """End the thread, after the tick that is being made."""
+        """End the thread after the current tick."""
         self._commands.put(None)
         self._thread.join(60)
 
@@ -93,7 +92,7 @@ class Runner:
             command()
 
     def _next_command(self) -> Command | None:
-        """The next command; a frame, where none comes in time."""
+        """The next command, or a frame if none arrives in time."""
         if not self._playing:
             return self._commands.get()
         try:
@@ -102,20 +101,20 @@ class Runner:
             return self._frame
 
     def _perform(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> bool:
-        """Do it. **Returns** whether it is done at once."""
+        """Perform an operation. **Returns** whether it is done at once."""
         tree = self._tree
         match operation:
             case ask.Play():
                 self._start(operation.speed)
                 return True
             case ask.Tick():
-                check(operation.n >= 1, "n", operation.n, "a whole number from 1")
+                check(operation.n >= 1, "n", operation.n, "an integer from 1")
                 if self._until is None:
                     self._start(None, operation.n)
                 else:
                     self._until += operation.n
                 self._finish.append(done)
-                self._frame()  # at once: what is asked for next finds them made
+                self._frame()  # at once, so that the next operation finds these ticks made
                 return False
             case ask.Speed():
                 self._speed = _checked_speed(operation.speed)
@@ -148,7 +147,7 @@ class Runner:
         return True
 
     def _start(self, speed: float | None, ticks: int | None = None) -> None:
-        """Begin to play, for so many ticks or until told otherwise."""
+        """Start playing, for a number of ticks or until paused."""
         speed = _checked_speed(speed)
         self._pause()
         self._tree.ensure_compiled()
@@ -165,7 +164,7 @@ class Runner:
             done(None)
 
     def _frame(self) -> None:
-        """As many ticks as are due by now, and no more than leave the thread free to listen."""
+        """Run the ticks that are due, but no more than leave the thread responsive."""
         now, tree = time.monotonic(), self._tree
         self._next = now + (FRAME if self._speed else 0.0)
         most = max(1, int(self._rate * FRAME))
@@ -173,7 +172,7 @@ class Runner:
         if self._speed:
             wanted = self._begun + (now - self._since) * self._speed / tree.step
             due = int(wanted) - tree.tick
-            if due > 3 * most:  # it cannot keep up: what was missed is not caught up with
+            if due > 3 * most:  # too slow to keep up: missed ticks are not made up for
                 self._restart_clock()
         ticks = min(due, most)
         if self._until is not None:
@@ -195,12 +194,14 @@ class Runner:
             self._report()
 
     def _restart_clock(self) -> None:
-        """Count what is due from here."""
+        """Count due ticks from now."""
         self._since, self._begun = time.monotonic(), self._tree.tick
         self._span = self._since, self._begun
 
     def _apply_edit(self, diagram: Diagram) -> None:
-        """Take in a changed diagram: new parameters at once, a new structure when it next runs, or now if it does."""
+        """Apply a changed diagram: new parameters at once; a new structure when it next runs, or at once while it
+        plays.
+        """
         tree = self._tree
         tree.diagram = diagram
         if not tree.running:
@@ -225,7 +226,7 @@ class Runner:
             self._report(whole=True)
 
     def _report(self, whole: bool = False, compiling: bool = False) -> None:
-        """Tell how the run stands."""
+        """Report the state of the run."""
         tree = self._tree
         state = "compiling" if compiling else "playing" if self._playing else "paused" if tree.running else "empty"
         event: Event = {"event": "run", "state": state, **tree.place, "achieved": self._achieved()}
@@ -235,7 +236,7 @@ class Runner:
         self._emit(event)
 
     def _achieved(self) -> float | None:
-        """The speed of the last second or so."""
+        """The speed over the last second or so."""
         if not self._playing:
             return None
         now, (since, begun) = time.monotonic(), self._span
@@ -246,5 +247,5 @@ class Runner:
 
 
 def _checked_speed(speed: float | None) -> float | None:
-    check(speed is None or 0 < speed <= 1e9, "speed", speed, "a number above 0, or null for the greatest")
+    check(speed is None or 0 < speed <= 1e9, "speed", speed, "a number above 0, or null for the highest speed")
     return speed

@@ -1,7 +1,7 @@
-"""The editor over a network of one machine: pages and a WebSocket, for those who know the token.
+"""The editor on the local network interface: pages and a WebSocket, protected by a token.
 
-Pages are under `/TOKEN/`, the WebSocket at `/TOKEN/socket`: what knows no token sees nothing, and the page can name its
-files relative to itself. A request that says it comes from elsewhere is refused.
+Pages are under `/TOKEN/`, the WebSocket is `/TOKEN/socket`. Without the token nothing is served, and the page can use
+relative paths. Requests from pages of other origins are refused.
 """
 
 import asyncio
@@ -41,12 +41,12 @@ HEADERS = {
 class Server:
     """Serves a session on 127.0.0.1.
 
-    **Arguments:** the session; the `port`, 0 for a free one; where the built pages are.
+    **Arguments:** the session; the `port`, 0 for a free one; the folder of the built pages.
     """
 
     def __init__(self, session: Session, port: int = 0, static: Path = STATIC):
         whole = isinstance(port, int) and not isinstance(port, bool)
-        check(whole and 0 <= port < 2**16, "port", port, "a whole number in 0 … 65535, 0 for a free one")
+        check(whole and 0 <= port < 2**16, "port", port, "an integer in 0 … 65535, 0 for a free one")
         self.session, self.token, self._static = session, secrets.token_urlsafe(24), static
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -55,7 +55,7 @@ class Server:
         except OSError as error:
             self._socket.close()
             raise ValueError(f"port = {port}: cannot be used: {error.strerror}") from None
-        self._socket.listen(128)  # who comes before the server is up waits
+        self._socket.listen(128)  # clients that connect before the server is up wait
         self.port = self._socket.getsockname()[1]
         routes = [Route("/{token}/{path:path}", self._page), WebSocketRoute("/{token}/socket", self._talk)]
         app = _Guard(Starlette(routes=routes), self.token, self.port)
@@ -65,7 +65,7 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Where the editor is, with the token."""
+        """The address of the editor, with the token."""
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def run(self) -> None:
@@ -78,7 +78,7 @@ class Server:
         self._thread.start()
 
     def stop(self) -> None:
-        """End serving; the session goes on."""
+        """Stop serving; the session continues."""
         self._server.should_exit = True
         if self._thread is not None:
             self._thread.join(10)
@@ -101,7 +101,7 @@ class Server:
         try:
             while True:
                 self.session.handle(await connection.receive_text(), outbox.put)
-        except (WebSocketDisconnect, KeyError):  # gone, or it sent bytes
+        except (WebSocketDisconnect, KeyError):  # disconnected, or it sent bytes
             pass
         finally:
             end()
@@ -109,8 +109,9 @@ class Server:
 
 
 class _Outbox:
-    """Events on their way to one client. For one that is slow samples are not piled up: they are left out, and once it
-    has heard the rest, all that was seen is sent in few points."""
+    """Events queued for one client. Samples for a slow client are dropped rather than queued; once it has caught up,
+    all recorded signals are sent again in few points.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, resend: Callable[[Callable[..., None]], None], most: int = 300):
         self._loop, self._resend, self._most, self._behind = loop, resend, most, False
@@ -118,17 +119,17 @@ class _Outbox:
         self._lock, self._there = threading.Lock(), asyncio.Event()
 
     def put(self, event: dict[str, Any]) -> None:
-        """Take an event, in any thread."""
+        """Queue an event, from any thread."""
         with self._lock:
             self._events.append(event)
             if len(self._events) > self._most:
                 self._events = deque(each for each in self._events if each["event"] != "samples")
                 self._behind = True
-        with contextlib.suppress(RuntimeError):  # the server has ended
+        with contextlib.suppress(RuntimeError):  # the server has stopped
             self._loop.call_soon_threadsafe(self._there.set)
 
     async def drain(self, send: Callable[[str], Any]) -> None:
-        """Send what comes, as long as the connection lives."""
+        """Send events as long as the connection lives."""
         while True:
             await self._there.wait()
             self._there.clear()
@@ -143,7 +144,7 @@ class _Outbox:
 
 
 class _Guard:
-    """Refuses what has not the token, or is sent by a page from elsewhere."""
+    """Refuses requests without the token, and those sent by pages of other origins."""
 
     def __init__(self, app: ASGIApp, token: str, port: int):
         self._app, self._token = app, token.encode()
@@ -154,15 +155,16 @@ class _Guard:
         if scope["type"] in ("http", "websocket") and not self._allowed(scope):
             refusal = PlainTextResponse("Forbidden: open the whole address that `motorgrad lab` printed.", 403, HEADERS)
             if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008})  # before it is accepted: status 403
+                await send({"type": "websocket.close", "code": 1008})  # before accepting: status 403
             else:
                 await refusal(scope, receive, send)
             return
         await self._app(scope, receive, send)
 
     def _allowed(self, scope: Scope) -> bool:
-        """The token in constant time; the host, so that no foreign name leads here; the origin, which a browser
-        always gives with a WebSocket."""
+        """Check the token in constant time; the host, so that no foreign host name leads here; and the origin, which
+        browsers always send with a WebSocket.
+        """
         headers: dict[bytes, list[bytes]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.lower(), []).append(value)

@@ -1,4 +1,4 @@
-"""One piece of work: a diagram, its history and its run, which any number of clients look at and change."""
+"""A session: a diagram, its history and its run, shared by any number of clients."""
 
 import atexit
 import concurrent.futures
@@ -29,16 +29,23 @@ STATIC = Path(__file__).parent / "static"
 
 Event = dict[str, Any]
 Send = Callable[[Event], None]
-REMEMBERED = 2000  # answers of a client, in case it did not hear them
+REMEMBERED = 2000  # answers kept per client, in case it did not receive them
 CLIENTS = 200
 
 
 class Session:
-    """What clients talk to; any of its methods may be called from any thread.
+    """The object that clients talk to. Its methods may be called from any thread.
 
-    **Arguments:** the diagram to begin with, by default that of the `file`, or an empty one; the `file`, which need not
-    be there yet; the `folder` whose diagrams may be opened and saved to, by default the file's, or the present one;
-    where to keep unsaved work that has no file, by default among the user's states.
+        session = Session(mg.lab.example("chain"))
+        stop = session.listen(print)
+        session.handle('{"client": "me", "sequence": 1, "op": "tick", "n": 10}', print)
+
+    **Arguments:**
+
+    - `diagram`: the initial diagram, by default that of `file`, or an empty one.
+    - `file`: where it is saved; it need not exist yet.
+    - `folder`: where diagrams may be opened and saved, by default the folder of `file`, or the current one.
+    - `states`: where unsaved work without a file is kept, by default in the user's state directory.
     """
 
     def __init__(
@@ -61,16 +68,16 @@ class Session:
         self._problems: Event = {"event": "problems", "revision": -1, "list": []}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
         self._runner = Runner(self._document.diagram, self._emit)
-        atexit.register(self.close)  # compiled code must not run when the interpreter is taken down
+        atexit.register(self.close)  # compiled code must not run while the interpreter shuts down
         self._find_problems()
 
     @property
     def diagram(self) -> Diagram:
-        """A copy of the diagram as it stands."""
+        """A copy of the current diagram."""
         return self._document.diagram.copy()
 
     def listen(self, send: Send) -> Callable[[], None]:
-        """Have all events sent on, from whatever thread they arise in. **Returns** what ends that."""
+        """Send all events to `send`, from whatever thread they arise in. **Returns** a function that ends this."""
         key = object()
         with self._lock:
             self._listeners[key] = send
@@ -82,7 +89,7 @@ class Session:
         return end
 
     def handle(self, text: str, answer: Send) -> None:
-        """Do what a message asks. The answer may come later, from another thread."""
+        """Perform the operation of a message. The answer may come later, from another thread."""
         try:
             client, sequence, operation = read_message(text)
         except ValueError as error:
@@ -92,7 +99,7 @@ class Session:
             known = self._answers_of(client)
             if sequence in known and not isinstance(operation, ask.Hello):
                 before = known[sequence]
-                if before is not None:  # otherwise it is being done
+                if before is not None:  # otherwise the operation is in progress
                     answer(before)
                 return
             known[sequence] = None
@@ -116,11 +123,11 @@ class Session:
                 done()
 
     def resend(self, send: Send) -> None:
-        """Tell one client again how the run stands, and what was seen in it."""
+        """Send one client the state of the run and its recorded signals again."""
         self._runner.greet(send)
 
     def close(self, keep: bool = True) -> None:
-        """Let go of threads and files; the journal of unsaved work stays if that is to be kept."""
+        """Release threads and files; the journal of unsaved work is kept if `keep` is true."""
         atexit.unregister(self.close)
         self._aside.shutdown(cancel_futures=True)
         self._runner.close()
@@ -147,7 +154,7 @@ class Session:
                 self._change(operation)
 
     def _change(self, operation: ask.Operation) -> None:
-        """Change the document, write that down, and tell everyone."""
+        """Change the document, record the change, and tell all clients."""
         document, before = self._document, self._document.diagram
         file, saved = document.now.file, document.saved
         match operation:
@@ -172,7 +179,7 @@ class Session:
             case _:
                 raise ValueError(f"{operation.op}: is not an operation on the document")
         whole = isinstance(operation, ask.Open | ask.New | ask.Recover)
-        if whole or document.now.file != file:  # unsaved work on the one before can be recovered later too
+        if whole or document.now.file != file:  # unsaved work on the previous document can be recovered later too
             self._journal.switch(document.now.file, keep=not saved)
         self._record_change(before, operation)
         if isinstance(operation, ask.Recover):
@@ -183,12 +190,12 @@ class Session:
         self._emit(self._whole() if whole else {"event": "changed", **document.flags, "scopes": scopes})
 
     def _record_change(self, before: Diagram, operation: ask.Operation) -> None:
-        """Write a change down, and let the run and the search for problems follow."""
+        """Write a change to the journal, and update the run and the list of problems."""
         try:
             self._journal.record(before, self._document.diagram, operation)
         except OSError as error:
             self._emit({"event": "error", "message": f"autosave: {error}"})
-        if not isinstance(operation, edits.Move | edits.Comment):  # these change nothing that runs
+        if not isinstance(operation, edits.Move | edits.Comment):  # these do not affect the run
             self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
             self._find_problems()
 
@@ -212,7 +219,7 @@ class Session:
         self._emit({"event": "saved", **self._document.flags})
 
     def _greet(self, operation: ask.Hello, answer: Send) -> None:
-        """All that a client needs to know at first, or since its connection was lost."""
+        """Send a client everything it needs initially, or after a lost connection."""
         self._aside.submit(lambda: answer({"event": "declarations", **declarations()}))
         if (operation.session, operation.revision) != (self.id, self._document.revision):
             answer(self._whole())
@@ -221,7 +228,7 @@ class Session:
         self._runner.greet(answer)
 
     def _open_log_diagram(self, operation: ask.Replay) -> None:
-        """Make the diagram that a log ends with the document."""
+        """Make the diagram at the end of a log the document."""
         part = checked_log(operation.log)["parts"][-1]
         diagram = loads(part["diagram"])
         for change in part["changes"]:
@@ -240,7 +247,7 @@ class Session:
         return {"event": "recoverable", "list": self._journal.others()}
 
     def _find_problems(self) -> None:
-        """See what is wrong with the diagram, aside: a type of block that is new takes a while."""
+        """Find problems with the diagram in the background: a new block type takes a while."""
         revision, diagram = self._document.revision, self._document.diagram
 
         def find() -> None:
@@ -276,7 +283,7 @@ def _answer(own: Event, error: Exception | None) -> Event:
 
 
 def _refused(text: str, error: ValueError) -> Event:
-    """The answer to a message that cannot be read: to whom it says that it is from, if it does."""
+    """The answer to a message that cannot be parsed, addressed to its sender if it names one."""
     try:
         data = json.loads(text)
         own = {name: data.get(name) for name in ("client", "sequence")}

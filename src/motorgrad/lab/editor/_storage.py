@@ -1,8 +1,8 @@
-"""Unsaved work on the disk, so that it outlives a process that is killed.
+"""Files of a session: the folder of its diagrams, and journals of unsaved work that survive a killed process.
 
-A journal begins with the diagram as it was, and has a line for every change. It is made at the first change, held by a
-lock while its session lives, and deleted when the work is saved. What a process that ended left behind is offered to
-the next one.
+A journal starts with the diagram before the first change, and has one line per change. It is created at the first
+change, locked while its session lives, and deleted when the work is saved. Journals of dead processes are offered to
+the next session.
 """
 
 import hashlib
@@ -24,18 +24,18 @@ SUFFIX = ".json"
 
 
 class Folder:
-    """Where a session opens and saves. Nothing outside it can be named."""
+    """The folder in which a session opens and saves diagrams. Nothing outside it can be named."""
 
     def __init__(self, folder: Path):
         self.folder = folder.resolve()
         self._known: dict[Path, str] = {}
 
     def names(self) -> list[str]:
-        """The files in it that begin as diagrams do."""
+        """The files in the folder that look like diagrams."""
         return sorted(path.name for path in self.folder.glob(f"*{SUFFIX}") if path.is_file() and _is_diagram(path))
 
     def load(self, name: str) -> tuple[Diagram, Path]:
-        """The diagram of a file."""
+        """Load the diagram of a file."""
         path = self._path(name)
         if not path.is_file():
             raise unknown("file", name, self.names())
@@ -44,18 +44,19 @@ class Folder:
         return diagram, path
 
     def save(self, diagram: Diagram, name: str, over: bool) -> Path:
-        """Write a diagram. **Raises** `ValueError` where that would replace what this session has not seen, unless it
-        may go `over` that."""
+        """Write a diagram. **Raises** `ValueError` if that would replace a file that this session has not seen in its
+        current state, unless `over` is true.
+        """
         path = self._path(name)
         check_writable("file", path)
         seen = not path.exists() or self._known.get(path) == _digest(path)
-        check(over or seen, "file", name, "new, or as it was when it was opened: to replace it, say so")
+        check(over or seen, "file", name, "new, or unchanged since it was opened: confirm to replace it")
         save(diagram, path)
         self._known[path] = _digest(path)
         return path
 
     def mark_seen(self, path: Path) -> None:
-        """Take a file as seen."""
+        """Record the current content of a file as seen."""
         if path.exists():
             self._known[path.resolve()] = _digest(path)
 
@@ -83,8 +84,8 @@ JOURNAL_FORMAT = "motorgrad journal"
 class Journal:
     """The journal of one session.
 
-    **Arguments:** the `file` of the diagram, beside which it lies; without one, or where nothing can be written there,
-    it lies in `folder`, by default among the user's states.
+    **Arguments:** the `file` of the diagram, beside which the journal lies; without a file, or if nothing can be
+    written there, it lies in `folder`, by default in the user's state directory.
     """
 
     def __init__(self, file: Path | None, folder: Path | None = None):
@@ -95,26 +96,26 @@ class Journal:
         self._stream: TextIO | None = None
 
     def record(self, before: Diagram, after: Diagram, operation: Operation) -> None:
-        """Write down a change. **Raises** `OSError` where it cannot be written."""
+        """Record a change. **Raises** `OSError` if it cannot be written."""
         if self._stream is None:
-            self._begin(before)
+            self._create(before)
         small = isinstance(operation, Change)
         self._write({"do": operation_data(operation)} if small else {"diagram": dumps(after)})
 
     def switch(self, file: Path | None, keep: bool) -> None:
-        """Go on with another document, of this file; what is written is kept, to be recovered, or forgotten."""
+        """Continue with another document, that of `file`; the journal so far is kept for recovery, or deleted."""
         self.close(keep)
         self._file = file
 
     def others(self) -> list[dict[str, Any]]:
-        """What sessions left that are no more: `id`, title, blocks, changes, when, and of which file."""
+        """The journals of sessions that have ended: `id`, title, number of changes, time of the last one, and file."""
         found = []
         for path in self._journals():
-            if path == self._path or self._held(path):
+            if path == self._path or self._is_locked(path):
                 continue
             head, lines = _lines(path)
             if not lines:
-                path.unlink(missing_ok=True)  # it was killed before the first change
+                path.unlink(missing_ok=True)  # the process was killed before the first change
                 continue
             diagram = json.loads(head.get("diagram") or "{}")
             found.append(
@@ -129,7 +130,7 @@ class Journal:
         return sorted(found, key=lambda each: -each["changed"])
 
     def recovered(self, id: str) -> tuple[Diagram, str | None]:
-        """The diagram as a journal has it at its end, as far as its last whole line; and the file it is of."""
+        """The diagram at the end of a journal, up to its last complete line, and the file that it belongs to."""
         head, lines = _lines(self._other(id))
         diagram = loads(head["diagram"])
         for line in lines:
@@ -142,34 +143,34 @@ class Journal:
         return diagram, head.get("file")
 
     def drop(self, id: str) -> None:
-        """Delete what another session left."""
+        """Delete a journal of another session."""
         self._other(id).unlink(missing_ok=True)
 
     def close(self, keep: bool = True) -> None:
-        """Let it go; it stays on the disk if the work is to be kept."""
+        """Release the journal; it is kept on disk or deleted."""
         if keep:
             self._release()
         else:
-            self._end()
+            self._delete()
 
     def _other(self, id: str) -> Path:
         known = {path.name: path for path in self._journals() if path != self._path}
         if id not in known:
             raise unknown("journal", id, known)
-        check(not self._held(known[id]), "journal", id, "of a session that has ended")
+        check(not self._is_locked(known[id]), "journal", id, "of a session that has ended")
         return known[id]
 
     def _journals(self) -> list[Path]:
         beside = [] if self._file is None else sorted(self._file.parent.glob(f".{self._file.name}*.journal"))
         return [*beside, *sorted(self._states.glob("*.journal"))]
 
-    def _begin(self, diagram: Diagram) -> None:
-        """Make the file, and hold it."""
+    def _create(self, diagram: Diagram) -> None:
+        """Create the file, and lock it."""
         for folder, stem in self._places():
             try:
                 folder.mkdir(parents=True, exist_ok=True)
                 number = 1
-                while not self._take(folder / (f"{stem}.journal" if number == 1 else f"{stem}.{number}.journal")):
+                while not self._lock_new(folder / (f"{stem}.journal" if number == 1 else f"{stem}.{number}.journal")):
                     number += 1
                 assert self._path is not None
                 self._stream = self._path.open("x", encoding="utf-8")
@@ -186,8 +187,8 @@ class Journal:
         here = [] if self._file is None else [(self._file.parent, f".{self._file.name}")]
         return [*here, (self._states, time.strftime("%Y-%m-%d-%H%M%S"))]
 
-    def _take(self, path: Path) -> bool:
-        """Hold a journal that is not there yet."""
+    def _lock_new(self, path: Path) -> bool:
+        """Lock a journal that does not exist yet."""
         lock = FileLock(f"{path}.lock")
         try:
             lock.acquire(blocking=False)
@@ -204,7 +205,7 @@ class Journal:
         self._stream.write(json.dumps(line, ensure_ascii=False) + "\n")
         self._stream.flush()
 
-    def _end(self) -> None:
+    def _delete(self) -> None:
         path = self._path
         self._release()
         if path is not None:
@@ -219,8 +220,8 @@ class Journal:
         self._stream, self._lock, self._path = None, None, None
 
     @staticmethod
-    def _held(path: Path) -> bool:
-        """Whether a living session holds a journal."""
+    def _is_locked(path: Path) -> bool:
+        """Whether a living session has locked a journal."""
         lock = FileLock(f"{path}.lock")
         try:
             lock.acquire(blocking=False)
@@ -232,7 +233,7 @@ class Journal:
 
 
 def _lines(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The head and the changes of a journal; a last line that was cut off is left out."""
+    """The head and the changes of a journal, without a last line that is incomplete."""
     lines = []
     for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:

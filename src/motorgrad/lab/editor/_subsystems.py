@@ -1,4 +1,4 @@
-"""Blocks into a subsystem, and out of it again."""
+"""Grouping blocks into a subsystem and ungrouping them in the editor, with unique names and ids."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,12 +10,12 @@ from motorgrad.lab.diagram import group as group_blocks
 
 
 def fresh_name(scope: Diagram, like: str) -> str:
-    """A name for a new block, that one has not in the diagram: `like`, or that with a number."""
+    """A name for a new block that the diagram does not contain: `like`, numbered if necessary."""
     return next(name for name in numbered_names(like) if name not in scope.nodes)
 
 
 def fresh_id(document: Diagram, like: str) -> str:
-    """An id that nothing has anywhere in the document, as a subsystem may leave the ids of its blocks as they are."""
+    """An id that occurs nowhere in the document; a subsystem may pass on the ids of its blocks unchanged."""
     taken = set(_ids(document))
     return next(id for id in numbered_names(like[:LONGEST_NAME]) if id not in taken)
 
@@ -32,10 +32,10 @@ BELOW = 70.0  # between one inlet and the next
 
 
 def group(scope: Diagram, document: Diagram, names: list[str], name: str | None) -> None:
-    """Make a subsystem of blocks, in their middle. Each keeps its id, and with it its random numbers and its state."""
+    """Turn blocks into a subsystem at their centre. Each keeps its id, and with it its random numbers and its state."""
     for each in names:
         boundary = isinstance(scope.nodes[each].block, Inlet | Outlet)
-        check(not boundary, "names", each, "no inlet or outlet: these stay in their diagram")
+        check(not boundary, "names", each, "neither an inlet nor an outlet: these stay in their diagram")
     title = fresh_name(scope, "subsystem") if name is None else name
     made = group_blocks(scope, names, title)
     scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
@@ -59,8 +59,9 @@ def group(scope: Diagram, document: Diagram, names: list[str], name: str | None)
 
 
 def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
-    """Put the blocks of a subsystem in its place. Where that had an id of its own, its blocks get new ones, and with
-    them other random numbers."""
+    """Replace a subsystem by its blocks. If the subsystem had an id of its own, its blocks get new ids, and with them
+    other random numbers.
+    """
     node = scope.nodes[name]
     inner: Any = node.block
     around = {t: s for t, s in scope.wires.items() if name in (t[0], s[0])}
@@ -75,7 +76,7 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
         if isinstance(block, Outlet) or (isinstance(block, Inlet) and each in fed):
             continue
         if isinstance(block, Inlet):
-            check(block.kind == "float", each, block.kind, "wired from outside: an inlet of this kind has no constant")
+            check(block.kind == "float", each, block.kind, "connected outside: there is no constant of this kind")
             block = Constant(block.value, block.shape)
         named[each] = fresh_name(scope, each)
         keeps = node.id == "" and block is part.block
@@ -84,7 +85,7 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
             outer[named[each]] = [places[each][n] - corner[n] + at[n] for n in (0, 1)]
 
     def origin(end: End | None, seen: frozenset[End] = frozenset()) -> End | None:
-        """Where a signal inside comes from, once the subsystem is gone."""
+        """Where a signal inside comes from once the subsystem is gone."""
         if end is None or end in seen:
             return None
         if end[0] in fed and isinstance(inner.nodes[end[0]].block, Inlet):
@@ -106,6 +107,6 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
 
 
 def _extent(places: dict[str, Any]) -> tuple[float, float, float]:
-    """The left and the right edge of what has a place, and its top."""
+    """The left and right edges of the positions, and their top."""
     across = [place[0] for place in places.values()] or [0.0]
     return min(across), max(across), min((place[1] for place in places.values()), default=0.0)

@@ -1,8 +1,8 @@
-"""What sinks and watched outputs saw, as clients draw it: few enough points for a screen.
+"""Recorded signals in the form that clients draw: few enough points for a screen.
 
-Of each signal an event has `ticks`, when its rows are of, and `every`, how many ticks lie between samples. Of one seed,
-`rows` are the numbers, of a line the least and the greatest of every stretch; of more seeds, `low`, `median` and `high`
-are the quartiles. For pictures other than lines, `rows` has the numbers of the first `seeds` seeds side by side.
+For each signal an event has `ticks`, the ticks of its rows, and `every`, the number of ticks between samples. For one
+seed, `rows` are the numbers, for lines the minimum and maximum of every stretch; for several seeds, `low`, `median` and
+`high` are the quartiles. For drawings other than lines, `rows` has the numbers of the first `seeds` seeds side by side.
 """
 
 from typing import Any
@@ -12,19 +12,19 @@ import numpy as np
 from motorgrad.lab.diagram import Record, sampled
 from motorgrad.lab.editor._program import Program, sink_at
 
-STRETCHES = 500  # in the window of a scope
-WINDOW = 10.0  # seconds, of what has none of its own
-FRAME = 100  # stretches of one signal in one event
-MOST = 1_000_000  # numbers that are kept of one signal
-RESENT = 4000  # rows of one signal that a client is sent who comes later
-SEEDS = 16  # that are shown side by side
-COLUMNS = 4096  # numbers in a row
+STRETCHES = 500  # per window of a scope
+WINDOW = 10.0  # seconds, for sinks without a window
+FRAME = 100  # stretches per signal and event
+MOST = 1_000_000  # numbers kept per signal
+RESENT = 4000  # rows per signal sent to a client that joins later
+SEEDS = 16  # shown side by side
+COLUMNS = 4096  # numbers per row
 
 Parts = dict[str, np.ndarray]
 
 
 class Traces:
-    """What was seen in one branch."""
+    """The recorded signals of one branch."""
 
     def __init__(self, program: Program):
         self._program = program
@@ -32,7 +32,7 @@ class Traces:
         self._every: dict[str, int] = {}
 
     def add(self, record: Record) -> dict[str, Any]:
-        """Keep what was seen. **Returns** it as clients draw it."""
+        """Keep a record. **Returns** it in the form that clients draw."""
         found = {}
         for address, signal in record.signals.items():
             self._every[address] = record.every[address]
@@ -46,7 +46,7 @@ class Traces:
         return found
 
     def all(self) -> dict[str, Any]:
-        """All that is kept, as clients draw it."""
+        """Everything that is kept, in the form that clients draw."""
         found = {}
         for address, pieces in self._kept.items():
             parts = _joined(pieces)
@@ -58,7 +58,7 @@ class Traces:
         return found
 
     def _thinned(self, address: str, signal: np.ndarray, record: Record) -> Parts:
-        """The rows that show a signal, `(seeds, samples, …)`."""
+        """The rows that show a signal `(seeds, samples, …)`."""
         every, drawing = record.every[address], self._drawing(address)
         ticks = sampled(record.first, record.ticks, every)
         seeds, samples = signal.shape[:2]
@@ -88,7 +88,7 @@ class Traces:
         return own | {name: _plain(array) for name, array in parts.items()}
 
     def _limit(self, address: str) -> None:
-        """Of too much, the older half is kept in half the detail."""
+        """If there is too much, halve the resolution of the older half."""
         pieces = self._kept[address]
         if sum(piece["ticks"].size * (piece[next(iter(set(piece) - {"ticks"}))].shape[-1]) for piece in pieces) <= MOST:
             return
@@ -99,7 +99,7 @@ class Traces:
 
 
 def _extremes(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
-    """The least and the greatest of every stretch, in the order in which they came."""
+    """The minimum and maximum of every stretch, in order."""
     if stretch <= 2:
         return {"ticks": ticks, "rows": numbers}
     starts = np.arange(0, len(ticks), stretch)
@@ -111,13 +111,13 @@ def _extremes(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
 
 
 def _strided(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
-    """One sample of every stretch, its last."""
+    """The last sample of every stretch."""
     chosen = np.append(np.arange(stretch - 1, len(ticks) - 1, stretch), len(ticks) - 1)
     return {"ticks": ticks[chosen], "rows": numbers[chosen]}
 
 
 def _events(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
-    """Whether a number was not 0 in a stretch."""
+    """Whether a number was non-zero in a stretch."""
     starts = np.arange(0, len(ticks), stretch)
     return {"ticks": ticks[starts], "rows": np.logical_or.reduceat(numbers != 0, starts).astype(np.float32)}
 
@@ -127,7 +127,7 @@ def _joined(pieces: list[Parts]) -> Parts:
 
 
 def _plain(array: np.ndarray) -> list[Any]:
-    """Numbers for JSON: six digits, and `null` for what is not finite."""
+    """Numbers for JSON: six digits, and `null` for non-finite values."""
     if array.dtype.kind in "iub":
         return array.astype(int).tolist()
 

@@ -1,4 +1,4 @@
-"""The branches of a run, and which of them moves."""
+"""The branches of a run, one of which is current."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,21 +12,21 @@ from motorgrad.lab.engine import MOST_SEEDS, MOST_TICKS, Timeline
 
 Event = dict[str, Any]
 MOST = 64  # branches
-POLL = 0.03  # seconds, on the way to a tick, after which it looks whether something else is asked for
+POLL = 0.03  # seconds between checks for other commands on the way to a tick
 
 
 class Tree:
-    """A run with all that it was and might have been.
+    """A run with all of its branches.
 
-    **Arguments:** the diagram, which is compiled when it is first needed; what takes events; what says how the run
-    stands; what tells whether nothing else is asked for meanwhile.
+    **Arguments:** the diagram, which is compiled when it is first needed; a function that takes events; one that
+    reports the state of the run; one that tells whether no other command is waiting.
     """
 
     def __init__(
         self, diagram: Diagram, emit: Callable[[Event], None], report: Callable[..., None], idle: Callable[[], bool]
     ):
         self.diagram = diagram
-        """As it is in the document, compiled or not."""
+        """The diagram of the document, compiled or not."""
         self.stale = False
         self._emit, self._report, self._idle = emit, report, idle
         self._branches: dict[str, Branch] = {}
@@ -42,9 +42,9 @@ class Tree:
 
     @property
     def now(self) -> Branch:
-        """The branch that moves. **Raises** `ValueError` before anything runs."""
+        """The current branch. **Raises** `ValueError` before anything runs."""
         if self._now is None:
-            raise ValueError("run: nothing runs yet: play first")
+            raise ValueError("run: nothing is running: play first")
         return self._now
 
     @property
@@ -53,12 +53,12 @@ class Tree:
 
     @property
     def step(self) -> float:
-        """The seconds of a tick."""
+        """The length of a tick in seconds."""
         return self._now.program.diagram.tick if self._now else self.diagram.tick
 
     @property
     def warm(self) -> bool:
-        """Whether what moves it was compiled before."""
+        """Whether the loop is compiled already."""
         return self.now.run.compilations > 0
 
     @property
@@ -67,14 +67,14 @@ class Tree:
 
     @property
     def place(self) -> Event:
-        """Where the run is."""
+        """The current branch, tick and time."""
         if self._now is None:
             return {"branch": None, "tick": 0, "time": 0.0, "head": 0}
         head = self.now.timeline.end
         return {"branch": self.now.name, "tick": self.tick, "time": self.tick * self.step, "head": head}
 
     def summary(self) -> Event:
-        """All that clients show beside."""
+        """Everything else that clients show of the run."""
         return {
             "seeds": self._seeds if len(self._seeds) <= 100 else len(self._seeds),
             "watch": self._watch,
@@ -86,12 +86,12 @@ class Tree:
         }
 
     def resend(self, send: Callable[[Event], None]) -> None:
-        """Send what all branches saw."""
+        """Send what all branches recorded."""
         for branch in self._branches.values():
             send({"event": "samples", "branch": branch.name, "fresh": True, "signals": branch.traces.all()})
 
     def begin(self) -> None:
-        """Begin at tick 0 with the diagram as it stands, and forget all branches."""
+        """Start at tick 0 with the current diagram, and discard all branches."""
         program = self._compiled(self.diagram)
         self.close()
         self._branches, self._fresh, self.stale = {}, [], False
@@ -99,15 +99,15 @@ class Tree:
         self._add_branch("main", program, None)
 
     def discard(self, diagram: Diagram) -> None:
-        """Forget all, for another document."""
+        """Discard everything, for another document."""
         self.close()
         self.diagram, self._branches, self._now = diagram, {}, None
         self._fresh, self._watch, self.stale = [], [], False
 
     def reseed(self, seeds: int | Sequence[int]) -> None:
-        """Begin again with other seeds."""
+        """Restart with other seeds."""
         if isinstance(seeds, int):
-            check(1 <= seeds <= MOST_SEEDS, "n", seeds, f"a whole number in 1 … {MOST_SEEDS:,}")
+            check(1 <= seeds <= MOST_SEEDS, "n", seeds, f"an integer in 1 … {MOST_SEEDS:,}")
         chosen = list(range(seeds) if isinstance(seeds, int) else seeds)
         before, self._seeds = self._seeds, chosen
         try:
@@ -117,8 +117,9 @@ class Tree:
             raise
 
     def ensure_compiled(self) -> None:
-        """See that what is compiled is the diagram as it stands: otherwise go on with that, as far as its blocks are
-        the same, in a branch of its own."""
+        """Compile the current diagram if it changed. The run then continues in a new branch, with the states of all
+        blocks that are still the same.
+        """
         if self._now is None:
             self.begin()
             return
@@ -147,18 +148,18 @@ class Tree:
             self._recompile_watches()
 
     def update_parameters(self, values: Values) -> None:
-        """Take in the parameters of the document that changed."""
+        """Apply the parameters of the document that changed."""
         changed = {a: value for a, value in values.items() if a not in self._values or self._values[a] != value}
         self._values = values
         if not changed:
             return
         timeline = self.now.timeline
         if self.tick < timeline.end or (timeline.log and timeline.log[-1].tick > self.tick):
-            self.fork(self.now.name, None, None)  # what was to come stays, in its own branch
+            self.fork(self.now.name, None, None)  # the known future is kept, in its own branch
         self.now.set_parameters(changed)
 
     def advance(self, ticks: int) -> None:
-        """Make ticks, as they were made where they are known."""
+        """Run a number of ticks, repeating the known ones."""
         branch, timeline = self.now, self.now.timeline
         stop = self.tick + ticks
         check(stop <= MOST_TICKS, "ticks", stop, f"at most {MOST_TICKS:,}")
@@ -173,9 +174,9 @@ class Tree:
         branch.run.wait()
 
     def seek(self, name: str, tick: int) -> None:
-        """Go to a tick that was made: by the last state before it, and from there as it went."""
+        """Go to a known tick: restore the last snapshot before it, and repeat what followed."""
         branch, end = self._branch(name), self._branch(name).timeline.end
-        check(0 <= tick <= end, "tick", tick, f"a whole number in 0 … {end}, where {name!r} has been")
+        check(0 <= tick <= end, "tick", tick, f"an integer in 0 … {end}, the ticks that {name!r} has reached")
         check(branch.program.fixed is None, "scrub", name, f"a run that can go back; {branch.program.fixed}")
         while tick < branch.first:
             assert branch.parent is not None
@@ -186,28 +187,28 @@ class Tree:
         nearest = max(known for known in branch.timeline.snapshots if known <= tick)
         if tick < self.tick or nearest > self.tick:
             branch.timeline.seek(nearest)
-        self._travel(tick)
+        self._advance_unless_interrupted(tick)
 
     def fork(self, name: str, tick: int | None, to: str | None) -> None:
-        """A new branch, at a tick of one; it is the one that moves then."""
-        check(len(self._branches) < MOST, "branches", len(self._branches), f"at most {MOST}: forget some")
-        check(to is None or (to and to not in self._branches), "name", to, "a new one")
+        """Begin a new branch at a tick of another one, and make it current."""
+        check(len(self._branches) < MOST, "branches", len(self._branches), f"at most {MOST}: delete some")
+        check(to is None or (to and to not in self._branches), "name", to, "a new name")
         parent = self._branch(name)
         check(parent.program.fixed is None, "fork", name, f"a run that can be saved; {parent.program.fixed}")
         if tick is not None:
             self.seek(name, tick)
-            check(self.tick == tick, "fork", name, "left alone until it is there")
+            check(self.tick == tick, "fork", name, "not interrupted before it arrives")
             parent = self.now
         timeline = parent.timeline.fork()
         timeline.forget()
         self._add_branch(to or parent.name, parent.program, parent, timeline=timeline)
 
     def prune(self, name: str) -> None:
-        """Forget a branch."""
+        """Delete a branch."""
         branch = self._branch(name)
         check(len(self._branches) > 1, "branch", name, "one of several")
         below = [each.name for each in self._branches.values() if each.parent is branch]
-        check(not below, "branch", name, f"one without branches of its own; it has {', '.join(below)}")
+        check(not below, "branch", name, f"a branch without branches of its own; it has {', '.join(below)}")
         if branch is self._now:
             assert branch.parent is not None
             self._now = branch.parent
@@ -215,11 +216,11 @@ class Tree:
         del self._branches[name]
 
     def log(self, name: str | None) -> Event:
-        """All that a branch's numbers follow from, up to where it is now."""
+        """Everything that a branch's numbers follow from, up to its current tick."""
         return (self.now if name is None else self._branch(name)).log()
 
     def replay(self, log: Event) -> Event:
-        """Run a log again. **Returns** `branch`, `tick`, and whether it `matches` the log's digest bit for bit."""
+        """Replay a log. **Returns** `branch`, `tick`, and whether the state `matches` the log's digest bit for bit."""
         log = checked_log(log)
         parts = log["parts"]
         self.diagram, self._seeds = loads(parts[0]["diagram"]), log["seeds"]
@@ -238,17 +239,17 @@ class Tree:
         return {"branch": self.now.name, "tick": self.tick, "matches": matches}
 
     def close(self) -> None:
-        """Let simulators go."""
+        """Release simulators."""
         for branch in self._branches.values():
             branch.run.close()
 
     def _advance_to(self, tick: int) -> None:
-        """Advance to a tick. **Raises** `ValueError` if something else is asked for meanwhile."""
-        self._travel(tick)
-        check(self.tick == tick, "replay", self.tick, f"left alone until tick {tick}")
+        """Advance to a tick. **Raises** `ValueError` if another command interrupts it."""
+        self._advance_unless_interrupted(tick)
+        check(self.tick == tick, "replay", self.tick, f"not interrupted before tick {tick}")
 
-    def _travel(self, to: int) -> None:
-        """Advance to a tick, unless something else is asked for meanwhile."""
+    def _advance_unless_interrupted(self, to: int) -> None:
+        """Advance to a tick, unless another command arrives."""
         ticks = 1
         while self.tick < to and self._idle():
             start = time.perf_counter()
@@ -269,9 +270,9 @@ class Tree:
         self._emit({"event": "samples", "branch": name, "fresh": True, "signals": {}})
 
     def _recompile_watches(self) -> None:
-        """Have the branch that moves record what is watched now."""
+        """Make the current branch record the watched outputs."""
         old = self.now.program
-        check(old.fixed is None, "watch", self.now.name, f"asked for before it runs; {old.fixed}")
+        check(old.fixed is None, "watch", self.now.name, f"set before the run starts; {old.fixed}")
         self.now.switch_program(self._compiled(old.diagram))
 
     def _compiled(self, diagram: Diagram) -> Program:
@@ -284,5 +285,5 @@ class Tree:
         return self._branches[name]
 
     def _overrides(self) -> Values:
-        """The parameters of the run that are otherwise in the document."""
+        """The parameters of the run that differ from the document."""
         return {} if self._now is None or self.stale else self._now.overrides(self._values)

@@ -1,4 +1,14 @@
-"""What there is to build with: every type of block, and the ready diagrams."""
+"""What clients see of a diagram, and the declarations of all block types.
+
+The view of a diagram has its `head` (title, comment, tick, substeps), its `nodes` by name, its `wires` (from `source`
+to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `comments` by id, each with a `text` and a
+`box`.
+
+A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs` (lists of ports) and its `position`,
+`null` if it has none. A subsystem, of type `"diagram"`, has the view of its diagram as `inner`. A sink that draws has
+`drawing`, the kind of drawing. A block that learns and can be frozen has `frozen`: one truth value, or one per unit
+where units can be frozen separately.
+"""
 
 import dataclasses
 import functools
@@ -18,6 +28,7 @@ from motorgrad.lab.diagram import (
     Block,
     Diagram,
     Node,
+    Parameter,
     parameters_of,
     required_fields,
     settings_of,
@@ -39,12 +50,12 @@ def head(diagram: Diagram) -> View:
 
 
 def wires(diagram: Diagram) -> list[View]:
-    """All wires, by their target."""
+    """All wires, sorted by target."""
     return [{"source": ".".join(s), "target": ".".join(t)} for t, s in sorted(diagram.wires.items())]
 
 
 def view_of_node(diagram: Diagram, name: str, inner: bool = True) -> View:
-    """One block, with or without what is in it."""
+    """The view of one block, with or without the contents of a subsystem."""
     node = diagram.nodes[name]
     return {
         "name": name,
@@ -63,10 +74,24 @@ def _subsystem(diagram: Diagram, inner: bool) -> View:
 
 def _block(block: Block) -> View:
     fields = {name: getattr(block, name) for name in fields_of(type(block))}
-    own = {"type": block.name, "category": block.category, "fields": fields}
+    more = {name: declared for name, declared in block.parameters.items() if name not in fields}
+    fields |= {name: getattr(block, name) for name in more}
+    own: View = {"type": block.name, "category": block.category, "fields": fields}
+    if more:  # parameters that settings add to those of the type
+        usual = {"type": "float", "required": False}
+        own["parameters"] = [
+            {"name": name, **usual, **_parameter_field(declared), "default": fields[name]}
+            for name, declared in more.items()
+        ]
     drawing = getattr(type(block), "drawing", None)
     own |= {} if drawing is None else {"drawing": drawing}
     return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
+
+
+def _parameter_field(declared: Parameter) -> View:
+    """A parameter's declaration as data."""
+    own = dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
+    return own | {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
 
 
 def ports(declared: Any) -> list[View]:
@@ -75,8 +100,9 @@ def ports(declared: Any) -> list[View]:
 
 
 def difference(old: Diagram, new: Diagram, at: tuple[str, ...] = ()) -> Iterator[View]:
-    """What to replace in the view of `old` to have that of `new`: for each diagram `at` which something changed, its
-    new `nodes`, the names of those `removed`, and where they changed all `wires`, the `layout` and the `head`."""
+    """The changes that turn the view of `old` into that of `new`. For each diagram `at` which something changed: its
+    new `nodes`, the names of those `removed`, and where they changed, all `wires`, the `layout` and the `head`.
+    """
     if old is new:
         return
     found: View = {}
@@ -96,25 +122,26 @@ def difference(old: Diagram, new: Diagram, at: tuple[str, ...] = ()) -> Iterator
 
 
 def _changed(old: Diagram, new: Diagram) -> Iterator[tuple[str, bool]]:
-    """The blocks that look otherwise, and whether what is in them is to be shown too."""
+    """The blocks whose view changed, and whether their contents must be sent too."""
     for name, node in new.nodes.items():
         before = old.nodes.get(name)
         if before is None or isinstance(before.block, Diagram) != isinstance(node.block, Diagram):
             yield name, True
-        elif _face(before, old, name) != _face(node, new, name):
+        elif _visible_part(before, old, name) != _visible_part(node, new, name):
             yield name, False
 
 
-def _face(node: Node, diagram: Diagram, name: str) -> Any:
-    """What is seen of a block in its own diagram."""
+def _visible_part(node: Node, diagram: Diagram, name: str) -> Any:
+    """Everything that the view of a block shows in its own diagram."""
     block = node.block
     own: Any = (head(block), dict(block.inputs), dict(block.outputs)) if isinstance(block, Diagram) else block
     return node.id, own, diagram.layout.get("positions", {}).get(name)
 
 
 def declarations() -> dict[str, Any]:
-    """All that a palette and its forms need: `categories`, each with the names of its types; `blocks` by type, the
-    subsystem among them; `gallery`, entries with name, title and comment."""
+    """Everything that a palette and its forms need: `categories`, each with the names of its types; `blocks` by type,
+    including the subsystem; `gallery`, a list of name, title and comment.
+    """
     kinds = {name: declaration(cls) for name, cls in sorted(BLOCKS.items())}
     kinds[SUBSYSTEM] = _SUBSYSTEM
     categories: dict[str, list[str]] = {}
@@ -125,17 +152,16 @@ def declarations() -> dict[str, Any]:
 
 @functools.cache
 def declaration(cls: type[Block]) -> dict[str, Any]:
-    """One type: name, category, `help`, `fields` in order, and the ports of a new one, `null` where it has fields that
-    must be given."""
+    """The declaration of a block type: name, category, `help`, `fields` in order, and the ports of a new block, `null`
+    if some fields must be given.
+    """
     parameters, settings, hints = parameters_of(cls), settings_of(cls), typing.get_type_hints(cls)
     fields = []
     required = required_fields(cls)
     for name in sorted(fields_of(cls), key=SCHEDULE.__contains__):  # the schedule comes last
         own: dict[str, Any] = {"name": name, "type": _hint_text(hints[name]), "required": name in required}
         if name in parameters:
-            declared = parameters[name]
-            own |= dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
-            own |= {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
+            own |= _parameter_field(parameters[name])
         elif name in settings:
             own |= dataclasses.asdict(settings[name]) | {"role": "setting"}
         fields.append(own)
@@ -156,7 +182,7 @@ def declaration(cls: type[Block]) -> dict[str, Any]:
 _SUBSYSTEM: dict[str, Any] = {
     "name": SUBSYSTEM,
     "category": "subsystems",
-    "help": "A diagram as a block of this one. Inlets and outlets in it are its ports.",
+    "help": "A diagram used as a block. Its inlets and outlets are its ports.",
     "fields": [],
     "inputs": [],
     "outputs": [],
@@ -171,7 +197,7 @@ def _gallery() -> list[dict[str, str]]:
 
 
 def _hint_text(hint: Any) -> str:
-    """A type as it is written, such as `int`, `float | None` or `tuple[int, ...]`."""
+    """A type hint as source text, such as `int`, `float | None` or `tuple[int, ...]`."""
     if isinstance(hint, type) and not typing.get_args(hint):
         return hint.__name__
     return str(hint).replace("typing.", "").replace("collections.abc.", "")

@@ -1,4 +1,4 @@
-"""The editor in a cell of a notebook: anywidget carries the same messages as the WebSocket does."""
+"""The editor in a notebook cell: anywidget carries the same messages as the WebSocket."""
 
 import json
 import queue
@@ -16,9 +16,9 @@ BUILT = STATIC / "widget.js", STATIC / "widget.css"
 
 
 class Editor(anywidget.AnyWidget):
-    """A session in a notebook; several cells may show the same.
+    """A session in a notebook; several cells may show the same one.
 
-    `diagram` is what has been made of the diagram so far.
+    `diagram` is a copy of the current diagram.
     """
 
     _end: Callable[[], None] | None = None
@@ -35,11 +35,11 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def diagram(self) -> Diagram:
-        """A copy of the diagram as it stands."""
+        """A copy of the current diagram."""
         return self.session.diagram
 
     def close(self) -> None:
-        """End the session; the cell shows nothing more. Unsaved work is offered again by the next session."""
+        """End the session and empty the cell. Unsaved work is offered to the next session."""
         if self._end is not None:
             self._end()
             self.session.close()
@@ -48,7 +48,7 @@ class Editor(anywidget.AnyWidget):
         super().close()
 
     def _send_events(self) -> None:
-        """Send events on, one after the other, from whatever threads they come."""
+        """Send events in order, from whatever threads they come."""
         while (event := self._events.get()) is not None:
             self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
 
@@ -58,6 +58,6 @@ class Editor(anywidget.AnyWidget):
 
 
 def _thread_class() -> Any:
-    """The kind of thread that may talk to the notebook: marimo has its own."""
+    """The class of threads that may talk to the notebook: marimo has its own."""
     marimo = sys.modules.get("marimo")
     return marimo.Thread if marimo is not None and marimo.running_in_notebook() else threading.Thread

@@ -86,7 +86,7 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
     ):
         for name, value in (("decision", decision), ("limit", limit)):
             whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
-            check(whole or (name == "limit" and value is None), name, value, "a whole number from 1")
+            check(whole or (name == "limit" and value is None), name, value, "an integer from 1")
         check(
             np.isfinite(low) and np.isfinite(high) and low < high, "low, high", (low, high), "finite and in this order"
         )

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, unknown
 from motorgrad.lab.compiler import SPAN, Carry, Step
-from motorgrad.lab.diagram import HostBlock, parameters_of
+from motorgrad.lab.diagram import HostBlock
 from motorgrad.lab.engine._run import Run
 
 
@@ -127,9 +127,9 @@ class _States:
 
 def _parameter(step: Step, address: str) -> tuple[int, int, str]:
     """The kind, row and name of a parameter."""
-    path, _, name = address.rpartition(".")
+    path, _, name = address.partition(".")
     k, row = step.stacks.rows[next(i for i, placed in enumerate(step.plan.blocks) if placed.path == path)]
-    declared = parameters_of(type(step.kinds[k].block))[name]
+    declared = step.kinds[k].block.parameters[name]
     check(declared.kind == "float", "inputs", address, f"real numbers; {address} must be {declared.allowed()}")
     return k, row, name
 

@@ -1,7 +1,6 @@
 """The parameters of a run: by address for people, by kind and row for the compiled loop."""
 
 import copy
-import dataclasses
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check, unknown
 from motorgrad.lab.compiler import Stacks
-from motorgrad.lab.diagram import Block, HostBlock, parameters_of
+from motorgrad.lab.diagram import Block, HostBlock
 
 
 class Parameters:
@@ -85,10 +84,10 @@ class Parameters:
             for name, given in by_block.get(placed.identity, {}).items():
                 swept = (k, name) in self._swept
                 values[k][name][row] = np.moveaxis(given, 0, -1) if swept else given
-                if not swept and name in parameters_of(type(self._blocks[i])):  # a data file also has its table there
+                if not swept and name in self._blocks[i].parameters:  # a data file also has its table there
                     plain[name] = given.tolist()
             if plain:
-                self._blocks[i] = dataclasses.replace(self._blocks[i], **plain)
+                self._blocks[i] = self._blocks[i].retuned(plain)
         self.values = values
 
     def _stacked(self, members: tuple[int, ...]) -> dict[str, np.ndarray]:
@@ -96,11 +95,11 @@ class Parameters:
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
     def _find(self, address: str) -> tuple[int, str]:
-        path, _, name = str(address).rpartition(".")
-        if path not in self._paths:
-            raise unknown("block", path or address, self._paths)
+        path, dot, name = str(address).partition(".")  # names of parameters may have dots, those of blocks have none
+        if not dot or path not in self._paths:
+            raise unknown("block", path, self._paths)
         i = self._paths[path]
-        known = parameters_of(type(self._blocks[i]))
+        known = self._blocks[i].parameters
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
         return i, name
@@ -109,9 +108,10 @@ class Parameters:
         """The block with another value of a parameter, checked as when a block is made."""
         block = self._blocks[i]
         try:
-            changed = dataclasses.replace(block, **{name: value})
+            changed = block.retuned({name: value})
         except ValueError as error:
-            raise ValueError(f"{address.rpartition('.')[0]}.{error}") from None
+            raise ValueError(f"{address.partition('.')[0]}.{error}") from None
+        check(name in changed.parameters, address, value, "a number, as it was when the diagram was compiled")
         old, new = block.values()[name].shape, changed.values()[name].shape
         check(old == new, f"{address}: shape", new, f"{old}, as it was when the diagram was compiled")
         return changed

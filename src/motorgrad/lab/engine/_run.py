@@ -20,7 +20,7 @@ from motorgrad.lab.compiler import (
     stack,
     with_watched,
 )
-from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, Sink, join, sampled
+from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, join, sampled
 from motorgrad.lab.engine._parameters import Parameters
 from motorgrad.lab.engine._state import State, check_state, mismatches, split_by_block, stack_by_kind
 
@@ -86,14 +86,16 @@ class Run:
         **Returns** what the sinks recorded. Use `stream` for more than memory holds.
         """
         records = list(self.stream(ticks))
-        return join(records) if records else self._record(self.tick, 0, self._empty_recording())
+        shapes = self._loop.step.recorded_shapes(len(self.seeds))
+        nothing = jax.tree.map(lambda like: np.zeros((0, *like.shape), like.dtype), shapes)
+        return join(records) if records else self._record(self.tick, 0, nothing)
 
     def stream(self, ticks: int) -> Iterator[Record]:
         """Run a number of ticks, and yield what the sinks recorded piece by piece. Parameters may be set between
         pieces.
         """
         whole = isinstance(ticks, int | np.integer) and not isinstance(ticks, bool)
-        check(whole and ticks >= 0, "ticks", ticks, "a whole number from 0")
+        check(whole and ticks >= 0, "ticks", ticks, "an integer from 0")
         check(self.tick + ticks <= MOST_TICKS, "ticks", ticks, f"at most {MOST_TICKS - self.tick:,} more")
         return self._pieces(int(ticks))
 
@@ -237,15 +239,6 @@ class Run:
 
     def _identity(self, k: int) -> str:
         return self.plan.blocks[self._stacks.kinds[k].members[0]].identity
-
-    def _empty_recording(self) -> Any:
-        """The sinks' recording of zero ticks."""
-        kinds, seeds = self._stacks.kinds, len(self.seeds)
-        return {
-            k: {n: np.zeros((0, len(kind.members), *p.shape, seeds), p.dtype) for n, p in kind.block.inputs.items()}
-            for k, kind in enumerate(kinds)
-            if isinstance(kind.block, Sink)
-        }
 
     def _record(self, first: int, ticks: int, seen: Any) -> Record:
         """What the sinks recorded, by address; seeds lead, then samples."""

@@ -95,7 +95,7 @@ class Timeline:
         """Go to a tick in the past or in the future."""
         first = self._playback.history.oldest
         whole = isinstance(tick, int) and not isinstance(tick, bool)
-        check(whole and tick >= first, "tick", tick, f"a whole number from {first}")
+        check(whole and tick >= first, "tick", tick, f"an integer from {first}")
         self._playback.seek(tick)
 
     def fork(self) -> Self:

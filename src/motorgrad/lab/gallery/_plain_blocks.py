@@ -1,4 +1,4 @@
-"""Two legs, the state machine of each, and units that learn when to lift."""
+"""Diagrams whose world consists of plain blocks: a motoneuron pool, and a leg controller."""
 
 from motorgrad.lab.blocks import (
     DiscreteIntegrator,
@@ -19,14 +19,15 @@ UNITS = 4
 
 
 def motoneuron_pool() -> Diagram:
-    """The diagram."""
+    """A motoneuron pool, with its muscle and its reward in plain blocks."""
     diagram = Diagram(
         tick=1.0,
         title="Motoneuron pool",
-        comment="Four motoneurons see a load and fire or do not; their muscle pulls with as many units as fire. What "
-        "is paid is minus the square of how far the force is from the wanted one, 1.2 times the load less 0.1 of the "
-        "pool's. Watch the gains grow from 0 and the thresholds move apart. Change the numbers of 'paid', the wanted "
-        "slope and intercept, while it runs: the pool learns anew. Freeze 'ascent' and it does not.",
+        comment="Four motoneurons observe a load and fire or not; the force of their muscle is the number of "
+        "units that fire. The reward is minus the squared deviation from the wanted force, 1.2 times "
+        "the load minus 0.1, relative to the pool's largest force. Watch the gains grow from 0 and the "
+        "thresholds spread. Change the numbers of 'paid', the wanted slope and intercept, during a run: "
+        "the pool adapts. Freeze 'optimizer' and it does not.",
     )
     diagram.add("load", UniformNoise(low=0.0, high=1.0, shape=(1,)))
     diagram.add("force", Reduce("sum", (UNITS,)))
@@ -34,7 +35,7 @@ def motoneuron_pool() -> Diagram:
     wanted = f"{UNITS} * (slope * load + intercept)"
     diagram.add("paid", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, learning_rate=2e-4)
     connect(
         diagram,
         ("load", "policy.observation"),
@@ -55,17 +56,18 @@ STATES = {"stance": (-3.0, -1.0), "swing": (6.0, 6.0), "drop": (0.0, -6.0)}  # r
 
 
 def leg_controller() -> Diagram:
-    """The diagram."""
+    """Two legs, a state machine for each, and units that learn when to lift."""
     diagram = Diagram(
         tick=0.02,
         title="Tripod leg controller",
-        comment="A leg for each tripod of a hexapod, driven by a state machine as in figure 5.7 of the thesis: in "
-        "stance it pushes back, in swing it goes forward in the air, in drop it comes down. When to lift is not fixed "
-        "here: two units learn it, from where both legs are and which of them stand. Paid is how fast the body "
-        "goes, the mean of what standing legs push; a leg at its end brakes, and while none stands the body has "
-        "fallen, which costs. At first legs are lifted at random. In the end they step in turn: each lifts when it is "
-        "back and the other has come down. One seed in twenty keeps a leg down for ever. Change the table of "
-        "velocities while it runs, or what a fall costs in 'paid'.",
+        comment="One leg for each tripod of a hexapod, driven by a state machine as in figure 5.7 of the thesis: "
+        "in stance it pushes back, in swing it moves forward in the air, in drop it comes down. When to "
+        "lift is not fixed: two units learn it from the positions of both legs and from which of them "
+        "stand. The reward is the speed of the body, the mean push of the standing legs; a leg at its end"
+        " stop brakes, and while no leg stands the body has fallen, which is penalised. At first legs are"
+        " lifted at random. Finally they step in turn: each lifts when it is at the back and the other "
+        "has come down. One seed in twenty never lifts one leg. Change the table of velocities during a "
+        "run, or the penalty of a fall in 'paid'.",
     )
     legs = (LEGS,)
     machine = StateMachine(
@@ -93,7 +95,7 @@ def leg_controller() -> Diagram:
     paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
     diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
     diagram.add("reward", UnitDelay())
-    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, rate=0.02)
+    learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, learning_rate=0.02)
     connect(
         diagram,
         ("legs.turn", "lateral.u"),

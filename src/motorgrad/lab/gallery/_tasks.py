@@ -1,4 +1,4 @@
-"""The hopper."""
+"""Diagrams of units wired to a task block: recruitment, particles, the chain, the hopper."""
 
 from motorgrad import tasks
 from motorgrad.lab.blocks import Body, GrowingGaussians, Hyperplanes, Motoneurons, NamedPolicy, Softmax, World
@@ -7,28 +7,28 @@ from motorgrad.lab.gallery._wiring import learner, map_of, smoothed
 
 
 def linear_recruitment() -> Diagram:
-    """The diagram."""
+    """Linear recruitment: the task as one block."""
     diagram = Diagram(
         tick=1.0,
         title="Linear recruitment",
-        comment="The pool of the diagram before, with the task as one block (section 4.3.1 of the thesis). Its "
-        "settings are those of the task: try 'units = 8' there and in the pool, a 'size_ratio' for units of different "
-        "strength, or a muscle that tires: 'drift.amount = -0.3'. With 1,000 seeds in one run "
-        "the band of the error is narrow.",
+        comment="The motoneuron pool again, with the task as one block (section 4.3.1 of the thesis). Its "
+        "settings are those of the task: try 'units = 8' there and in the pool, a 'size_ratio' for units "
+        "of different strength, or a muscle that tires: 'drift.amount = -0.3'. With 1,000 seeds in one "
+        "run the band of the error is narrow.",
     )
-    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, rate=2e-4)
+    learner(diagram, Motoneurons(4, spread=0.5), World("linear-recruitment"), decay=0.0, learning_rate=2e-4)
     smoothed(diagram, "world.error", over=200.0)
     return diagram
 
 
 def particle() -> Diagram:
-    """The diagram of a falling particle."""
+    """A falling particle and local units."""
     diagram = Diagram(
         tick=tasks.FallingParticle().period,
         title="Falling particle",
-        comment="A particle falls through a region of reward, and local units push it to the left or to the right "
-        "(section 6.3 of the thesis). The map shows where units are and how wide they have become. Try the layouts R2 "
-        "and R3 in the settings of 'world', or a trace that forgets more quickly.",
+        comment="A particle falls through a region of reward, and local units push it to the left or to the right"
+        " (section 6.3 of the thesis). The map shows the units' centres and widths. Try the layouts R2 "
+        "and R3 in the settings of 'world', or a trace with a smaller decay.",
     )
     units, copies = 8, 2
     policy = NamedPolicy("tiles", 2, units, f"copies = {copies}")
@@ -39,12 +39,13 @@ def particle() -> Diagram:
 
 
 def orbit() -> Diagram:
-    """The diagram of a particle that goes round and round."""
+    """An orbiting particle, without episodes."""
     diagram = Diagram(
         tick=tasks.ParticleOrbit().period,
         title="Orbit",
-        comment="A field of force leads a particle round and round; local units widen its orbit, without episodes "
-        "(section 6.4.4 of the thesis). Set 'wanted = \"narrow\"' in the settings of 'world' for the contrary.",
+        comment="A force field drives a particle in circles; local units widen its orbit, without episodes "
+        "(section 6.4.4 of the thesis). Set 'wanted = \"narrow\"' in the settings of 'world' to narrow it "
+        "instead.",
     )
     _learn(diagram, NamedPolicy("tiles", 2, 16), World("particle-orbit"), 0.98, (2e-4, 8e-4))
     map_of(diagram, 16, tasks.ParticleOrbit().forces, "world.observation")
@@ -53,14 +54,14 @@ def orbit() -> Diagram:
 
 
 def constructive_pool() -> Diagram:
-    """The diagram of a pool that grows."""
+    """The orbit, learned by a pool that gets its units one by one."""
     diagram = Diagram(
         tick=tasks.ParticleOrbit().period,
         title="Constructive pool",
-        comment="The orbit again, learnt by a pool that gets its units one by one (section 6.4.3 of the thesis). A new "
-        "unit starts wide in the middle and shrinks; the others wait. Watch the ellipses come in the map. Try "
-        "'plateau' for 'grows' in the policy: a unit then comes once the reward no longer rises; or let units start "
-        "where the particle has been, 'placed = visited'.",
+        comment="The orbit again, learned by a pool that grows one unit at a time (section 6.4.3 of the thesis). "
+        "A new unit starts wide in the middle and shrinks while the others are frozen. Watch the ellipses"
+        " in the map. Try 'plateau' for 'criterion' in the policy: a unit is then added when the reward stops"
+        " rising; or let units start at visited positions of the particle, 'placement = visited'.",
     )
     units = 8
     policy = GrowingGaussians(units, 2, height=0.5, limits=None)
@@ -73,39 +74,41 @@ def constructive_pool() -> Diagram:
 
 
 def _learn(diagram: Diagram, policy: Block, world: Block, decay: float, rates: tuple[float, float]) -> None:
-    """Local units have one step size for their centres and one for their widths."""
+    """Add a learner for local units, which have one step size for their centres and one for their widths."""
     half = policy.outputs["parameters"].shape[0] // 2
-    learner(diagram, policy, world, decay, rate=rates, groups=(half, half))
+    learner(diagram, policy, world, decay, learning_rate=rates, groups=(half, half))
 
 
 def chain() -> Diagram:
-    """The diagram."""
+    """A chain of states with a reward at its far end."""
     diagram = Diagram(
         tick=1.0,
         title="Chain",
-        comment="Six states in a row, and a reward at the far end only (figure 4.9 of the thesis). A step is right or "
-        "wrong in every state by itself, so the softmax has a weight for each. The longer the chain, the longer the "
-        "first reward takes: try 'length = 12' here and in the policy, and 'variant = \"reset\"', where one wrong step "
-        "leads back to the start. A decay near 1 credits steps long past.",
+        comment="Six states in a row, with a reward at the far end only (figure 4.9 of the thesis). The right "
+        "action depends on the state, so the softmax has weights for each one. The longer the chain, the "
+        "later the first reward: try 'length = 12' in 'world' with a policy to match, or 'variant = "
+        '"reset"\', where one wrong step leads back to the start. A decay near 1 credits actions long '
+        "past.",
     )
     world = World("chain")
     policy = Softmax(world.made.action_size, world.made.observation_size)
-    learner(diagram, policy, world, decay=0.9, rate=0.05)
+    learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
     smoothed(diagram, "world.reward", over=100.0)
     return diagram
 
 
 def hopper() -> Diagram:
-    """The diagram."""
+    """The hopper."""
     diagram = Diagram(
         tick=tasks.Hopper().period,
         title="Hopper",
-        comment="Two hyperplane units drive the flexors and the extensors of a hopper, and learn to hop (section 5.2 "
-        "of the thesis). They see foot contact, knee angle and knee velocity, and are paid the height of a hop when it "
-        "lands. Hops begin after some hundred seconds of the hopper's time. Try the thesis's decay of 0.98 in 'trace': "
-        "it forgets the push before the landing pays. Then change the body, 'body.load_mass = 3.0', and see it adapt.",
+        comment="Two hyperplane units drive the flexors and the extensors of a hopper, and learn to hop (section "
+        "5.2 of the thesis). They observe foot contact, knee angle and knee velocity, and are rewarded "
+        "with the height of a hop when it lands. Hopping begins after some hundred simulated seconds. Try"
+        " the thesis's decay of 0.98 in 'trace': it forgets the push before the landing is rewarded. Then"
+        " change the body, 'body.load_mass = 3.0', and watch it adapt.",
     )
-    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, rate=5e-4)
+    learner(diagram, Hyperplanes(2, 3), Body("hopper"), decay=0.995, learning_rate=5e-4)
     smoothed(diagram, "world.apex", over=5.0)
     smoothed(diagram, "world.reward", over=20.0)
     return diagram

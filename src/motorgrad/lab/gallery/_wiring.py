@@ -1,14 +1,15 @@
-"""The wires that all diagrams of the gallery share."""
+"""Wiring shared by the diagrams of the gallery."""
 
 from typing import Any
 
-from motorgrad.lab.blocks import Ascent, DiscreteLag, EligibilityTrace, GradientSample, MeanBaseline, Scope
+from motorgrad.lab.blocks import DiscreteLag, GradientSample, Scope
 from motorgrad.lab.blocks._policy_map import PolicyMap
+from motorgrad.lab.blocks.learning import SGD, EligibilityTrace, MeanBaseline
 from motorgrad.lab.diagram import Block, Diagram
 
 
 def connect(diagram: Diagram, *wires: tuple[str, str]) -> None:
-    """Lead wires, each from an output to an input."""
+    """Connect outputs to inputs."""
     for source, target in wires:
         diagram.connect(source, target)
 
@@ -19,34 +20,43 @@ def learner(
     world: Block | None,
     decay: float,
     baseline: Block | None = None,
-    ascent: Block | None = None,
-    **rule: Any,
+    optimizer: Block | None = None,
+    **settings: Any,
 ) -> None:
-    """Put units into a diagram, and around them what lets them learn: trace, baseline, gradient sample and ascent.
+    """Add units to a diagram with what lets them learn: trace, baseline, gradient sample and optimizer.
 
-    With a world they are wired to it, and the two are called `policy` and `world`, which gives them the random numbers
+    With a world, the two are wired to each other and named `policy` and `world`, which gives them the random numbers
     that they have in training. Without one, `policy.observation`, `policy.action` and `baseline.reward` are left open;
-    what is led there as a reward is of the actions *before* this tick.
+    the reward must be that of the actions *before* the current tick.
 
-    **Arguments:** the diagram; the units; the world, or `None`; the `decay` of the trace; the `baseline`, by default
-    the mean reward; the `ascent`, by default steepest, with these settings.
+    **Arguments:**
+
+    - `diagram`, `units`: the diagram and the units.
+    - `world`: the world, or `None`.
+    - `decay`: of the trace.
+    - `baseline`: a baseline or critic, by default the mean reward.
+    - `optimizer`: by default SGD with these `settings`.
     """
     size = units.outputs["parameters"].shape[0]
+    compared: Block = MeanBaseline() if baseline is None else baseline
+    splits = "newest" in compared.outputs
     if world is not None:
         diagram.add("world", world)
     diagram.add("policy", units)
-    diagram.add("trace", EligibilityTrace(decay, size=size))
-    diagram.add("baseline", baseline or MeanBaseline())
+    diagram.add("trace", EligibilityTrace(decay, size=size, newest=splits))
+    diagram.add("baseline", compared)
     diagram.add("gradient", GradientSample(size))
-    diagram.add("ascent", ascent or Ascent(size=size, **rule))
+    diagram.add("optimizer", optimizer or SGD(size=size, **settings))
     connect(
         diagram,
         ("policy.score", "trace.score"),
         ("baseline.error", "gradient.error"),
         ("trace.trace", "gradient.trace"),
-        ("gradient.gradient", "ascent.gradient"),
-        ("ascent.step", "policy.step"),
+        ("gradient.gradient", "optimizer.gradient"),
+        ("optimizer.step", "policy.step"),
     )
+    if splits:
+        connect(diagram, ("baseline.newest", "gradient.newest_error"), ("trace.newest", "gradient.newest_score"))
     if world is not None:
         connect(
             diagram,
@@ -55,12 +65,14 @@ def learner(
             ("world.ended", "trace.ended"),
             ("world.reward", "baseline.reward"),
             ("world.valid", "baseline.valid"),
-            ("world.valid", "ascent.due"),
+            ("world.valid", "optimizer.due"),
         )
+        seen = ("observation", "next_observation", "terminated", "ended")
+        connect(diagram, *((f"world.{port}", f"baseline.{port}") for port in seen if port in compared.inputs))
 
 
 def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> None:
-    """Show an output, smoothed over so many seconds, in a scope that looks once in so many ticks."""
+    """Plot an output, smoothed over a number of seconds, in a scope that samples once in `every` ticks."""
     name = source.split(".")[-1]
     diagram.add(f"mean {name}", DiscreteLag(constant=over))
     diagram.add(f"{name} over time", Scope((name,), every=every, window=50 * over))
@@ -70,7 +82,7 @@ def smoothed(diagram: Diagram, source: str, over: float, every: int = 10) -> Non
 def map_of(
     diagram: Diagram, units: int, forces: tuple[tuple[float, float], ...], place: str, grows: bool = False
 ) -> None:
-    """Show local units in the plane, with the forces they push with, dealt out in turn; and where the learner goes."""
+    """Show local units in the plane, with the forces they push with, assigned in turn; and the path of the learner."""
     pushes = tuple(forces[unit % len(forces)] for unit in range(units))
     box = (-0.1, 1.1)
     diagram.add("map", PolicyMap(units, 2, forces=pushes, across=box, up=box, every=5))

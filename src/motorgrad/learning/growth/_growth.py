@@ -83,7 +83,7 @@ class Growth(Part):
     boost: float = number(8.0, 0)
     damp: float = number(0.5, 0)
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         check(0 < self.width < math.inf, "width", self.width, "positive")
         check(0 < self.cutoff <= self.width, "cutoff", self.cutoff, f"positive and at most the width, {self.width}")
         check(0 < self.shrink < 1, "shrink", self.shrink, "in (0, 1)")

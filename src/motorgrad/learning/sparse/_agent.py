@@ -82,7 +82,8 @@ class SparseAgent(Agent):
 
     index: SpatialIndex = SpatialIndex()
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
+        super().validate()
         estimator, baseline = self.estimator, self.estimator.baseline
         traced = isinstance(estimator.trace, Exponential | Episodic)
         check(traced, "estimator.trace", estimator.trace, "Exponential or Episodic with a spatial index")

@@ -40,7 +40,7 @@ class SpatialIndex(Part):
     cells: int | None = count(None, 1, 4096)
     rebase: int = count(64, 1, 1024)
 
-    def __check_init__(self) -> None:
+    def validate(self) -> None:
         check(0 < self.neglect < 1, "neglect", self.neglect, "in (0, 1)")
         check(0 < self.margin < math.inf, "margin", self.margin, "positive")
 

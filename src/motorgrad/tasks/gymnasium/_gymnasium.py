@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_fields, check_integer
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.tasks._host_task import HostTask
-from motorgrad.tasks._task import Reading
+from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, make_environment, why_no_copy
 from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
@@ -31,11 +31,11 @@ class EnvironmentMemory(NamedTuple):
     """The memory of a task on an environment: return and length of the current episode, running mean and variance of
     the observations (`None` without running scaling), and whether these are frozen."""
 
-    returned: Float[Array, ""]
-    length: Float[Array, ""]
+    returned: Scalar
+    length: Scalar
     mean: RunningMean | None
     variance: RunningMean | None
-    frozen: Bool[Array, ""]
+    frozen: Flag
 
 
 class _Facts(NamedTuple):
@@ -178,12 +178,12 @@ class Gymnasium(HostTask):
 
     def reward(
         self, memory: EnvironmentMemory, state: EnvironmentState, action: Array
-    ) -> tuple[EnvironmentMemory, Float[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[EnvironmentMemory, Scalar, Flag]:
         memory = memory._replace(returned=memory.returned + state.reward, length=memory.length + state.steps)
         reward = state.reward + self.end_reward * state.terminated if self.end_reward else state.reward
         return memory, reward, state.terminated
 
-    def truncated(self, memory: EnvironmentMemory, state: EnvironmentState) -> Bool[Array, ""]:
+    def truncated(self, memory: EnvironmentMemory, state: EnvironmentState) -> Flag:
         return state.truncated
 
     def readings(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Reading]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
 from motorgrad.bodies import (
@@ -22,7 +22,7 @@ from motorgrad.bodies import (
     read_hexapod,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Mirror, Reading
+from motorgrad.tasks._task import Flag, Mirror, Reading, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
 
@@ -77,12 +77,12 @@ class HexapodMemory(NamedTuple):
 
     decisions: Int[Array, ""]
     past: Float[Array, "lag 6"]
-    yaw: Float[Array, ""]
-    course: Float[Array, ""]
+    yaw: Scalar
+    course: Scalar
     origin: Float[Array, " 2"]
-    run: Float[Array, ""]
-    net: Float[Array, ""]
-    stalled: Float[Array, ""]
+    run: Scalar
+    net: Scalar
+    stalled: Scalar
 
 
 @dataclasses.dataclass(frozen=True)
@@ -204,7 +204,7 @@ class Hexapod(WalkingTask):
 
     def reward(
         self, memory: HexapodMemory, state: BodyState, action: Float[Array, " units"]
-    ) -> tuple[HexapodMemory, Float[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[HexapodMemory, Scalar, Flag]:
         reading, velocity = read_hexapod(state), state.sensors["velocity"]
         along = {
             "heading": reading.speed,

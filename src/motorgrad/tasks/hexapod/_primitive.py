@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Actions, Reading
+from motorgrad.tasks._task import Actions, Flag, Reading, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
@@ -145,7 +145,7 @@ class HexapodPrimitive(WalkingTask):
 
     def reward(
         self, memory: PrimitiveMemory, state: BodyState, action: Float[Array, " 6"]
-    ) -> tuple[PrimitiveMemory, Float[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[PrimitiveMemory, Scalar, Flag]:
         reading, steps = read_hexapod(state), self._begin(memory, action)
         after = steps._replace(elapsed=steps.elapsed + self.period)
         return after, self.reward_scale * reading.speed, overturned(reading)

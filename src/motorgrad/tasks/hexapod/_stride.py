@@ -9,12 +9,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Actions, Reading
+from motorgrad.tasks._task import Actions, Flag, Reading, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
@@ -25,12 +25,12 @@ class StrideMemory(NamedTuple):
     """The memory: the clock's `phase` and the last chosen `period` (s); the ground's `slope` (rad) and for how many
     decisions it is `left`; the last measured `heading` (rad) and smoothed `pitch` (rad)."""
 
-    phase: Float[Array, ""]
-    period: Float[Array, ""]
-    slope: Float[Array, ""]
+    phase: Scalar
+    period: Scalar
+    slope: Scalar
     left: Int[Array, ""]
-    heading: Float[Array, ""]
-    pitch: Float[Array, ""]
+    heading: Scalar
+    pitch: Scalar
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,7 +157,7 @@ class HexapodStride(WalkingTask):
 
     def reward(
         self, memory: StrideMemory, state: BodyState, action: Float[Array, " 1"]
-    ) -> tuple[StrideMemory, Float[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[StrideMemory, Scalar, Flag]:
         reading, period = read_hexapod(state), self.period_of(action)
         after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
         return after, self.reward_scale * reading.speed, overturned(reading)

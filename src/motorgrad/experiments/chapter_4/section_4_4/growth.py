@@ -114,7 +114,37 @@ class Growth(Experiment):
         return runs
 
     def figure(self, values: Values) -> Figure:
-        return draw_growth(values, {name: way.words for name, way in self.ways.items()})
+        """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
+        words = {name: way.words for name, way in self.ways.items()}
+
+        figure = new_figure(9, 6)
+        axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
+        for column, (name, title) in enumerate(words.items()):
+            phases = len(values[f"{name} grown spacing"])
+            for kind, colour, label in (
+                ("start", "C1", "complete from the start"),
+                ("grown", "C0", "grown unit by unit"),
+            ):
+                decision, error = _thinned(values[f"{name} {kind} decision"], values[f"{name} {kind} error"], phases)
+                draw_band(axes[0, column], decision / 1e6, error, colour, label)
+            phase = values[f"{name} grown decision"][-1] / phases / 1e6
+            for count in range(1, phases):
+                axes[0, column].axvline(count * phase, color="0.85", linewidth=0.7, zorder=0)
+            axes[0, column].set(title=title, xlabel="million decisions")
+            axes[0, column].title.set_fontsize(9)
+            for found, shift, colour in (
+                (values[f"{name} grown spacing"], 0, "C0"),
+                (values[f"{name} start spacing"][None], phases - 1, "C1"),
+            ):
+                place = np.arange(1, len(found) + 1) + shift + (0.2 if shift else 0)
+                look = {"fmt": "o-", "markersize": 4, "color": colour, "linewidth": 0.8}
+                draw_intervals(axes[1, column], place, [median_of(row) for row in found], **look)
+            axes[1, column].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
+            axes[1, column].set(xlabel="units", yscale="log")
+        axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))
+        axes[0, 0].legend(fontsize=8)
+        axes[1, 0].set_ylabel("greatest deviation (spacings)")
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = []
@@ -223,36 +253,6 @@ def ideal_move(count: int) -> float:
     place = np.arange(1, count + 1)
     before = (place - 0.5) / count
     return min(float(np.abs((place - 0.5 + (place > new)) / (count + 1) - before).mean()) for new in range(count + 1))
-
-
-def draw_growth(values: Values, words: Mapping[str, str]) -> Figure:
-    """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
-
-    figure = new_figure(9, 6)
-    axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
-    for column, (name, title) in enumerate(words.items()):
-        phases = len(values[f"{name} grown spacing"])
-        for kind, colour, label in (("start", "C1", "complete from the start"), ("grown", "C0", "grown unit by unit")):
-            decision, error = _thinned(values[f"{name} {kind} decision"], values[f"{name} {kind} error"], phases)
-            draw_band(axes[0, column], decision / 1e6, error, colour, label)
-        phase = values[f"{name} grown decision"][-1] / phases / 1e6
-        for count in range(1, phases):
-            axes[0, column].axvline(count * phase, color="0.85", linewidth=0.7, zorder=0)
-        axes[0, column].set(title=title, xlabel="million decisions")
-        axes[0, column].title.set_fontsize(9)
-        for found, shift, colour in (
-            (values[f"{name} grown spacing"], 0, "C0"),
-            (values[f"{name} start spacing"][None], phases - 1, "C1"),
-        ):
-            place = np.arange(1, len(found) + 1) + shift + (0.2 if shift else 0)
-            look = {"fmt": "o-", "markersize": 4, "color": colour, "linewidth": 0.8}
-            draw_intervals(axes[1, column], place, [median_of(row) for row in found], **look)
-        axes[1, column].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
-        axes[1, column].set(xlabel="units", yscale="log")
-    axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))
-    axes[0, 0].legend(fontsize=8)
-    axes[1, 0].set_ylabel("greatest deviation (spacings)")
-    return figure
 
 
 def _thinned(decision: np.ndarray, values: np.ndarray, phases: int) -> tuple[np.ndarray, np.ndarray]:

@@ -75,7 +75,20 @@ class LargeLoads(Experiment):
         return firing_probability(run.policies, loads).mean(axis=(1, 2))
 
     def figure(self, values: Values) -> Figure:
-        return draw_loads(values, SILENT)
+        """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and
+        the number of silent pools."""
+
+        figure = new_figure(8, 6.4)
+        axes = figure.subplots(2, 2, sharex="row", sharey="row")
+        for column, (paid, title) in enumerate(TITLES.items()):
+            _pay(axes[0, column], values, paid)
+            axes[0, column].set_title(title, fontsize=11)
+            _active(axes[1, column], values, paid, SILENT)
+        axes[0, 0].set_ylabel("mean reward at large loads")
+        axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
+        axes[0, 0].legend(title="units")
+        axes[1, 0].legend(title="learnt from")
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         sizes, made = values["size"], []
@@ -147,23 +160,6 @@ def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
     parts = counts / task.units
     pay = np.mean([np.asarray(task.pay(load, parts, task.effect(load, parts))) for load in loads], axis=0)  # type: ignore
     return stats.binom.pmf(counts, task.units, PROBABILITY[:, None]) @ pay
-
-
-def draw_loads(values: Values, silent: float) -> Figure:
-    """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and the
-    number of silent pools."""
-
-    figure = new_figure(8, 6.4)
-    axes = figure.subplots(2, 2, sharex="row", sharey="row")
-    for column, (paid, title) in enumerate(TITLES.items()):
-        _pay(axes[0, column], values, paid)
-        axes[0, column].set_title(title, fontsize=11)
-        _active(axes[1, column], values, paid, silent)
-    axes[0, 0].set_ylabel("mean reward at large loads")
-    axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
-    axes[0, 0].legend(title="units")
-    axes[1, 0].legend(title="learnt from")
-    return figure
 
 
 def _pay(axes: Axes, values: Values, paid: str) -> None:

@@ -80,7 +80,17 @@ class NegativeInputs(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        return draw_inputs(values, always_firing(values))
+        """Shares of affected pools; parameters of their units; and activation of the pools over the loads."""
+        caught = always_firing(values)
+
+        figure = new_figure(8.6, 6.6)
+        top, bottom = figure.add_gridspec(2, 1)
+        words = [WORDS.get(state, f"the same, gains\ndecay {state[6:]}") for state in map(str, values["state"])]
+        _shares(figure.add_subplot(top), words, np.asarray(caught.any(axis=2)))
+        left, right = (figure.add_subplot(place) for place in bottom.subgridspec(1, 2))
+        _units(left, values, caught[0])
+        _activation(right, values, words)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         states = [str(state) for state in values["state"]]
@@ -182,19 +192,6 @@ def best_activation(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
     parts = np.arange(task.units + 1) / task.units
     pay = np.array([np.asarray(task.pay(load, parts, task.effect(load, parts))) for load in loads])  # type: ignore
     return parts[pay.argmax(axis=1)]
-
-
-def draw_inputs(values: Values, caught: np.ndarray) -> Figure:
-    """Shares of affected pools; parameters of their units; and activation of the pools over the loads."""
-
-    figure = new_figure(8.6, 6.6)
-    top, bottom = figure.add_gridspec(2, 1)
-    words = [WORDS.get(state, f"the same, gains\ndecay {state[6:]}") for state in map(str, values["state"])]
-    _shares(figure.add_subplot(top), words, np.asarray(caught.any(axis=2)))
-    left, right = (figure.add_subplot(place) for place in bottom.subgridspec(1, 2))
-    _units(left, values, caught[0])
-    _activation(right, values, words)
-    return figure
 
 
 def _shares(axes: Axes, words: list[str], pools: np.ndarray) -> None:

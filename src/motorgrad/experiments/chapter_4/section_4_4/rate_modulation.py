@@ -79,7 +79,40 @@ class RateModulation(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_rate(values)
+        """For every number of units: the error over decisions, the noise of graded units, and the mean force of each
+        pool. Bars at the right: the error without noise, by the mean or the most probable action."""
+
+        units = [int(count) for count in values["units"]]
+        figure = new_figure(3 * len(units) + 0.6, 7.6)
+        axes = figure.subplots(3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
+        decision = values["decision"] / 1e3
+        for column, count in enumerate(units):
+            above, noise, below = axes[:, column]
+            for kind, colour, label in CURVES:
+                draw_band(above, decision, values[f"{count} {kind} error"], colour, label)
+                above.plot(
+                    decision[-1] * 1.06,
+                    np.median(values[f"{count} {kind} without noise"]),
+                    "_",
+                    color=colour,
+                    markersize=12,
+                )
+                for threshold, gain in zip(
+                    values[f"{count} {kind} threshold"], values[f"{count} {kind} gain"], strict=True
+                ):
+                    force = expit(gain * (INPUTS[:, None] - threshold)).mean(1)
+                    below.plot(INPUTS, force, color=colour, linewidth=0.6, alpha=0.5)
+            above.axhline(values["least"][column], color="0.4", linewidth=0.9, linestyle="--")
+            above.set(title=f"{count} unit{'s' * (count > 1)}", xlabel="thousand decisions", ylim=(0, None))
+            draw_band(noise, decision, np.median(values[f"{count} deviation"], axis=2), "C0")
+            noise.set(xlabel="thousand decisions", ylim=(0, None))
+            below.plot(INPUTS, LinearRecruitment(units=count).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
+            below.set(xlabel="load", ylim=(-0.12, 1.12))
+        axes[0, 0].set_ylabel("mean error of the force")
+        axes[1, 0].set_ylabel("deviation of the noise")
+        axes[2, 0].set_ylabel("mean force")
+        axes[0, 0].legend(fontsize=8)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made, steps = [], values["decision"][-1]
@@ -129,40 +162,3 @@ class RateModulation(Experiment):
                 ),
             ]
         return made
-
-
-def draw_rate(values: Values) -> Figure:
-    """For every number of units: the error over decisions, the noise of graded units, and the mean force of each pool.
-    Bars at the right: the error without noise, by the mean or the most probable action."""
-
-    units = [int(count) for count in values["units"]]
-    figure = new_figure(3 * len(units) + 0.6, 7.6)
-    axes = figure.subplots(3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
-    decision = values["decision"] / 1e3
-    for column, count in enumerate(units):
-        above, noise, below = axes[:, column]
-        for kind, colour, label in CURVES:
-            draw_band(above, decision, values[f"{count} {kind} error"], colour, label)
-            above.plot(
-                decision[-1] * 1.06,
-                np.median(values[f"{count} {kind} without noise"]),
-                "_",
-                color=colour,
-                markersize=12,
-            )
-            for threshold, gain in zip(
-                values[f"{count} {kind} threshold"], values[f"{count} {kind} gain"], strict=True
-            ):
-                force = expit(gain * (INPUTS[:, None] - threshold)).mean(1)
-                below.plot(INPUTS, force, color=colour, linewidth=0.6, alpha=0.5)
-        above.axhline(values["least"][column], color="0.4", linewidth=0.9, linestyle="--")
-        above.set(title=f"{count} unit{'s' * (count > 1)}", xlabel="thousand decisions", ylim=(0, None))
-        draw_band(noise, decision, np.median(values[f"{count} deviation"], axis=2), "C0")
-        noise.set(xlabel="thousand decisions", ylim=(0, None))
-        below.plot(INPUTS, LinearRecruitment(units=count).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
-        below.set(xlabel="load", ylim=(-0.12, 1.12))
-    axes[0, 0].set_ylabel("mean error of the force")
-    axes[1, 0].set_ylabel("deviation of the noise")
-    axes[2, 0].set_ylabel("mean force")
-    axes[0, 0].legend(fontsize=8)
-    return figure

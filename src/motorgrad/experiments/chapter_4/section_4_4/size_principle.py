@@ -1,7 +1,7 @@
 """Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -83,7 +83,36 @@ class SizePrinciple(Experiment):
         return found | {"orders": np.array(orders_of(self.units)), "order pay": order_pay(arm)}
 
     def figure(self, values: Values) -> Figure:
-        return draw_sizes(values, WORDS, {name: order(values, name) for name in WORDS})
+        """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
+        grey line joins the units of a pool; units of negative gain are hollow."""
+        orders = {name: order(values, name) for name in WORDS}
+
+        figure = new_figure(8, 6.8)
+        axes = figure.subplots(2, 2, sharex=True)
+        size = values["size"]
+        for place, (name, title) in zip(axes.flat, WORDS.items(), strict=True):
+            loads = values[f"{name} load"]
+            shift = np.geomspace(0.88, 1 / 0.88, len(loads))
+            for seed, row in enumerate(loads):
+                place.plot(size * shift[seed], row, color="0.85", linewidth=0.5, zorder=1)
+            for unit, graded in itertools.product(range(len(size)), (True, False)):
+                which = (values[f"{name} gain"][:, unit] > 0) == graded
+                colour = f"C{unit}"
+                face = colour if graded else "white"
+                place.scatter(size[unit] * shift[which], loads[which, unit], 12, face, edgecolor=colour, zorder=2)
+            mean = mean_of(orders[name])
+            place.set_title(
+                f"{title}\nrank correlation {mean.value:+.2f} [{mean.low:+.2f} … {mean.high:+.2f}]", fontsize=9
+            )
+            place.set_xscale("log", base=2)
+            place.set_xticks(size, [f"{part:.2f}" for part in size])
+            place.minorticks_off()
+            place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
+        for row, unit in zip(axes, ("", ", kg"), strict=True):
+            row[0].set_ylabel(f"fires above this load{unit}")
+        for place in axes[1]:
+            place.set_xlabel("size / total force (hollow: negative gain)")
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made, chance, pay = [], 1 / len(values["orders"]), values["order pay"]
@@ -163,33 +192,3 @@ def correlations(values: Values, places: np.ndarray) -> np.ndarray:
 def order(values: Values, name: str) -> np.ndarray:
     """Rank correlation of size and recruitment load for each seed: 1 if small units come first."""
     return correlations(values, values[f"{name} load"])
-
-
-def draw_sizes(values: Values, words: Mapping[str, str], orders: Mapping[str, np.ndarray]) -> Figure:
-    """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
-    grey line joins the units of a pool; units of negative gain are hollow."""
-
-    figure = new_figure(8, 6.8)
-    axes = figure.subplots(2, 2, sharex=True)
-    size = values["size"]
-    for place, (name, title) in zip(axes.flat, words.items(), strict=True):
-        loads = values[f"{name} load"]
-        shift = np.geomspace(0.88, 1 / 0.88, len(loads))
-        for seed, row in enumerate(loads):
-            place.plot(size * shift[seed], row, color="0.85", linewidth=0.5, zorder=1)
-        for unit, graded in itertools.product(range(len(size)), (True, False)):
-            which = (values[f"{name} gain"][:, unit] > 0) == graded
-            colour = f"C{unit}"
-            face = colour if graded else "white"
-            place.scatter(size[unit] * shift[which], loads[which, unit], 12, face, edgecolor=colour, zorder=2)
-        mean = mean_of(orders[name])
-        place.set_title(f"{title}\nrank correlation {mean.value:+.2f} [{mean.low:+.2f} … {mean.high:+.2f}]", fontsize=9)
-        place.set_xscale("log", base=2)
-        place.set_xticks(size, [f"{part:.2f}" for part in size])
-        place.minorticks_off()
-        place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
-    for row, unit in zip(axes, ("", ", kg"), strict=True):
-        row[0].set_ylabel(f"fires above this load{unit}")
-    for place in axes[1]:
-        place.set_xlabel("size / total force (hollow: negative gain)")
-    return figure

@@ -68,26 +68,22 @@ class Muscles(MuscleStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_muscles(values)
+        """Speed during learning; and speed and net displacement of every frozen policy."""
+
+        figure = new_figure(9.8, 7.2)
+        panels: Any = figure.subplot_mosaic([["practice", "practice"], ["mode", "sample"]], height_ratios=[1, 1.15])
+        names = [FULL, *(str(name) for name in values["variants"])]
+        _practice(panels["practice"], values, names)
+        for mode in WORDS:
+            _frozen(panels[mode], values, names, mode)
+        panels["mode"].set_ylabel("m/s")
+        top = 1.15 * max(panels[mode].get_ylim()[1] for mode in WORDS)  # room for the legends
+        for mode in WORDS:
+            panels[mode].set_ylim(-0.05, top)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [*muscle_claims(values), *ablation_claims(values)]
-
-
-def draw_muscles(values: Values) -> Figure:
-    """Speed during learning; and speed and net displacement of every frozen policy."""
-
-    figure = new_figure(9.8, 7.2)
-    panels: Any = figure.subplot_mosaic([["practice", "practice"], ["mode", "sample"]], height_ratios=[1, 1.15])
-    names = [FULL, *(str(name) for name in values["variants"])]
-    _practice(panels["practice"], values, names)
-    for mode in WORDS:
-        _frozen(panels[mode], values, names, mode)
-    panels["mode"].set_ylabel("m/s")
-    top = 1.15 * max(panels[mode].get_ylim()[1] for mode in WORDS)  # room for the legends
-    for mode in WORDS:
-        panels[mode].set_ylim(-0.05, top)
-    return figure
 
 
 def _practice(axes: Axes, values: Values, names: list[str]) -> None:

@@ -71,7 +71,22 @@ class FoundSynergies(MuscleStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_synergies(values)
+        """Synergies of the gait that gets farthest, synergies made by hand, and what is learnt on them."""
+
+        figure = new_figure(9.8, 7.6)
+        panels: Any = figure.subplot_mosaic(
+            [["found", "found"], ["hand", "hand"], ["practice", "frozen"]],
+            height_ratios=[1, 1, 2.2],
+            width_ratios=[1.7, 1],
+        )
+        part = f"{100 * float(values['explained'][0]):.0f} %"
+        _matrix(
+            panels["found"], values, values["weights"][0], f"found in the gait that gets farthest, {part} explained"
+        )
+        _matrix(panels["hand"], values, values["hand"], "made by hand: swing and stance of each tripod")
+        _practice(panels["practice"], values)
+        _frozen(panels["frozen"], values)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         level = float(values["controller speed"][0])
@@ -144,21 +159,6 @@ class FoundSynergies(MuscleStudy):
         judged = self.judged(work, run, name)
         kept = {key.removeprefix(f"{name} "): values for key, values in judged.items()}
         return {"time": time, "practice": speed, **kept}
-
-
-def draw_synergies(values: Values) -> Figure:
-    """Synergies of the gait that gets farthest, synergies made by hand, and what is learnt on them."""
-
-    figure = new_figure(9.8, 7.6)
-    panels: Any = figure.subplot_mosaic(
-        [["found", "found"], ["hand", "hand"], ["practice", "frozen"]], height_ratios=[1, 1, 2.2], width_ratios=[1.7, 1]
-    )
-    part = f"{100 * float(values['explained'][0]):.0f} %"
-    _matrix(panels["found"], values, values["weights"][0], f"found in the gait that gets farthest, {part} explained")
-    _matrix(panels["hand"], values, values["hand"], "made by hand: swing and stance of each tripod")
-    _practice(panels["practice"], values)
-    _frozen(panels["frozen"], values)
-    return figure
 
 
 def _matrix(axes: Axes, values: Values, weights: np.ndarray, title: str) -> None:

@@ -161,29 +161,25 @@ class Morphology(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        return draw_morphology(values, KINDS)
+        """The searches and the bodies (above), the numbers found and their effect (middle), the thesis's observations
+        (below)."""
+
+        figure = new_figure(10.5, 13.5)
+        parts: Any = figure.subfigures(3, 1, height_ratios=[3.6, 4.8, 3.2])
+        above = parts[0].subplots(2, 3, width_ratios=[2.6, 1.2, 1.2], height_ratios=[1, 1.6])
+        grid = above[0, 0].get_gridspec()
+        for axes in above[:, 0]:
+            axes.remove()
+        _searches(parts[0].add_subplot(grid[:, 0]), values, KINDS)
+        _bodies(above[:, 1:], values)
+        found, helped = parts[1].subplots(1, 2, sharey=True)
+        _found(found, values, KINDS)
+        _helped(helped, values)
+        _observed(parts[2].subplots(1, len(MEASURED), sharey=True), values)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return morphology_claims(values, self.evaluations)
-
-
-def draw_morphology(values: Values, kinds: Sequence[str]) -> Figure:
-    """The searches and the bodies (above), the numbers found and their effect (middle), the thesis's observations
-    (below)."""
-
-    figure = new_figure(10.5, 13.5)
-    parts: Any = figure.subfigures(3, 1, height_ratios=[3.6, 4.8, 3.2])
-    above = parts[0].subplots(2, 3, width_ratios=[2.6, 1.2, 1.2], height_ratios=[1, 1.6])
-    grid = above[0, 0].get_gridspec()
-    for axes in above[:, 0]:
-        axes.remove()
-    _searches(parts[0].add_subplot(grid[:, 0]), values, kinds)
-    _bodies(above[:, 1:], values)
-    found, helped = parts[1].subplots(1, 2, sharey=True)
-    _found(found, values, kinds)
-    _helped(helped, values)
-    _observed(parts[2].subplots(1, len(MEASURED), sharey=True), values)
-    return figure
 
 
 def _searches(axes: Axes, values: Values, kinds: Sequence[str]) -> None:

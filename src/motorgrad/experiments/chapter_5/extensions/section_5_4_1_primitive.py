@@ -1,6 +1,6 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Self
 
 import equinox as eqx
@@ -111,7 +111,25 @@ class LearntPrimitives(Experiment):
         return np.linspace(-1.0, 1.0, CELLS) * 30.0 / self.task.angle_scale
 
     def figure(self, values: Values) -> Figure:
-        return draw_primitives(values, WORDS, (self.task.swing, self.task.stance), self.task.angle_scale)
+        """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
+        start = (self.task.swing, self.task.stance)
+
+        figure = new_figure(10, 7.6)
+        panels: Any = figure.subplots(2, 2)
+        records = max(1, len(values["time"]) // 20)
+        for kind, label in WORDS.items():
+            draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)
+        panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
+        panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
+        panels[0, 0].legend(loc="upper left", fontsize=8.5)
+        _movements(panels[0, 1], values, start)
+        shown: Any = None
+        for tripod, axes in enumerate(panels[1]):
+            shown = _precondition(axes, values, tripod, self.task.angle_scale)
+        figure.colorbar(
+            shown, ax=panels[1], location="bottom", shrink=0.5, label="probability per decision of starting a step"
+        )
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = []
@@ -169,27 +187,6 @@ def precondition(policy: Primitives, angles: np.ndarray) -> np.ndarray:
         p = jax.vmap(policy.precondition.prob)(jnp.asarray(legs, jnp.float32))
         places.append(np.asarray(p)[:, each].reshape(own.shape))
     return np.stack(places)
-
-
-def draw_primitives(values: Values, words: Mapping[str, str], start: tuple[float, float], angle_scale: float) -> Figure:
-    """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
-
-    figure = new_figure(10, 7.6)
-    panels: Any = figure.subplots(2, 2)
-    records = max(1, len(values["time"]) // 20)
-    for kind, label in words.items():
-        draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)
-    panels[0, 0].set(xlabel="simulated s of practice", ylabel="speed while learning, m/s")
-    panels[0, 0].set_ylim(0, 1.3 * panels[0, 0].get_ylim()[1])
-    panels[0, 0].legend(loc="upper left", fontsize=8.5)
-    _movements(panels[0, 1], values, start)
-    shown: Any = None
-    for tripod, axes in enumerate(panels[1]):
-        shown = _precondition(axes, values, tripod, angle_scale)
-    figure.colorbar(
-        shown, ax=panels[1], location="bottom", shrink=0.5, label="probability per decision of starting a step"
-    )
-    return figure
 
 
 def _movements(axes: Axes, values: Values, start: tuple[float, float]) -> None:

@@ -100,7 +100,15 @@ class StridePeriod(Experiment):
         return {f"{name} {what}": np.stack([each[what] for each in seen], axis=1) for what in ("speed", "period")}
 
     def figure(self, values: Values) -> Figure:
-        return draw_stride(values)
+        """Learning curves; speed and period over the slope; and speed over fixed periods."""
+
+        figure = new_figure(10, 7)
+        panels: Any = figure.subplots(2, 2)
+        _learning(panels[0, 0], values)
+        _speeds(panels[0, 1], values)
+        _grid(panels[1, 0], values)
+        _periods(panels[1, 1], values)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         fixed = values["fixed speed"]
@@ -170,18 +178,6 @@ def _clocks(task: HexapodStride, periods: np.ndarray, starts: int) -> GradedHype
     levels = jnp.repeat(jnp.asarray(task.start / periods - 1.0, jnp.float32), starts)[:, None]
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(levels), *leaf.shape)), one)
     return eqx.tree_at(lambda policy: policy.level, many, levels)
-
-
-def draw_stride(values: Values) -> Figure:
-    """Learning curves; speed and period over the slope; and speed over fixed periods."""
-
-    figure = new_figure(10, 7)
-    panels: Any = figure.subplots(2, 2)
-    _learning(panels[0, 0], values)
-    _speeds(panels[0, 1], values)
-    _grid(panels[1, 0], values)
-    _periods(panels[1, 1], values)
-    return figure
 
 
 def _learning(axes: Axes, values: Values) -> None:

@@ -77,7 +77,27 @@ class BiomimeticHexapod(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_biomimetic(values, biomimetic_hexapod(), self.highest)
+        """Side and top view; speed and slip over the friction of the feet; clear and low front legs."""
+        body = biomimetic_hexapod()
+
+        figure = new_figure(10.2, 8.8)
+        panels: Any = figure.subplot_mosaic(
+            [["side"] * 3, ["above"] * 3, ["speed", "slip", "clear"]], height_ratios=[0.75, 1.6, 1.1]
+        )
+        for view in ("side", "above"):
+            draw_view(panels[view], body, view)
+        panels["side"].set(xlim=(-1.0, 1.0), ylim=(-0.06, 0.32))
+        _names(panels["above"], body)
+        for quantity, words in (
+            ("speed", "speed along the heading (m/s)"),
+            ("slip", "slip of middle and rear feet (m/s)"),
+        ):
+            _over_friction(panels[quantity], values, quantity)
+            panels[quantity].set_ylabel(words)
+            panels[quantity].set_ylim(0, None)
+        panels["speed"].legend(loc="lower left", fontsize=8.5, title="changed:", title_fontsize=8.5)
+        _clear(panels["clear"], values, body, self.highest)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         least, most = (f"{friction:g}" for friction in (self.frictions[0], self.frictions[-1]))
@@ -206,26 +226,6 @@ def _soles(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
             turned = np.einsum("lij,lj->li", data.xmat[feet].reshape(-1, 3, 3), along)
             ends[decision, seed] = data.xpos[feet] + turned
     return ends
-
-
-def draw_biomimetic(values: Values, body: Hexapod, highest: float) -> Figure:
-    """Side and top view; speed and slip over the friction of the feet; clear and low front legs."""
-
-    figure = new_figure(10.2, 8.8)
-    panels: Any = figure.subplot_mosaic(
-        [["side"] * 3, ["above"] * 3, ["speed", "slip", "clear"]], height_ratios=[0.75, 1.6, 1.1]
-    )
-    for view in ("side", "above"):
-        draw_view(panels[view], body, view)
-    panels["side"].set(xlim=(-1.0, 1.0), ylim=(-0.06, 0.32))
-    _names(panels["above"], body)
-    for quantity, words in (("speed", "speed along the heading (m/s)"), ("slip", "slip of middle and rear feet (m/s)")):
-        _over_friction(panels[quantity], values, quantity)
-        panels[quantity].set_ylabel(words)
-        panels[quantity].set_ylim(0, None)
-    panels["speed"].legend(loc="lower left", fontsize=8.5, title="changed:", title_fontsize=8.5)
-    _clear(panels["clear"], values, body, highest)
-    return figure
 
 
 def _names(axes: Axes, body: Hexapod) -> None:

@@ -66,32 +66,28 @@ class LearntGaits(SynergyStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_gaits(values, self.lags)
+        """Speed during practice; gait classes of all seeds; and net displacement against speed."""
+        from matplotlib.patches import Patch
+
+        figure = new_figure(9.8, 7.6)
+        panels: Any = figure.subplot_mosaic(
+            [["practice"] * 3, ["classes", *MODES]], width_ratios=[1.1, 1, 1], height_ratios=[1, 1.1]
+        )
+        _practice(panels["practice"], values, self.lags)
+        _classes(panels["classes"], values, self.lags)
+        most = max(float(values[f"lag {lag} {mode} speed"].max()) for lag in self.lags for mode in MODES)
+        for mode in MODES:
+            _distances(panels[mode], values, self.lags, mode, most)
+        panels["sample"].set_ylabel("net displacement in 20 s / 20 s (m/s)")
+        shown = [Patch(color=colour, label=kind) for kind, colour in COLOURS.items()]
+        figure.legend(
+            handles=shown, loc="outside lower center", ncols=4, title="gait of the frozen policy from a fresh start"
+        )
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         made = [claim for lag in self.lags for claim in lag_claims(values, lag)]
         return made + common_claims(values, self.lags)
-
-
-def draw_gaits(values: Values, lags: Sequence[int]) -> Figure:
-    """Speed during practice; gait classes of all seeds; and net displacement against speed."""
-    from matplotlib.patches import Patch
-
-    figure = new_figure(9.8, 7.6)
-    panels: Any = figure.subplot_mosaic(
-        [["practice"] * 3, ["classes", *MODES]], width_ratios=[1.1, 1, 1], height_ratios=[1, 1.1]
-    )
-    _practice(panels["practice"], values, lags)
-    _classes(panels["classes"], values, lags)
-    most = max(float(values[f"lag {lag} {mode} speed"].max()) for lag in lags for mode in MODES)
-    for mode in MODES:
-        _distances(panels[mode], values, lags, mode, most)
-    panels["sample"].set_ylabel("net displacement in 20 s / 20 s (m/s)")
-    shown = [Patch(color=colour, label=kind) for kind, colour in COLOURS.items()]
-    figure.legend(
-        handles=shown, loc="outside lower center", ncols=4, title="gait of the frozen policy from a fresh start"
-    )
-    return figure
 
 
 def _practice(axes: Axes, values: Values, lags: Sequence[int]) -> None:

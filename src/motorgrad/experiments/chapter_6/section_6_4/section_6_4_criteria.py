@@ -1,6 +1,6 @@
 """Section 6.4.3: when to add a unit, and when to stop."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -58,7 +58,31 @@ class Criteria(GrowingStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_criteria(values, self.layouts, WORDS, INTERVAL)
+        """For each layout: reward over decisions, units over decisions, and reward against units."""
+        from matplotlib.ticker import MaxNLocator
+
+        figure = new_figure(10, 6.6)
+        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, sharey="col")
+        thousands = values["decision"] / 1e3
+        span = max(1, round(INTERVAL / values["decision"][0]))
+        for row, layout in zip(axes, self.layouts, strict=True):
+            for number, way in enumerate(WORDS):
+                reward, units = values[f"{layout} {way} reward"], values[f"{layout} {way} units"]
+                draw_band(row[0], thousands, reward, f"C{number}", WORDS[way], records=span)
+                draw_band(row[1], thousands, units, f"C{number}", WORDS[way])
+                _by_units(row[2], reward, units, f"C{number}", least=round(0.8 * span))
+            row[0].set_ylabel(f"{layout}: reward, last {INTERVAL:,} decisions")
+            row[1].set(ylabel="units", ylim=(0, None))
+            row[2].set(ylabel="reward")
+        axes[0, 1].set_title("units over time", fontsize=10)
+        axes[0, 2].set_title("reward at the end with this many units", fontsize=10)
+        for each in axes[:, 1]:
+            each.yaxis.set_major_locator(MaxNLocator(integer=True))
+        for each, label in zip(axes[-1], ("thousand decisions", "thousand decisions", "units"), strict=True):
+            each.set_xlabel(label)
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8.5)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         return [claim for layout in self.layouts for claim in self._of(values, layout)]
@@ -127,34 +151,6 @@ def last_added(values: Values, layout: str, way: str) -> str:
     """When the last unit was added, median over seeds, in words."""
     units = values[f"{layout} {way} units"]
     return f"{np.median(values['decision'][(units == units[:, -1:]).argmax(1)]):,.0f}"
-
-
-def draw_criteria(values: Values, layouts: Sequence[str], words: Mapping[str, str], interval: int) -> Figure:
-    """For each layout: reward over decisions, units over decisions, and reward against units."""
-    from matplotlib.ticker import MaxNLocator
-
-    figure = new_figure(10, 6.6)
-    axes: Any = figure.subplots(len(layouts), 3, squeeze=False, sharey="col")
-    thousands = values["decision"] / 1e3
-    span = max(1, round(interval / values["decision"][0]))
-    for row, layout in zip(axes, layouts, strict=True):
-        for number, way in enumerate(words):
-            reward, units = values[f"{layout} {way} reward"], values[f"{layout} {way} units"]
-            draw_band(row[0], thousands, reward, f"C{number}", words[way], records=span)
-            draw_band(row[1], thousands, units, f"C{number}", words[way])
-            _by_units(row[2], reward, units, f"C{number}", least=round(0.8 * span))
-        row[0].set_ylabel(f"{layout}: reward, last {interval:,} decisions")
-        row[1].set(ylabel="units", ylim=(0, None))
-        row[2].set(ylabel="reward")
-    axes[0, 1].set_title("units over time", fontsize=10)
-    axes[0, 2].set_title("reward at the end with this many units", fontsize=10)
-    for each in axes[:, 1]:
-        each.yaxis.set_major_locator(MaxNLocator(integer=True))
-    for each, label in zip(axes[-1], ("thousand decisions", "thousand decisions", "units"), strict=True):
-        each.set_xlabel(label)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8.5)
-    return figure
 
 
 def _by_units(axes: Axes, reward: np.ndarray, units: np.ndarray, colour: str, least: int) -> None:

@@ -112,7 +112,30 @@ class Hierarchy(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_hierarchy(values, {name: self.learner(name)[0] for name in GATES}, WORDS)
+        """For each hierarchy: its gates with paths, and activity and push of each pool at its end; learning curves of
+        all policies."""
+        tasks = {name: self.learner(name)[0] for name in GATES}
+
+        figure = new_figure(11, 7.2)
+        halves: Any = figure.subfigures(2, 1, height_ratios=[1.65, 1])
+        above, below = halves
+        shown: Any = None
+        rows: Any = above.subplots(len(tasks), 5)
+        for axes, (name, task) in zip(rows, tasks.items(), strict=True):
+            pools = len(values[f"{name} open"])
+            _draw_gates(axes[0], values, name, task)
+            axes[0].set_title(
+                f"{len(values[f'{name} level'])} gates, paths: seed {int(values[f'{name} row'])}", fontsize=9
+            )
+            for number, panel in enumerate(axes[1:]):
+                if number >= pools:
+                    panel.set_axis_off()
+                    continue
+                shown = _draw_pool(panel, values[f"{name} open"][number], values[f"{name} push"][number])
+                panel.set_title(f"pool {number + 1} of {pools}", fontsize=9)
+        above.colorbar(shown, ax=rows, shrink=0.6, label="push to the right ×\nopening of the gates")
+        _draw_curves(below.subplots(), values, WORDS)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         ends = {name: values[f"{name} end"] for name in WORDS}
@@ -218,30 +241,6 @@ def _gates(policy: Any, level: int) -> Any:
     for branch in policy.branches:
         if isinstance(branch, Gated):
             yield from _gates(branch, level + 1)
-
-
-def draw_hierarchy(values: Values, tasks: Mapping[str, FallingParticle], words: Mapping[str, str]) -> Figure:
-    """For each hierarchy: its gates with paths, and activity and push of each pool at its end; learning curves of all
-    policies."""
-
-    figure = new_figure(11, 7.2)
-    halves: Any = figure.subfigures(2, 1, height_ratios=[1.65, 1])
-    above, below = halves
-    shown: Any = None
-    rows: Any = above.subplots(len(tasks), 5)
-    for axes, (name, task) in zip(rows, tasks.items(), strict=True):
-        pools = len(values[f"{name} open"])
-        _draw_gates(axes[0], values, name, task)
-        axes[0].set_title(f"{len(values[f'{name} level'])} gates, paths: seed {int(values[f'{name} row'])}", fontsize=9)
-        for number, panel in enumerate(axes[1:]):
-            if number >= pools:
-                panel.set_axis_off()
-                continue
-            shown = _draw_pool(panel, values[f"{name} open"][number], values[f"{name} push"][number])
-            panel.set_title(f"pool {number + 1} of {pools}", fontsize=9)
-    above.colorbar(shown, ax=rows, shrink=0.6, label="push to the right ×\nopening of the gates")
-    _draw_curves(below.subplots(), values, words)
-    return figure
 
 
 def _draw_gates(axes: Axes, values: Values, name: str, task: FallingParticle) -> None:

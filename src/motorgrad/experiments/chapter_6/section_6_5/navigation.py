@@ -80,7 +80,23 @@ class Navigation(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_navigation(values, ParticleNavigation(), WORDS)
+        """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
+        task = ParticleNavigation()
+
+        figure = new_figure(11, 4.1)
+        axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
+        for panel, when in zip(axes, ("before", "after"), strict=False):
+            draw_reward(panel, task)
+            flow = values[f"{when} flow"]
+            most = float(np.linalg.norm(flow, axis=1).max())
+            if most > NOTHING:
+                x, y = values["places"].T
+                panel.quiver(x, y, *flow.T, color="#0061B0", width=0.0045, scale=16 * most, zorder=1.5, alpha=0.75)
+            draw_paths(panel, np.split(values[f"{when} paths"], values[f"{when} ends"][:-1]))
+        axes[0].set_title("before learning: forces cancel; paths", fontsize=10)
+        axes[1].set_title(f"learnt, seed {int(values['row'])}: mean force, paths", fontsize=10)
+        _arrivals(axes[2], values, WORDS)
+        return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         before, made = values["before share"], []
@@ -164,25 +180,6 @@ def frozen_outcome(outcome: Evaluation) -> Values:
         "cost": outcome.readings["cost"],
         "cost per episode": outcome.readings["cost"] * decisions / np.maximum(ended, 1),
     }
-
-
-def draw_navigation(values: Values, task: ParticleNavigation, words: Mapping[str, str]) -> Figure:
-    """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
-
-    figure = new_figure(11, 4.1)
-    axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
-    for panel, when in zip(axes, ("before", "after"), strict=False):
-        draw_reward(panel, task)
-        flow = values[f"{when} flow"]
-        most = float(np.linalg.norm(flow, axis=1).max())
-        if most > NOTHING:
-            x, y = values["places"].T
-            panel.quiver(x, y, *flow.T, color="#0061B0", width=0.0045, scale=16 * most, zorder=1.5, alpha=0.75)
-        draw_paths(panel, np.split(values[f"{when} paths"], values[f"{when} ends"][:-1]))
-    axes[0].set_title("before learning: forces cancel; paths", fontsize=10)
-    axes[1].set_title(f"learnt, seed {int(values['row'])}: mean force, paths", fontsize=10)
-    _arrivals(axes[2], values, words)
-    return figure
 
 
 def _arrivals(axes: Axes, values: Values, words: Mapping[str, str]) -> None:

@@ -1,50 +1,59 @@
-"""Learning, taken apart: units, traces, baselines, ascent, to be wired anew.
+"""Parts of a learner as blocks: units, traces, baselines, optimizers, to be wired anew; and a whole learner.
 
     observation ─▶ units ─ action ─▶ world ─ reward ─▶ baseline ─ error ─┐
-                   ▲  └─ score ─▶ trace ─────────────────────────▶ gradient sample ─▶ ascent ─ step ─┐
-                   └──────────────────────────────────────────────────────────────────────────────┘
+                   ▲  └─ score ─▶ trace ────────────────────────▶ gradient sample ─▶ optimizer ─ step ─┐
+                   └────────────────────────────────────────────────────────────────────────────────┘
 
-What is paid at a tick is paid for the actions before it. So within a tick: the world shows what the last action led to
-and what it pays; the error times the trace of the actions so far is the gradient sample, whose step the units take in
-at once; then they act. The trace takes in the new score for the next tick, which is where the loop is cut. This is the
-order of `motorgrad.train`, and leads to the same parameters.
+The reward at a tick is for the actions before it. Within a tick, the world outputs its observation and the reward of
+the last action; the error times the trace of the actions so far is the gradient sample, and the units take its step at
+once; then they act. The trace takes in the new score for the next tick, which cuts the loop. This is the order of
+`motorgrad.train`, and leads to the same parameters.
+
+Traces, baselines, optimizers and normalizations have a block for every part in the library's registry. A part that is
+registered by `motorgrad.learning.register` has one too: `motorgrad.lab.BLOCKS["my-trace trace"]`.
 """
 
-from motorgrad.lab.blocks.learning._ascent import Adam, Ascent, WeightDecay
-from motorgrad.lab.blocks.learning._baselines import ConstantBaseline, FixedStepBaseline, MeanBaseline
-from motorgrad.lab.blocks.learning._credit import AdvantageScale, GradientMean, GradientSample
-from motorgrad.lab.blocks.learning._critic import Critic
-from motorgrad.lab.blocks.learning._gaussians import Gaussians
-from motorgrad.lab.blocks.learning._growing import GrowingGaussians
-from motorgrad.lab.blocks.learning._hyperplanes import Hyperplanes
-from motorgrad.lab.blocks.learning._learner import Learner
-from motorgrad.lab.blocks.learning._motoneurons import Motoneurons
-from motorgrad.lab.blocks.learning._policy import NamedPolicy
-from motorgrad.lab.blocks.learning._softmax import Softmax
-from motorgrad.lab.blocks.learning._traces import EligibilityTrace, EpisodicTrace, LaggedTrace, WindowTrace
-from motorgrad.lab.diagram import Block
+from typing import Any
 
-BLOCKS: tuple[type[Block], ...] = (
-    Adam,
-    AdvantageScale,
-    Ascent,
-    ConstantBaseline,
-    Critic,
-    EligibilityTrace,
-    EpisodicTrace,
-    FixedStepBaseline,
-    Gaussians,
+from motorgrad import learning
+from motorgrad.lab.blocks.learning._estimators import (
     GradientMean,
     GradientSample,
-    GrowingGaussians,
-    Hyperplanes,
-    LaggedTrace,
-    Learner,
-    MeanBaseline,
-    Motoneurons,
-    NamedPolicy,
-    Softmax,
-    WeightDecay,
-    WindowTrace,
+    NormalizationBlock,
+    TraceBlock,
+    baseline_block,
 )
-"""The types of learning blocks."""
+from motorgrad.lab.blocks.learning._growing import GrowingGaussians
+from motorgrad.lab.blocks.learning._learner import Learner
+from motorgrad.lab.blocks.learning._optimizers import OptimizerBlock, WeightDecay
+from motorgrad.lab.blocks.learning._parts import PartBlocks
+from motorgrad.lab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, NamedPolicy, Softmax
+
+PART_BLOCKS = PartBlocks(
+    {
+        learning.Trace: ("{} trace", lambda part: TraceBlock),
+        learning.Baseline: ("{} baseline", baseline_block),
+        learning.RootMeanSquare: ("{} normalization", lambda part: NormalizationBlock),
+        learning.Optimizer: ("{}", lambda part: OptimizerBlock),
+    }
+)
+"""The types of blocks of all registered traces, baselines, normalizations and optimizers, by name."""
+
+__all__ = [
+    "PART_BLOCKS",
+    "Gaussians",
+    "GradientMean",
+    "GradientSample",
+    "GrowingGaussians",
+    "Hyperplanes",
+    "Learner",
+    "Motoneurons",
+    "NamedPolicy",
+    "Softmax",
+    "WeightDecay",
+]
+
+
+def __getattr__(title: str) -> Any:
+    """The block of a registered part by the name of its class, such as `EligibilityTrace`."""
+    return PART_BLOCKS.by_title(title)

@@ -3,20 +3,21 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from motorgrad import learning
 from motorgrad._errors import check
+from motorgrad._settings import expanded
+from motorgrad._tree import KINDS, Numbers, path_of
 from motorgrad.lab.blocks._base import as_text, read_table
-from motorgrad.lab.blocks.learning._counts import check_count
-from motorgrad.lab.blocks.learning._policy import key_from
-from motorgrad.lab.blocks.learning._settings import agent_of
-from motorgrad.lab.blocks.learning._traced import VALID, where
-from motorgrad.lab.blocks.learning._units import flat, kind_of, size_of
-from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+from motorgrad.lab.blocks.learning._parts import VALID, check_count, number_parameters, where
+from motorgrad.lab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of
+from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, nested
 from motorgrad.policies import trainable
 
 if TYPE_CHECKING:
@@ -25,15 +26,19 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Learner(Block):
-    """Policy, trace, baseline or critic, metric and ascent in one: `motorgrad.learning.Agent`, as its settings in a
-    configuration file have it (`motorgrad.training.AgentSettings`)."""
+    """Policy, trace, baseline or critic, metric and optimizer in one: a `motorgrad.learning.Agent`.
+
+    `settings` are those of an agent in a configuration file, by path or short name, as `motorgrad.agent_for` takes
+    them. The agent's numbers are parameters of the block by their paths, such as `estimator.trace.decay`. To change one
+    while the diagram runs compiles nothing; the new value enters `settings`.
+    """
 
     name: ClassVar[str] = "learner"
     category: ClassVar[str] = "learning"
 
-    observed: Annotated[int, Setting("how many numbers it sees")] = 1
-    actions: Annotated[int, Setting("how many units or alternatives it has")] = 1
-    settings: Annotated[str | Mapping[str, Any], Setting("its settings, as TOML: `policy = 'softmax'`")] = ""
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    actions: Annotated[int, Setting("number of units or alternatives")] = 1
+    settings: Annotated[str | Mapping[str, Any], Setting("the agent as TOML: `policy = 'softmax'`")] = ""
     frozen: Annotated[Any, Parameter("what was learnt stays as it is", kind="bool")] = False
 
     def validate(self) -> None:
@@ -41,17 +46,35 @@ class Learner(Block):
         check_count("actions", self.actions)
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         self.check_broadcasts("frozen", ())
-        _ = self._agent
+        kind = read_table("settings", self.settings).get("kind", "dense")
+        check(KINDS[learning.Agent].get(kind) in (None, learning.Agent), "settings.kind", kind, "'dense' in a diagram")
+        for place, number in jax.tree_util.tree_leaves_with_path(self._agent.hyperparameters):
+            self.__dict__[path_of(place)] = nested(np.asarray(number).tolist())
 
     @functools.cached_property
     def _agent(self) -> "Agent":
-        given = read_table("settings", self.settings)
-        check(not given.get("index"), "settings.index", given.get("index"), "false in a diagram")
-        return agent_of(given, self.observed, self.actions)
+        from motorgrad.training import agent_for  # which takes a while to load
+
+        return agent_for(Sizes(self.observed, self.actions), read_table("settings", self.settings))
 
     @functools.cached_property
     def _state(self) -> Any:
         return jax.eval_shape(self._agent.init, jax.random.key(0))
+
+    @functools.cached_property
+    def parameters(self) -> Mapping[str, Parameter]:  # type: ignore[override]
+        return {**super().parameters, **number_parameters(self._agent.hyperparameters)}
+
+    @property
+    def structure(self) -> Any:
+        policy = repr(self._agent.policy.as_setting())
+        return self.observed, self.actions, policy, Numbers(self._agent.hyperparameters).key
+
+    def retuned(self, values: Mapping[str, Any]) -> Self:
+        own = {field.name for field in dataclasses.fields(self)}
+        changed = {path: value for path, value in values.items() if path not in own and value != getattr(self, path)}
+        settings = {} if not changed else {"settings": _with_numbers(read_table("settings", self.settings), changed)}
+        return dataclasses.replace(self, **settings, **{name: value for name, value in values.items() if name in own})
 
     @property
     def inputs(self) -> Ports:
@@ -59,7 +82,7 @@ class Learner(Block):
         return {
             "observation": Port((self.observed,)),
             "reward": Port(),
-            "next_observation": Port((self.observed,), default=0.0, help="before any reset; critics look at it"),
+            "next_observation": Port((self.observed,), default=0.0, help="before any reset; for critics"),
             "terminated": flag,
             "truncated": flag,
             "valid": VALID,
@@ -80,8 +103,16 @@ class Learner(Block):
     def init_uniforms(self) -> int:
         return 1
 
+    @property
+    def _bound_agent(self) -> "Agent":
+        """The agent with this block's arrays as its numbers."""
+        bound = jax.tree_util.tree_map_with_path(
+            lambda place, _: self.__dict__[path_of(place)], self._agent.hyperparameters
+        )
+        return bound.with_policy(self._agent.policy)
+
     def init(self, uniforms: Float[Array, " 1"]) -> Any:
-        return self._agent.init(key_from(uniforms))
+        return self._bound_agent.init(key_from(uniforms))
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         after, action = self._acted(state, inputs, now)
@@ -91,11 +122,27 @@ class Learner(Block):
         return self._acted(state, inputs, now)[0]
 
     def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Any, Array]:
-        """Learn from what was paid for the last action, then choose the next."""
+        """Learn from the reward of the last action, then choose the next."""
+        agent = self._bound_agent
         terminated, truncated = inputs["terminated"], inputs["truncated"]
-        broken = ~inputs["valid"]
-        told = (inputs["reward"], inputs["next_observation"], terminated, truncated, broken)
-        learnt = self._agent.improve(self._agent.reinforce(state, *told), terminated | truncated | broken, broken)
-        kept = self._agent.restart(state, terminated | truncated | broken)
-        after = where(now.tick > 0, where(self.frozen, kept, learnt), state)
-        return self._agent.act(after, inputs["observation"], now.uniforms)
+        diverged = ~inputs["valid"]
+        ended = terminated | truncated | diverged
+        learnt = agent.reinforce(state, inputs["reward"], inputs["next_observation"], terminated, truncated, diverged)
+        learnt = agent.improve(learnt, ended, diverged)
+        after = where(now.tick > 0, where(self.frozen, agent.restart(state, ended), learnt), state)
+        return agent.act(after, inputs["observation"], now.uniforms)
+
+
+def _with_numbers(settings: Mapping[str, Any], numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """An agent's settings with other numbers by path. A part given by its name alone becomes a table with its kind."""
+    table = expanded(learning.Agent, settings)
+    for path, number in numbers.items():
+        *outer, last = path.split(".")
+        node = table
+        for name in outer:
+            inner = node.get(name, {})
+            inner = dict(inner) if isinstance(inner, Mapping) else {"kind": inner}
+            node[name] = inner
+            node = inner
+        node[last] = number
+    return table

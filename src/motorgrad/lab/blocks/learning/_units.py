@@ -1,8 +1,9 @@
-"""What all blocks of units are: a policy of the library that acts, gives its score, and takes steps."""
+"""Stochastic units as blocks: policies of the library that act, output their score, and take steps."""
 
 import abc
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -12,8 +13,13 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from motorgrad import policies
+from motorgrad._errors import check
+from motorgrad.lab.blocks._base import as_text, read_table
+from motorgrad.lab.blocks.learning._parts import check_count
 from motorgrad.lab.diagram import Block, Kind, Moment, Parameter, Port, Ports, Setting, Signals
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.tasks import Task
 
 
 class _Shapes(NamedTuple):
@@ -21,23 +27,23 @@ class _Shapes(NamedTuple):
     action: jax.ShapeDtypeStruct
     parameters: int
     units: int
-    """How many rows of parameters there are that could move without the others."""
+    """The number of rows of parameters that can move without the others."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Units(Block, abc.ABC):
     r"""Stochastic units, a policy $\pi(a \mid y, \theta)$ of `motorgrad.policies`.
 
-    They act on what they observe, and give the score $\nabla_\theta \log \pi$ of that action. Their parameters
-    $\theta$ are their own: they add the `step` that comes in, which acts at once, and keep to their limits. Or the
-    parameters come by a wire: several blocks may then share those of one, or they are learnt by other means.
+    They act on an observation, and output the score $\nabla_\theta \log \pi$ of the action. They own their parameters
+    $\theta$: a `step` that comes in is added before they act, within the limits of the parameters. Or the parameters
+    come by a wire, so that several blocks share those of one, or they are learnt by other means.
 
     `score`, `step` and `parameters` are vectors in the order of the policy's fields.
     """
 
     category: ClassVar[str] = "learning"
 
-    greedy: Annotated[Any, Parameter("take the most probable action, not one by chance", kind="bool")] = False
+    greedy: Annotated[Any, Parameter("take the most probable action, not a random one", kind="bool")] = False
     source: Annotated[str, Setting("where parameters come from", choices=("own", "wire"))] = "own"
     frozen: Annotated[Any, Parameter("take no steps: all units, or each as a list says", kind="bool")] = False
 
@@ -47,7 +53,7 @@ class Units(Block, abc.ABC):
 
     @abc.abstractmethod
     def start(self, uniforms: Float[Array, " init_uniforms"]) -> Policy:
-        """The policy at the start."""
+        """The initial policy."""
 
     @functools.cached_property
     def _shapes(self) -> _Shapes:
@@ -58,26 +64,26 @@ class Units(Block, abc.ABC):
         return _Shapes(policy, action, size_of(policy), sum(row.shape[0] for row in rows))
 
     def values(self) -> dict[str, np.ndarray]:
-        found = super().values()  # of every unit, so that one can be frozen while it runs
+        found = super().values()  # for every unit, so that one can be frozen while the diagram runs
         return found | {"frozen": np.broadcast_to(found["frozen"], (self._shapes.units,))}
 
     @property
     def inputs(self) -> Ports:
         policy, _, size, _ = self._shapes
         moved = {
-            "own": {"step": Port((size,), default=0.0, help="what is added to the parameters, at once")},
+            "own": {"step": Port((size,), default=0.0, help="added to the parameters at once")},
             "wire": {"parameters": Port((size,))},
         }
-        return {"observation": Port((policy.inputs,), help="what the units see"), **moved[self.source]}
+        return {"observation": Port((policy.inputs,)), **moved[self.source]}
 
     @property
     def outputs(self) -> Ports:
         policy, action, size, _ = self._shapes
         return {
-            "action": Port(action.shape, kind_of(action.dtype), help="what the units do"),
+            "action": Port(action.shape, kind_of(action.dtype)),
             "score": Port((size,), help="gradient of the action's log-probability"),
-            "probability": Port((policy.outputs,), help="of each unit's firing, or of each alternative"),
-            "parameters": Port((size,), help="as they are at this tick"),
+            "probability": Port((policy.outputs,), help="that each unit fires, or of each alternative"),
+            "parameters": Port((size,), help="at this tick"),
         }
 
     @property
@@ -103,7 +109,7 @@ class Units(Block, abc.ABC):
         return self.moved(state, inputs, now)
 
     def moved(self, state: Any, inputs: Signals, now: Moment) -> Any:
-        """The state once it has taken in the step of this tick."""
+        """The state after the step of this tick."""
         parameters, settings = split(state)
         if self.source == "wire":
             return eqx.combine(unflat(parameters, inputs["parameters"]), settings).limited()
@@ -124,6 +130,212 @@ class Units(Block, abc.ABC):
         return state
 
 
+@dataclasses.dataclass(frozen=True)
+class Motoneurons(Units):
+    r"""A pool of motoneurons on one input, $p_i = \sigma(k_i\,(y - y^*_i))$ (section 4.2.2 of the thesis).
+
+    Parameters: the thresholds $y^*$, then the gains $k$. The initial thresholds are drawn from `threshold` ± `spread`.
+    """
+
+    name: ClassVar[str] = "motoneurons"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    threshold: Annotated[Any, Parameter("initial $y^*$, for all or for each")] = 0.5
+    gain: Annotated[Any, Parameter("initial $k$, for all or for each")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `threshold`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        for name in ("threshold", "gain", "spread"):
+            self.check_broadcasts(name, (self.units,))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units
+
+    def start(self, uniforms: Float[Array, " units"]) -> policies.Motoneurons:
+        threshold = spread(self.threshold, self.spread, uniforms, (self.units,))
+        return policies.Motoneurons(threshold, jnp.broadcast_to(jnp.asarray(self.gain, uniforms.dtype), (self.units,)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Hyperplanes(Units):
+    r"""Units that fire on one side of a soft boundary, $p_i = \sigma(w_i \cdot y + b_i)$ (section 5.2 of the thesis).
+
+    Parameters: the weights $w$, unit by unit, then the biases $b$. With zero weights every unit fires half of the time.
+    """
+
+    name: ClassVar[str] = "hyperplanes"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    weights: Annotated[Any, Parameter("initial $w$, for all or (units, observed)")] = 0.0
+    bias: Annotated[Any, Parameter("initial $b$, for all or for each")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        for name in ("weights", "spread"):
+            self.check_broadcasts(name, (self.units, self.observed))
+        self.check_broadcasts("bias", (self.units,))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units * self.observed
+
+    def start(self, uniforms: Float[Array, " weights"]) -> policies.Hyperplanes:
+        weights = spread(self.weights, self.spread, uniforms, (self.units, self.observed))
+        return policies.Hyperplanes(weights, jnp.broadcast_to(jnp.asarray(self.bias, weights.dtype), (self.units,)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Softmax(Units):
+    r"""One of several alternatives, $\pi_k \propto \exp(w_k \cdot y)$. The action is the index of one, from 0.
+
+    Parameters: the weights $w$, alternative by alternative.
+    """
+
+    name: ClassVar[str] = "softmax"
+
+    alternatives: Annotated[int, Setting("number of alternatives")] = 2
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    weights: Annotated[Any, Parameter("initial $w$, for all or (alternatives, observed)")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("alternatives", self.alternatives)
+        check_count("observed", self.observed)
+        for name in ("weights", "spread"):
+            self.check_broadcasts(name, (self.alternatives, self.observed))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.alternatives * self.observed
+
+    def start(self, uniforms: Float[Array, " weights"]) -> policies.Softmax:
+        return policies.Softmax(spread(self.weights, self.spread, uniforms, (self.alternatives, self.observed)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Gaussians(Units):
+    r"""Units that fire only near their centres, $p_i = p_\max \exp(-\frac12 \sum_j ((y_j - \mu_j)/\sigma_j)^2)$
+    (section 6.2 of the thesis).
+
+    Parameters: the centres $\mu$, unit by unit, then the logarithms of the widths $\sigma$. The initial centres are
+    drawn from `centre` ± `spread`.
+    """
+
+    name: ClassVar[str] = "gaussians"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    centre: Annotated[Any, Parameter(r"initial $\mu$, for all or (units, observed)")] = 0.0
+    width: Annotated[Any, Parameter(r"initial $\sigma$, for all or (units, observed)", low=0.0, open=True)] = 0.5
+    height: Annotated[Any, Parameter(r"$p_\max$, for all or for each", low=1e-6, high=1.0)] = 1.0
+    spread: Annotated[Any, Parameter("largest initial distance from `centre`", low=0.0)] = 0.0
+    limits: Annotated[
+        tuple[float, float] | None, Setting("smallest and largest width that learning may reach, or none")
+    ] = (0.0183, 7.39)
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        for name in ("centre", "width", "spread"):
+            self.check_broadcasts(name, (self.units, self.observed))
+        self.check_broadcasts("height", (self.units,))
+        two = isinstance(self.limits, tuple) and len(self.limits) == 2
+        numbers = two and all(isinstance(x, int | float) for x in self.limits or ())
+        right = self.limits is None or (numbers and 0 < self.limits[0] < self.limits[1] < 1e6)
+        check(right, "limits", self.limits, "None, or two widths, 0 < low < high < 1e6")
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units * self.observed
+
+    def start(self, uniforms: Float[Array, " centres"]) -> policies.Policy:
+        return self.pool(uniforms)
+
+    def pool(self, uniforms: Float[Array, " centres"]) -> policies.LocalGaussians:
+        """The initial units."""
+        shape = (self.units, self.observed)
+        centre = spread(self.centre, self.spread, uniforms, shape)
+        width = jnp.broadcast_to(jnp.log(jnp.asarray(self.width, centre.dtype)), shape)
+        height = jnp.broadcast_to(jnp.asarray(self.height, centre.dtype), (self.units,))
+        limits = None if self.limits is None else (float(np.log(self.limits[0])), float(np.log(self.limits[1])))
+        return policies.LocalGaussians(centre, width, p_max=height, log_width_limits=limits)
+
+
+NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))  # these need more than sizes
+
+
+@dataclasses.dataclass(frozen=True)
+class NamedPolicy(Units):
+    """Any initial policy of `motorgrad.policies` by its name: tiles of local units, soft boxes, graded units, …
+
+    Parameters: in the order of the policy's fields.
+    """
+
+    name: ClassVar[str] = "policy"
+
+    policy: Annotated[str, Setting("name of the initial policy", choices=NAMES)] = "hyperplanes"
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    units: Annotated[int, Setting("number of units or alternatives")] = 1
+    settings: Annotated[str | Mapping[str, Any], Setting("further settings as TOML: `width = 0.2`")] = ""
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        object.__setattr__(self, "settings", as_text("settings", self.settings))
+        _ = self._initial
+
+    @functools.cached_property
+    def _initial(self) -> Any:
+        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+
+        return Initial(Sizes(self.observed, self.units), self.policy, read_table("settings", self.settings))
+
+    @property
+    def init_uniforms(self) -> int:
+        return 1
+
+    def start(self, uniforms: Float[Array, " 1"]) -> policies.Policy:
+        return jax.tree.map(jnp.asarray, self._initial(key_from(uniforms)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Sizes(Task):
+    """The sizes of observations and actions in a diagram, in the place of a task, for policies and learners."""
+
+    name: ClassVar[str] = "diagram"
+
+    observed: int
+    acted: int
+
+    @property
+    def dynamics(self) -> Any:
+        raise NotImplementedError("the dynamics are the diagram")
+
+    @property
+    def observation_size(self) -> int:
+        return self.observed
+
+    @property
+    def action_size(self) -> int:
+        return self.acted
+
+    def observe(self, memory: Any, state: Any, uniforms: Any) -> Any:
+        raise NotImplementedError("the diagram observes")
+
+    def reward(self, memory: Any, state: Any, action: Any) -> Any:
+        raise NotImplementedError("the diagram rewards")
+
+
+def key_from(uniforms: Float[Array, " 1"]) -> jax.Array:
+    """A key for functions of the library that draw their own random numbers."""
+    return jax.random.key((uniforms[0] * 2**24).astype(jnp.uint32))
+
+
 def kind_of(dtype: Any) -> Kind:
     """The kind of signal that arrays of a type are."""
     return "bool" if np.dtype(dtype) == np.dtype(bool) else "float" if jnp.issubdtype(dtype, jnp.floating) else "int"
@@ -135,7 +347,7 @@ def flat(tree: Any) -> Float[Array, " parameters"]:
 
 
 def size_of(policy: Any) -> int:
-    """How many trainable numbers a policy has; its shapes are enough."""
+    """The number of trainable numbers of a policy, from its shapes alone."""
     return jax.eval_shape(lambda each: flat(trainable(each)), policy).size
 
 

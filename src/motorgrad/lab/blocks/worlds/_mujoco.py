@@ -21,7 +21,7 @@ from motorgrad._errors import check, choice
 from motorgrad.bodies import compile_model, tension
 from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
 
-LONGEST = 1_000_000  # characters of a text
+LONGEST = 1_000_000  # characters of MJCF
 MOST_COPIES = 10_000
 MOST_MEMORY = 2**31  # bytes
 

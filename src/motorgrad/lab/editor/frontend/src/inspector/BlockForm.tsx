@@ -24,15 +24,18 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
   const watched = useRun((run) => run.watch);
   const overrides = useRun((run) => run.overrides);
   const path = pathOf(at, name);
+  const declared = [...(declaration?.fields ?? []), ...(view.parameters ?? [])];
+  const live = (field: { role?: string }) => field.role === "parameter";
+  const names = declared.filter(live).map((field) => field.name).join(" ");
   const set = useCallback(
     async (field: string, value: Value) => {
-      const isLive = declaration?.fields.find((each) => each.name === field)?.role === "parameter";
+      const isLive = names.split(" ").includes(field);
       const operation = isLive
         ? { op: "parameter", address: `${path}.${field}`, value }
         : { op: "set", at, name, field, value };
       return (await ask(operation)) !== null;
     },
-    [ask, at, declaration, name, path],
+    [ask, at, name, names, path],
   );
   const rename = async (to: string) => {
     if (to && to !== name && (await ask({ op: "rename", at, name, to }))) select([to]);
@@ -42,10 +45,9 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
       op: "watch",
       addresses: watched.includes(address) ? watched.filter((each) => each !== address) : [...watched, address],
     });
-  const live = (field: { role?: string }) => (field.role === "parameter" ? 0 : 1);
-  const fields = (declaration?.fields ?? [])
+  const fields = declared
     .filter((field) => !ELSEWHERE.has(field.name))
-    .sort((a, b) => live(a) - live(b));
+    .sort((a, b) => Number(live(b)) - Number(live(a)));
   const schedule = (declaration?.fields ?? []).filter((field) => SCHEDULE.has(field.name));
   const own = problems.filter((problem) => problem.path === path);
   const noteOf = (field: string) => {

@@ -25,6 +25,8 @@ export interface BlockView {
   drawing?: string;
   /** Whether what has been learnt stays as it is: all of it, or each unit's. */
   frozen?: boolean | boolean[];
+  /** Parameters that its settings bring beyond those of its type. */
+  parameters?: Field[];
 }
 
 export interface Remark {

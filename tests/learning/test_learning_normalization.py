@@ -9,19 +9,18 @@ from hypothesis import strategies as st
 
 import motorgrad as mg
 from motorgrad.learning import (
+    SGD,
     Agent,
     BinnedBaseline,
     Estimator,
     Exponential,
     MeanReward,
-    NoBaseline,
-    Olgarb,
     RootMeanSquare,
-    sgd,
+    olgarb,
 )
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState
-from motorgrad.training import settings_for
+from motorgrad.training import agent_for
 from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
@@ -48,7 +47,7 @@ def test_the_factor_is_one_over_the_weighted_root_mean_square(advantages, rate):
 
 def walk(estimator, scale, steps=40):
     """The parameters along a made-up stream of rewards, in units of `scale`."""
-    agent = Agent(POINT, estimator, sgd(0.1))
+    agent = Agent(POINT, estimator, SGD(0.1))
     state, rng = agent.init(jax.random.key(0)), np.random.default_rng(0)
     for _ in range(steps):
         y = jnp.asarray(rng.random(2), jnp.float32)
@@ -62,7 +61,8 @@ def walk(estimator, scale, steps=40):
 @pytest.mark.parametrize("name", BASELINES)
 def test_the_unit_of_the_reward_does_not_matter(name, discount):
     normal, plain = (
-        Estimator(Exponential(0.8), BASELINES[name], discount, scale=scale) for scale in (RootMeanSquare(0.1), None)
+        Estimator(Exponential(0.8), BASELINES[name], discount, normalization=scale)
+        for scale in (RootMeanSquare(0.1), None)
     )
     # by powers of two, so that nothing is rounded otherwise
     np.testing.assert_array_equal(walk(normal, 1.0), walk(normal, 1024.0))
@@ -71,8 +71,8 @@ def test_the_unit_of_the_reward_does_not_matter(name, discount):
 
 def test_the_mean_sample_is_the_gradient_by_the_usual_advantage():
     decay, task = 0.5, ThreeState()
-    estimator = Estimator(Exponential(decay), improve="never", scale=RootMeanSquare(1e-3))
-    run = mg.train(task, Agent(POINT, estimator, sgd(0.0)), 4_000, 200, progress=False)
+    estimator = Estimator(Exponential(decay), improve="never", normalization=RootMeanSquare(1e-3))
+    run = mg.train(task, Agent(POINT, estimator, SGD(0.0)), 4_000, 200, progress=False)
     found = np.asarray(run.gradient.weights).reshape(200, -1)
     eta = oracle.average_reward(task.dynamics, POINT)  # rewards of 0 and 1: their deviation is √(η(1 − η))
     exact = oracle.flat(oracle.biased_gradient(task.dynamics, POINT, decay)) / np.sqrt(eta * (1 - eta))
@@ -81,7 +81,7 @@ def test_the_mean_sample_is_the_gradient_by_the_usual_advantage():
 
 
 def test_without_any_advantage_nothing_moves():
-    agent = Agent(POINT, Estimator(Exponential(0.8), NoBaseline(), scale=RootMeanSquare()), sgd(0.1))
+    agent = Agent(POINT, Estimator(Exponential(0.8), None, normalization=RootMeanSquare()), SGD(0.1))
     state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
     for _ in range(3):
         state, _ = agent.act(state, y, jnp.array([0.3]))
@@ -90,33 +90,34 @@ def test_without_any_advantage_nothing_moves():
 
 
 def test_a_diverged_decision_does_not_count():
-    agent = Agent(POINT, Estimator(Exponential(0.8), scale=RootMeanSquare()), sgd(0.1))
+    agent = Agent(POINT, Estimator(Exponential(0.8), normalization=RootMeanSquare()), SGD(0.1))
     state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
     state, _ = agent.act(state, y, jnp.array([0.3]))
     state = agent.improve(agent.reinforce(state, jnp.float32(2.0), y))
     seen, _ = agent.act(state, y, jnp.array([0.3]))
     lost = jnp.array(True)
     after = agent.improve(agent.reinforce(seen, jnp.float32(jnp.nan), y, diverged=lost), lost, lost)
-    assert after.scale == state.scale
+    assert after.estimator.normalization == state.estimator.normalization
     np.testing.assert_array_equal(after.policy.weights, state.policy.weights)
 
 
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(tmp_path):
     task = mg.make("call-admission")
-    agent = settings_for(task, advantages="normalised", advantage_rate=0.01)
+    agent = agent_for(task, normalization={"rate": 0.01})
     whole = mg.train(task, agent, 600, 3, tmp_path / "whole", window=100, progress=False)
     mg.train(task, agent, 300, 3, tmp_path / "parts", window=100, progress=False)
     parts = mg.train(task, agent, 600, 3, tmp_path / "parts", window=100, progress=False)
     assert jax.tree.all(jax.tree.map(np.array_equal, parts.policies, whole.policies))
-    plain = mg.train(task, settings_for(task), 600, 3, progress=False)
+    plain = mg.train(task, agent_for(task), 600, 3, progress=False)
     assert not jax.tree.all(jax.tree.map(np.array_equal, plain.policies, whole.policies))
 
 
 def test_settings_make_it_and_the_plain_learner_has_none():
     task = mg.make("chain")
-    assert settings_for(task).estimate().scale is None
-    assert settings_for(task, advantages="normalised", advantage_rate=0.02).estimate().scale == RootMeanSquare(0.02)
-    assert Agent(POINT, Olgarb(0.8)).init(jax.random.key(0)).scale is None
+    assert agent_for(task).estimator.normalization is None
+    assert agent_for(task, normalization={"rate": 0.02}).estimator.normalization == RootMeanSquare(0.02)
+    assert agent_for(task, normalization="root-mean-square").estimator.normalization == RootMeanSquare()
+    assert Agent(POINT, olgarb(0.8)).init(jax.random.key(0)).estimator.normalization is None
 
 
 @pytest.mark.parametrize(
@@ -125,11 +126,11 @@ def test_settings_make_it_and_the_plain_learner_has_none():
         (lambda: RootMeanSquare(0.0), r"rate = 0.0: must be in \(0, 1\)"),
         (lambda: RootMeanSquare(1.0), r"rate = 1.0: must be in \(0, 1\)"),
         (lambda: RootMeanSquare(float("nan")), "rate = nan"),
-        (lambda: Estimator(scale=0.1), "scale = 0.1: must be None or a RootMeanSquare"),
-        (lambda: settings_for(mg.make("chain"), advantages="normalized"), "'normalized': did you mean 'normalised'"),
+        (lambda: Estimator(normalization=0.1), "normalization = 0.1: must be None or a RootMeanSquare"),
+        (lambda: agent_for("chain", normalization="root-mean-squares"), "did you mean 'root-mean-square'"),
         (
-            lambda: settings_for(mg.make("chain"), advantages="normalised", advantage_rate=2.0),
-            "agent.advantage_rate = 2.0",
+            lambda: agent_for("chain", normalization={"rate": 2.0}),
+            "agent.estimator.normalization.rate = 2.0",
         ),
     ],
 )

@@ -2,26 +2,29 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from motorgrad.learning import (
+    SGD,
     Agent,
     Estimator,
     Exponential,
     Features,
-    Gae,
-    IndexedAgent,
     LeastSquares,
     LinearCritic,
+    Part,
+    SparseAgent,
     TemporalDifference,
-    sgd,
+    Transition,
+    gae,
 )
 from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
 from motorgrad.tasks import CallAdmission, Chain, ThreeState
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import FiniteMDP, oracle
 from motorgrad.worlds.oracle import critic_gradient, flat, values
 
@@ -30,11 +33,10 @@ CHAIN_POINT = Softmax(np.array([[0.3, -0.2, 0.1, 0.0], [0.0, 0.4, 0.2, 0.0]]))
 CALLS = CallAdmission(capacity=3)
 
 
-@dataclasses.dataclass(frozen=True)
-class Which:
+class Which(Part):
     """Features that tell the states of an MDP apart: 1 for the one that looks like what is seen."""
 
-    mdp: FiniteMDP
+    mdp: FiniteMDP = eqx.field(static=True)
 
     def __call__(self, observation, previous):
         apart = jnp.sum(jnp.abs(jnp.asarray(self.mdp.observations, observation.dtype) - observation), axis=1)
@@ -48,9 +50,15 @@ FITS = {
 }
 
 
+def with_weights(state, weights):
+    """The state of a learner with other weights of its critic."""
+    critic = state.estimator.baseline._replace(weights=weights)
+    return state._replace(estimator=state.estimator._replace(baseline=critic))
+
+
 def learnt(task, policy, critic, decisions, seeds=40):
     """The critics of many seeds at a fixed policy."""
-    stepper = stepper_of(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(seeds))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(seeds))
     stepper.advance(decisions)
     return stepper.state["cycle"].agent
 
@@ -78,13 +86,13 @@ def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, dec
     task, policy = TASKS[name]
     critic = LinearCritic(Which(task.dynamics), discount, decay, FITS[fit])
     seeds = 400 if isinstance(critic.fit, TemporalDifference) else 40  # the noisier one
-    weights = np.asarray(learnt(task, policy, critic, 20_000, seeds).baseline.weights, float)
+    weights = np.asarray(learnt(task, policy, critic, 20_000, seeds).estimator.baseline.weights, float)
     check_exact(weights, values(task.dynamics, policy, discount), discount is None, 0.01)
 
 
 def test_inputs_and_a_constant_tell_three_states_apart():
     critic = LinearCritic(Features(), 0.8, 0.5, LeastSquares(0.0, damping=1e-7, interval=100))
-    weights = np.asarray(learnt(ThreeState(), POINT, critic, 20_000).baseline.weights, float)
+    weights = np.asarray(learnt(ThreeState(), POINT, critic, 20_000).estimator.baseline.weights, float)
     seen = np.c_[ThreeState().dynamics.observations, np.ones(3)]
     check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
 
@@ -102,7 +110,9 @@ def test_a_critic_that_cannot_tell_states_apart_ends_at_the_fixed_point(fit):
     wanted = np.linalg.solve(later @ (seen - discount * matrix @ seen), later @ pay)
     assert np.abs(seen @ wanted - values(mdp, policy, discount)).max() > 0.1
     critic = LinearCritic(Features(), discount, decay, FITS[fit])
-    check_exact(np.asarray(learnt(CALLS, policy, critic, 20_000).baseline.weights, float), wanted, False, 0.02)
+    check_exact(
+        np.asarray(learnt(CALLS, policy, critic, 20_000).estimator.baseline.weights, float), wanted, False, 0.02
+    )
 
 
 def test_the_exact_values_solve_their_equations():
@@ -147,11 +157,11 @@ def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
     exact = values(mdp, POINT, 0.8)
     given = exact if given is None else np.array(given)
     critic = LinearCritic(Which(mdp), 0.8, 0.0, TemporalDifference(0.0))
-    stepper = stepper_of(ThreeState(), Agent(POINT, Gae(critic, decay, "never")), range(400))
+    stepper = stepper_for(ThreeState(), Agent(POINT, gae(critic, decay, "never")), range(400))
     state = stepper.state
     agent = state["cycle"].agent
     weights = np.tile(np.float32(given), (400, 1))
-    agent = agent._replace(baseline=agent.baseline._replace(weights=weights))
+    agent = with_weights(agent, weights)
     stepper.restore({**state, "cycle": state["cycle"]._replace(agent=agent)})
     stepper.advance(4_800)
     found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(400, -1)
@@ -167,7 +177,7 @@ def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
 def test_a_learnt_critic_makes_the_estimate_without_a_trace_exact():
     task, mdp = Chain(length=4), Chain(length=4).dynamics
     critic = LinearCritic(Which(mdp), None, 0.0, LeastSquares(0.0, damping=1e-6, interval=20))
-    stepper = stepper_of(task, Agent(CHAIN_POINT, Gae(critic, 0.0, "never")), range(400))
+    stepper = stepper_for(task, Agent(CHAIN_POINT, gae(critic, 0.0, "never")), range(400))
     stepper.advance(4_800)
     found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(400, -1)
     exact = flat(oracle.gradient(mdp, CHAIN_POINT))
@@ -185,10 +195,11 @@ def follow(critic, policy, steps, dtype=np.float64):
 
         @jax.jit
         def decide(state, y, action, reward, after, terminated):
-            error, state = critic.follow(critic.see(state, y), policy, action, reward, after, terminated)
-            return critic.solve(state), error
+            transition = Transition(y, action, reward, after, terminated)
+            advantage, state = critic.update(critic.observe(state, y), policy, transition)
+            return critic.solve(state), advantage.value
 
-        state, errors = critic.init(dtype, policy), []
+        state, errors = critic.init(policy, dtype), []
         for y, action, reward, after, terminated in steps:
             state, error = decide(state, dtype(y), np.asarray(action), dtype(reward), dtype(after), terminated)
             errors.append(float(error))
@@ -253,17 +264,18 @@ def test_a_terminated_state_is_worth_nothing_and_a_truncated_one_what_the_critic
     critic = LinearCritic(Features(), 0.9, 0.5, TemporalDifference(0.0))
     agent = Agent(POINT, Estimator(Exponential(0.5), critic))
     state = agent.init(jax.random.key(0))
-    state = state._replace(baseline=state.baseline._replace(weights=jnp.array([1.0, 2.0, 3.0])))
+    state = with_weights(state, jnp.array([1.0, 2.0, 3.0]))
     state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
     after = jnp.array([1.0, -1.0])
     worth = {}
     for name, flags in {"goes on": {}, "terminated": {"terminated": True}, "truncated": {"truncated": True}}.items():
         flags = {key: jnp.asarray(flag) for key, flag in flags.items()}
         ended = agent.reinforce(state, jnp.float32(1.0), after, **flags)
-        score = state.trace.weights
+        score = state.estimator.trace.weights
         worth[name] = float(jnp.sum(ended.gradient.weights * score) / jnp.sum(score**2))
         over = name != "goes on"
-        for kept in (ended.baseline.trace, ended.baseline.previous, ended.trace.weights):
+        critic_state = ended.estimator.baseline
+        for kept in (critic_state.fit, critic_state.previous, ended.estimator.trace.weights):
             assert (np.abs(kept).max() == 0) == over
     assert worth["goes on"] == worth["truncated"] == pytest.approx(1 + 0.9 * 2 - 4, abs=1e-6)
     assert worth["terminated"] == pytest.approx(1 - 4, abs=1e-6)
@@ -271,41 +283,45 @@ def test_a_terminated_state_is_worth_nothing_and_a_truncated_one_what_the_critic
 
 def test_a_diverged_sample_teaches_nothing():
     for fit in (TemporalDifference(0.1), LeastSquares(interval=1)):
-        agent = Agent(POINT, Gae(LinearCritic(Features(), 0.9, 0.5, fit), 0.9, 10))
+        agent = Agent(POINT, gae(LinearCritic(Features(), 0.9, 0.5, fit), 0.9, 10))
         state = agent.init(jax.random.key(0))
         state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
         nan = jnp.array([jnp.nan, jnp.nan])
         after = agent.reinforce(state, jnp.float32(jnp.nan), nan, diverged=jnp.asarray(True))
         after = agent.improve(after, True, jnp.asarray(True))
         fresh = agent.restart(state)
-        jax.tree.map(np.testing.assert_array_equal, (after.baseline, after.gradient), (fresh.baseline, fresh.gradient))
+        jax.tree.map(
+            np.testing.assert_array_equal,
+            (after.estimator.baseline, after.gradient),
+            (fresh.estimator.baseline, fresh.gradient),
+        )
 
 
 def test_the_previous_action_is_seen():
     critic = LinearCritic(Features(squares=True, actions=True), 0.9, 0.5, TemporalDifference(0.0))
     policy = Hyperplanes(np.zeros((3, 2)), np.zeros(3))
-    agent = Agent(policy, Gae(critic))
+    agent = Agent(policy, gae(critic))
     state = agent.init(jax.random.key(0))
-    assert state.baseline.weights.shape == (2 + 2 + 3 + 1,)
+    assert state.estimator.baseline.weights.shape == (2 + 2 + 3 + 1,)
     state, action = agent.act(state, jnp.array([0.5, 2.0]), jnp.array([0.1, 0.9, 0.2]))
     np.testing.assert_array_equal(action, [1, 0, 1])
-    np.testing.assert_array_equal(state.baseline.features, [0.5, 2.0, 0.25, 4.0, 0, 0, 0, 1])
+    np.testing.assert_array_equal(state.estimator.baseline.features, [0.5, 2.0, 0.25, 4.0, 0, 0, 0, 1])
     state = agent.reinforce(state, jnp.float32(0.0), jnp.array([3.0, 1.0]))
     state, _ = agent.act(agent.improve(state), jnp.array([3.0, 1.0]), jnp.zeros(3))
-    np.testing.assert_array_equal(state.baseline.features, [3, 1, 9, 1, 1, 0, 1, 1])
-    discrete = LinearCritic(Features(actions=True, bias=False)).init(jnp.float32, POINT)
+    np.testing.assert_array_equal(state.estimator.baseline.features, [3, 1, 9, 1, 1, 0, 1, 1])
+    discrete = LinearCritic(Features(actions=True, bias=False)).init(POINT, jnp.float32)
     assert discrete.weights.shape == (2 + 2,)
 
 
 def test_generalised_advantages_are_their_sum():
-    gae, discount, decay = 0.0, 0.9, 0.7
+    total, discount, decay = 0.0, 0.9, 0.7
     critic = LinearCritic(Features(), discount, 0.0, TemporalDifference(0.0))
-    agent = Agent(POINT, Gae(critic, decay, "never"))
+    agent = Agent(POINT, gae(critic, decay, "never"))
     with jax.enable_x64(True):
         agent = dataclasses.replace(agent, policy=Softmax(jnp.asarray([[1.0, 1.0], [-1.0, -1.0]], jnp.float64)))
         state = agent.init(jax.random.key(0))
         given = jnp.array([1.0, -2.0, 0.5])
-        state = state._replace(baseline=state.baseline._replace(weights=given))
+        state = with_weights(state, given)
         rng, seen, scores, errors = np.random.default_rng(1), [], [], []
         y = rng.normal(size=2)
         for _ in range(6):
@@ -317,14 +333,18 @@ def test_generalised_advantages_are_their_sum():
             seen.append(y)
             y = after
         for t, score in enumerate(scores):
-            gae += score * sum((discount * decay) ** k * error for k, error in enumerate(errors[t:]))
-        np.testing.assert_allclose(state.gradient.mean.weights, gae / 6, atol=1e-10)
+            total += score * sum((discount * decay) ** k * error for k, error in enumerate(errors[t:]))
+        np.testing.assert_allclose(state.gradient.mean.weights, total / 6, atol=1e-10)
+
+
+def critic_table(**fit):
+    return {"kind": "critic", "fit": {"kind": "td", **fit}}
 
 
 def test_a_learner_with_a_critic_finds_the_best_policy():
     critic = LinearCritic(Features(), None, 0.5, LeastSquares(1e-3, interval=50))
-    agent = Agent(Softmax(jnp.zeros((2, 2))), Gae(critic, 0.5, 50), sgd(0.5))
-    stepper = stepper_of(ThreeState(), agent, range(10))
+    agent = Agent(Softmax(jnp.zeros((2, 2))), gae(critic, 0.5, 50), SGD(0.5))
+    stepper = stepper_for(ThreeState(), agent, range(10))
     stepper.advance(500_000)
     earned = [oracle.average_reward(ThreeState().dynamics, Softmax(w)) for w in stepper.policies().weights]
     assert min(earned) >= 0.799
@@ -335,26 +355,32 @@ def test_a_learner_with_a_critic_finds_the_best_policy():
     [
         (lambda: LinearCritic(discount=1.5), "discount = 1.5: must be None or in"),
         (lambda: LinearCritic(decay=-0.1), "decay = -0.1: must be in"),
-        (lambda: LinearCritic(features=lambda y, a: y), "features = .*: must be a function that is a dataclass"),
-        (lambda: LinearCritic(fit="td"), "fit = 'td': must be a TemporalDifference or LeastSquares"),
+        (lambda: LinearCritic(features=lambda y, a: y), "features = .*: must be a Part that can be called"),
+        (lambda: LinearCritic(fit="td"), "fit = 'td': must be a CriticFit"),
         (lambda: TemporalDifference(-1.0), "rate = -1.0: must be a finite number of at least 0"),
         (lambda: TemporalDifference(level_rate=2.0), "level_rate = 2.0"),
         (lambda: LeastSquares(rate=2.0), "rate = 2.0"),
         (lambda: LeastSquares(initial=0.0), "initial = 0.0"),
         (lambda: LeastSquares(damping=-1.0), "damping = -1.0"),
         (lambda: LeastSquares(interval=0), "interval = 0"),
-        (lambda: Gae(LinearCritic(), 1.5), "decay = 1.5"),
+        (lambda: gae(LinearCritic(), 1.5), "decay = 1.5"),
         (
-            lambda: IndexedAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(baseline=LinearCritic())),
+            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(baseline=LinearCritic())),
             "baseline = .*: must be one that does not see the observation",
         ),
-        (lambda: settings_for("three-state", critic="td", critic_rate=-1.0), "critic_rate = -1.0"),
-        (lambda: settings_for("three-state", critic="td", baseline="mean"), "baseline = 'mean': must be 'default'"),
-        (lambda: settings_for("three-state", critic_decay="a"), "critic_decay"),
-        (lambda: settings_for("three-state", critic="tdd"), "did you mean 'td'"),
         (
-            lambda: stepper_of(ThreeState(), Agent(POINT, Gae(LinearCritic(discount=1.0), 0.5)), [0]),
-            "critic: discount = 1.*needs episodes",
+            lambda: agent_for("three-state", baseline=critic_table(learning_rate=-1.0)),
+            "baseline.fit.learning_rate = -1.0",
+        ),
+        (
+            lambda: agent_for("three-state", {"baseline": "mean", "estimator.baseline.fit": "td"}),
+            "unknown setting of .*baseline 'fit'",
+        ),
+        (lambda: agent_for("three-state", baseline={"kind": "critic", "decay": "a"}), "baseline.decay = 'a'"),
+        (lambda: agent_for("three-state", baseline={"kind": "critic", "fit": "tdd"}), "did you mean 'td'"),
+        (
+            lambda: stepper_for(ThreeState(), Agent(POINT, gae(LinearCritic(discount=1.0), 0.5)), [0]),
+            r"estimator\.baseline\.discount = 1: needs episodes",
         ),
     ],
 )

@@ -9,26 +9,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motorgrad.learning._put import greatest, put
 
 from motorgrad.learning import (
+    SGD,
+    Adam,
     Agent,
     Constant,
     Episodic,
     Estimator,
     Exponential,
     FisherMetric,
-    IndexedAgent,
     LinearBaseline,
     MeanReward,
-    Olgarb,
     RootMeanSquare,
+    SparseAgent,
     SpatialIndex,
     Window,
-    adam,
-    decayed,
-    sgd,
+    olgarb,
 )
+from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, hyperplanes
 
 RATES = {"centre": 2e-3, "log_width": 8e-3}
@@ -64,12 +63,12 @@ def life(agent, decisions, sparse=False, seed=1):
 
     for t in range(decisions):
         room = units
-        if isinstance(agent, IndexedAgent):
+        if isinstance(agent, SparseAgent):
             if agent.due(state):
                 state, tables = refreshed(agent, state), tables + 1
             room = state.index.table.shape[1]
         state = decide(state, looks[t], looks[t + 1], numbers[t, :room], ends[t])
-    if isinstance(agent, IndexedAgent):
+    if isinstance(agent, SparseAgent):
         state = agent.publish(state)
     return state, tables
 
@@ -80,14 +79,14 @@ def close(one, other, rtol=1e-5, atol=2e-5):
 
 
 ESTIMATORS = {
-    "0": Olgarb(0.0),
-    "0.1": Olgarb(0.1),
-    "0.9": Olgarb(0.9),
-    "0.9995": Olgarb(0.9995),
-    "constant": Olgarb(0.8, Constant(0.3)),
+    "0": olgarb(0.0),
+    "0.1": olgarb(0.1),
+    "0.9": olgarb(0.9),
+    "0.9995": olgarb(0.9995),
+    "constant": olgarb(0.8, Constant(0.3)),
     "episodic": Estimator(Episodic(), MeanReward()),
     "discount": Estimator(Exponential(0.95), MeanReward(), discount=0.97),
-    "scale": Estimator(Exponential(0.95), MeanReward(), scale=RootMeanSquare(0.01)),
+    "normalization": Estimator(Exponential(0.95), MeanReward(), normalization=RootMeanSquare(0.01)),
 }
 
 
@@ -100,11 +99,11 @@ def test_with_every_unit_in_the_one_cell_it_learns_what_the_dense_learner_learns
     start = pool_of(limits=(-2.0, -1.2))
     rates = {"centre": RATES["centre"], "log_width": np.linspace(0.004, 0.01, 12)[:, None]}
     index = SpatialIndex(neglect=1e-30, cells=1, rebase=rebase)
-    state, _ = life(IndexedAgent(start, estimator, sgd(rates), index=index), 300)
-    dense, _ = life(Agent(start, estimator, sgd(rates)), 300)
+    state, _ = life(SparseAgent(start, estimator, SGD(rates), index=index), 300)
+    dense, _ = life(Agent(start, estimator, SGD(rates)), 300)
     assert state.index.table.shape == (1, 12)
     close(state.policy, dense.policy)
-    close(state.baseline, dense.baseline)
+    close(state.estimator.baseline, dense.estimator.baseline)
     moved = np.abs(dense.policy.log_width - start.log_width).max()
     assert moved > 0.05  # a tenth of what rounding may do to it would be seen
 
@@ -115,7 +114,7 @@ def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     estimator = ESTIMATORS[name]
     start = pool_of(60, width=0.05)
     often, rarely = (
-        life(IndexedAgent(start, estimator, sgd(1e-5), index=SpatialIndex(cells=8, rebase=rebase)), 300)
+        life(SparseAgent(start, estimator, SGD(1e-5), index=SpatialIndex(cells=8, rebase=rebase)), 300)
         for rebase in (1, 64)
     )
     assert often[1] == rarely[1] == 1  # another table would give units other numbers
@@ -129,7 +128,7 @@ def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learne
     # two units far apart, so that the dense learner's probabilities and scores out of sight are exactly 0
     start = LocalGaussians([[0.0, 0.0], [1.0, 1.0]], np.full((2, 2), np.log(0.02)), p_max=0.5)
     index = SpatialIndex(cells=2, neglect=1e-6)
-    agents = IndexedAgent(start, Olgarb(0.9), sgd(1e-5), index=index), Agent(start, Olgarb(0.9), sgd(1e-5))
+    agents = SparseAgent(start, olgarb(0.9), SGD(1e-5), index=index), Agent(start, olgarb(0.9), SGD(1e-5))
     places = np.array([[0.01, 0.0], [0.99, 1.01], [1.0, 0.98], [0.0, 0.015]], np.float32)
     states = [agent.init(jax.random.key(0)) for agent in agents]
     states[0] = refreshed(agents[0], states[0])
@@ -191,7 +190,7 @@ def test_the_pace_bounds_how_fast_strain_grows(seed):
 @pytest.mark.slow
 def test_tables_are_made_before_what_is_neglected_could_be_more_than_it_may():
     start = pool_of(80, width=0.05)
-    agent = IndexedAgent(start, Olgarb(0.9), sgd(3e-4), index=SpatialIndex(neglect=0.01, margin=0.6, cells=8))
+    agent = SparseAgent(start, olgarb(0.9), SGD(3e-4), index=SpatialIndex(neglect=0.01, margin=0.6, cells=8))
     rng, state, tables, worst = np.random.default_rng(2), agent.init(jax.random.key(0)), 0, 0.0
     decide = jax.jit(lambda s, y, u: agent.act(s, y, u))
     fire = jax.jit(lambda s, y: agent.publish(s).policy.prob(y))
@@ -221,19 +220,21 @@ def test_rows_are_put_where_they_belong_for_many_seeds_too():
     rng = np.random.default_rng(0)
     rows, new, count = rng.normal(size=(3, 9, 2)), rng.normal(size=(3, 4, 2)), np.array([0, 2, 4])
     units = np.stack([rng.permutation(9)[:4] for _ in range(3)])
-    put_seeds = jax.jit(jax.vmap(put))(rows, units, new, count)
-    shared = jax.vmap(put, in_axes=(None, 0, 0, 0))(jnp.zeros(9), units, new[..., 0], count)
+    written = jax.jit(jax.vmap(write_rows))(rows, units, new, count)
+    shared = jax.vmap(write_rows, in_axes=(None, 0, 0, 0))(jnp.zeros(9), units, new[..., 0], count)
     for seed in range(3):
         wanted, line = rows[seed].copy(), np.zeros(9)
         wanted[units[seed, : count[seed]]] = new[seed, : count[seed]]
         line[units[seed, : count[seed]]] = new[seed, : count[seed], 0]
-        np.testing.assert_allclose(put_seeds[seed], wanted, rtol=1e-6)
-        np.testing.assert_allclose(jax.jit(put)(rows[seed], units[seed], new[seed], count[seed]), wanted, rtol=1e-6)
+        np.testing.assert_allclose(written[seed], wanted, rtol=1e-6)
+        np.testing.assert_allclose(
+            jax.jit(write_rows)(rows[seed], units[seed], new[seed], count[seed]), wanted, rtol=1e-6
+        )
         np.testing.assert_allclose(shared[seed], line, rtol=1e-6)
 
 
 def test_a_saved_state_gets_the_same_table_again():
-    agent = IndexedAgent(pool_of(60, width=0.05), Olgarb(0.9), sgd(3e-4))
+    agent = SparseAgent(pool_of(60, width=0.05), olgarb(0.9), SGD(3e-4))
     state, tables = life(agent, 200)
     assert tables > 1
     state = refreshed(agent, state) if agent.due(state) else state
@@ -244,36 +245,36 @@ def test_a_saved_state_gets_the_same_table_again():
 
 @pytest.mark.slow
 def test_a_diverged_decision_teaches_nothing_and_ends_the_episode():
-    agent = IndexedAgent(pool_of(), Olgarb(0.9), sgd(1e-3))
+    agent = SparseAgent(pool_of(), olgarb(0.9), SGD(1e-3))
     state = refreshed(agent, agent.init(jax.random.key(0)))
     look, numbers = jnp.zeros(2), jnp.full(12, 0.1)
     state, _ = agent.act(state, look, numbers)
     after = agent.improve(agent.reinforce(state, jnp.float32(9.0), look, diverged=jnp.bool_(True)), True, True)
     close(agent.publish(after).policy, pool_of(), atol=0)
     assert int(after.index.episode) == 1
-    assert float(after.baseline.mean) == 0
+    assert float(after.estimator.baseline.mean) == 0
 
 
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"estimator": Estimator(Window(3))}, "trace = "),
-        ({"estimator": Olgarb(0.9, LinearBaseline(0.1))}, "baseline = "),
-        ({"estimator": Estimator(improve=5)}, "improve = 5"),
-        ({"ascent": adam(1e-3)}, "ascent = "),
-        ({"ascent": decayed(sgd(1e-3), 0.1)}, "ascent = "),
+        ({"estimator": Estimator(Window(3))}, "estimator.trace = "),
+        ({"estimator": olgarb(0.9, LinearBaseline(0.1))}, "estimator.baseline = "),
+        ({"estimator": Estimator(improve=5)}, "estimator.improve = 5"),
+        ({"optimizer": Adam(1e-3)}, "optimizer = "),
+        ({"optimizer": SGD(1e-3, 0.1)}, "optimizer = "),
         ({"metric": FisherMetric(1e-3)}, "metric = "),
         ({"index": 3}, "index = 3"),
     ],
 )
 def test_what_cannot_be_indexed_is_refused_by_name(parts, said):
     with pytest.raises(ValueError, match=said):
-        IndexedAgent(pool_of(), **parts)
+        SparseAgent(pool_of(), **parts)
 
 
 def test_other_policies_and_impossible_numbers_are_refused():
     with pytest.raises(ValueError, match="policy = 'Hyperplanes': must be LocalGaussians where units are indexed"):
-        IndexedAgent(hyperplanes(2, 3)).init(jax.random.key(0))
+        SparseAgent(hyperplanes(2, 3)).init(jax.random.key(0))
     for name, value in (("neglect", 0), ("neglect", 1), ("margin", 0), ("cells", 0), ("rebase", 0), ("rebase", 2000)):
         with pytest.raises(ValueError, match=f"{name} = {value}"):
             SpatialIndex(**{name: value})

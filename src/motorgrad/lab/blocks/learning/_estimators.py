@@ -1,0 +1,314 @@
+"""Traces, baselines, critics and the normalization of advantages as blocks, and what turns errors into gradients."""
+
+import dataclasses
+import functools
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad import learning, policies
+from motorgrad.lab.blocks.learning._parts import (
+    MOST_PARAMETERS,
+    VALID,
+    BlockField,
+    PartBlock,
+    check_count,
+    is_paid,
+    where,
+)
+from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+
+ENDED = Port((), "bool", feedthrough=False, default=0.0, help="whether an episode ended at this tick")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TraceBlock(PartBlock):
+    """The output is the trace of the actions *before* this tick, which a reward at this tick is for. So a trace cuts
+    the loop of learning. It restarts where an episode has `ended`."""
+
+    size: Annotated[int, Setting("number of parameters of the score")] = 1
+    newest: Annotated[bool, Setting("whether the newest score is an output too, for baselines of the observation")] = (
+        False
+    )
+
+    def validate(self) -> None:
+        check_count("size", self.size, MOST_PARAMETERS)
+        super().validate()
+
+    def number_shape(self, field: BlockField) -> tuple[int, ...]:
+        return (self.size,)
+
+    @property
+    def inputs(self) -> Ports:
+        return {"score": Port((self.size,), feedthrough=False), "ended": ENDED}
+
+    @property
+    def outputs(self) -> Ports:
+        trace = {"trace": Port((self.size,))}
+        help = "the newest score, with the weight that the trace gives it"
+        return trace | ({"newest": Port((self.size,), help=help)} if self.newest else {})
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        empty = self.bound_part.init(jnp.zeros(self.size))
+        return (empty, jnp.zeros(self.size)) if self.newest else empty
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        trace: learning.Trace = self.bound_part
+        if not self.newest:
+            return {"trace": trace.value(state)}
+        alone = trace.update(trace.init(jnp.zeros(self.size)), state[1])
+        return {"trace": trace.value(state[0]), "newest": trace.value(alone)}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        trace: learning.Trace = self.bound_part
+        empty, score = trace.init(jnp.zeros(self.size)), inputs["score"]
+        after = trace.update(where(inputs["ended"], empty, state[0] if self.newest else state), score)
+        return (after, score) if self.newest else after
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BaselineBlock(PartBlock):
+    """The block compares a reward with the baseline, and then learns from it. A reward that is not `valid`, or comes
+    before any action, has the error 0, and nothing is learnt from it."""
+
+    @property
+    def inputs(self) -> Ports:
+        restarts = self.part.restart is not learning.Baseline.restart  # type: ignore[attr-defined]
+        return {"reward": Port(), "valid": VALID} | ({"ended": ENDED} if restarts else {})
+
+    @property
+    def outputs(self) -> Ports:
+        newest = Port(help="what the newest action's error has beyond `error`")
+        return {
+            "error": Port(help="reward above the baseline"),
+            "baseline": Port(help="present level of rewards"),
+            **({"newest": newest} if self._splits else {}),
+        }
+
+    @property
+    def _policy(self) -> policies.Policy:
+        """A policy of the sizes that the baseline sees."""
+        return policies.hyperplanes(1, 1)
+
+    @functools.cached_property
+    def _splits(self) -> bool:
+        """Whether the newest action is compared with another baseline than older ones."""
+        real = jnp.result_type(float)
+        ports = {name: jax.ShapeDtypeStruct(port.shape, port.dtype) for name, port in self.inputs.items()}
+
+        def advantage(inputs: Signals) -> learning.Advantage:
+            return self._update(self.template, self._start(self.template, real), inputs)[0]
+
+        return jax.eval_shape(advantage, ports).newest is not None
+
+    def _start(self, baseline: learning.Baseline, dtype: Any) -> Any:
+        return baseline.init(self._policy, dtype)
+
+    def _inner(self, state: Any) -> Any:
+        """The state of the baseline within that of the block."""
+        return state
+
+    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+        return learning.Transition(None, None, inputs["reward"], None, False, ~inputs["valid"])  # type: ignore[arg-type]
+
+    def _update(self, baseline: learning.Baseline, state: Any, inputs: Signals) -> tuple[learning.Advantage, Any]:
+        return baseline.update(self._inner(state), self._policy, self._transition(state, inputs))
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        return self._start(self.bound_part, jnp.result_type(float))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        baseline, counts = self.bound_part, is_paid(inputs, now)
+        advantage = self._update(baseline, state, inputs)[0]
+        found = {"error": jnp.where(counts, advantage.trace, 0), "baseline": baseline.level(self._inner(state))}
+        return found if advantage.newest is None else found | {"newest": jnp.where(counts, advantage.newest, 0)}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        baseline = self.bound_part
+        after = where(now.tick > 0, self._update(baseline, state, inputs)[1], self._inner(state))
+        if "ended" in self.inputs:
+            after = where(inputs["ended"], baseline.restart(after), after)
+        return baseline.solve(after)
+
+
+class Recalled(NamedTuple):
+    """The state of a baseline, and the decision whose reward comes next."""
+
+    baseline: Any
+    observation: Float[Array, " observed"]
+    action: Float[Array, " acted"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ObservingBaselineBlock(BaselineBlock):
+    """The block compares a reward with what was expected on the observation, and then learns from it. `observation` is
+    what the next action is chosen on, `next_observation` what the last one led to, before any reset.
+
+    Where there is an output `newest`, older actions are compared with the level of rewards, and the newest with the
+    baseline of its observation: wire `newest` to the gradient sample too, and the `newest` score of the trace.
+    """
+
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    acted: Annotated[int, Setting("number of numbers in an action")] = 1
+
+    def validate(self) -> None:
+        check_count("observed", self.observed)
+        check_count("acted", self.acted)
+        super().validate()
+
+    @property
+    def inputs(self) -> Ports:
+        seen, action = (self.observed,), "the action of this tick, for baselines that look at it"
+        return {
+            "observation": Port(seen, feedthrough=False),
+            "next_observation": Port(seen, default=0.0, help="before any reset"),
+            "action": Port((self.acted,), feedthrough=False, default=0.0, help=action),
+            "reward": Port(),
+            "terminated": Port((), "bool", default=0.0),
+            "ended": ENDED,
+            "valid": VALID,
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        value = Port(help="of the observation on which the last action was taken")
+        return {**super().outputs, **({"value": value} if hasattr(self.part, "value_at") else {})}
+
+    @property
+    def _policy(self) -> policies.Policy:
+        return policies.hyperplanes(self.observed, self.acted)
+
+    def _start(self, baseline: learning.Baseline, dtype: Any) -> Recalled:
+        return Recalled(super()._start(baseline, dtype), jnp.zeros(self.observed, dtype), jnp.zeros(self.acted, dtype))
+
+    def _inner(self, state: Recalled) -> Any:
+        return state.baseline
+
+    def _transition(self, state: Recalled, inputs: Signals) -> learning.Transition:
+        reward, following = inputs["reward"], inputs["next_observation"]
+        return learning.Transition(
+            state.observation, state.action, reward, following, inputs["terminated"], ~inputs["valid"]
+        )
+
+    def output(self, state: Recalled, inputs: Signals, now: Moment) -> Signals:
+        found = super().output(state, inputs, now)
+        if not hasattr(self.part, "value_at"):
+            return found
+        previous = getattr(state.baseline, "previous", None)  # of critics, which may look at actions
+        seen = (state.observation,) if previous is None else (state.observation, previous)
+        return found | {"value": self.bound_part.value_at(state.baseline, *seen)}
+
+    def update(self, state: Recalled, inputs: Signals, now: Moment) -> Recalled:
+        after, observation = super().update(state, inputs, now), inputs["observation"]
+        return Recalled(self.bound_part.observe(after, observation), observation, inputs["action"])
+
+
+def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
+    """The base class of a baseline's block: with ports for the observation where the baseline looks at it."""
+    observes = part.recalls or part.observe is not learning.Baseline.observe
+    return ObservingBaselineBlock if observes else BaselineBlock
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NormalizationBlock(PartBlock):
+    """The block divides each `error`, the newest included; `newest` is scaled by the same factor."""
+
+    @property
+    def inputs(self) -> Ports:
+        return {"error": Port(), "newest": Port(default=0.0, help="from a baseline of the observation"), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {"error": Port(), "newest": Port()}
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        return self.bound_part.init(jnp.result_type(float))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        factor = self.bound_part.factor(self.update(state, inputs, now))
+        return {"error": factor * inputs["error"], "newest": factor * inputs["newest"]}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        advantage = inputs["error"] + inputs["newest"]
+        return where(is_paid(inputs, now), self.bound_part.update(state, advantage), state)
+
+
+@dataclasses.dataclass(frozen=True)
+class GradientSample(Block):
+    r"""Credits an error to past actions by their trace, $g = \delta z$.
+
+    With a baseline of the observation it adds what the newest action alone is credited with, $g = \delta z + \nu s$.
+    """
+
+    name: ClassVar[str] = "gradient sample"
+    category: ClassVar[str] = "learning"
+
+    size: Annotated[int, Setting("number of parameters of the trace")] = 1
+
+    def validate(self) -> None:
+        check_count("size", self.size, MOST_PARAMETERS)
+
+    @property
+    def inputs(self) -> Ports:
+        return {
+            "error": Port(),
+            "trace": Port((self.size,)),
+            "newest_error": Port(default=0.0, help=r"$\nu$, `newest` of a baseline of the observation"),
+            "newest_score": Port((self.size,), default=0.0, help="$s$, `newest` of the trace"),
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        return {"gradient": Port((self.size,))}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        newest = inputs["newest_error"] * inputs["newest_score"]
+        return {"gradient": inputs["error"] * inputs["trace"] + newest}
+
+
+@dataclasses.dataclass(frozen=True)
+class GradientMean(Block):
+    """Collects gradient samples, for learners that step once a batch.
+
+    After `samples` of them it outputs their mean or sum, sets `due`, and starts the next batch. Otherwise it outputs 0.
+    """
+
+    name: ClassVar[str] = "gradient mean"
+    category: ClassVar[str] = "learning"
+
+    size: Annotated[int, Setting("number of parameters of the gradient")] = 1
+    samples: Annotated[Any, Parameter("samples in a batch", low=1, high=2**31 - 1, kind="int")] = 100
+    batch: Annotated[str, Setting("whether a step uses their mean or their sum", choices=("mean", "sum"))] = "mean"
+
+    def validate(self) -> None:
+        check_count("size", self.size, MOST_PARAMETERS)
+        self.check_broadcasts("samples", ())
+
+    @property
+    def inputs(self) -> Ports:
+        return {"gradient": Port((self.size,)), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {"gradient": Port((self.size,)), "due": Port((), "bool", help="whether a batch is complete")}
+
+    def init(self, uniforms: Float[Array, " 0"]) -> learning.RunningMean:
+        return learning.running_mean(jnp.zeros(self.size))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        running = self._collected(state, inputs, now)
+        size = running.count.astype(running.mean.dtype) if self.batch == "sum" else 1.0
+        due = self._is_full(running, inputs, now)
+        return {"gradient": jnp.where(due, size * running.mean, 0), "due": due}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        running = self._collected(state, inputs, now)
+        return where(self._is_full(running, inputs, now), learning.running_mean(running.mean), running)
+
+    def _collected(self, state: Any, inputs: Signals, now: Moment) -> learning.RunningMean:
+        return where(is_paid(inputs, now), learning.add_sample(state, inputs["gradient"]), state)
+
+    def _is_full(self, running: learning.RunningMean, inputs: Signals, now: Moment) -> Any:
+        return is_paid(inputs, now) & (running.count >= self.samples)
