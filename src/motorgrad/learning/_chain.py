@@ -160,7 +160,8 @@ class Optax(Optimizer):
 
     An agent wraps one by itself: `Agent(policy, optimizer=optax.adam(1e-3))`. The transformation is static. Numbers
     that it takes from `optax.inject_hyperparams` are leaves of the tree, `hyperparameters`, which may differ by seed
-    and change while the learner runs; those with a schedule of their own stay with optax. Its functions cannot be saved: to go on with a run, give the agent again.
+    and change while the learner runs; those with a schedule of their own stay with optax. Its functions cannot be
+    saved: to go on with a run, give the agent again.
 
     **Arguments:**
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
 from motorgrad._errors import check
-from motorgrad._groups import by_group
+from motorgrad._groups import by_group, check_groups
 from motorgrad.policies import Policy, split
 from motorgrad.worlds._double import double
 
