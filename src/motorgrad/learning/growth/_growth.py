@@ -102,7 +102,12 @@ class Growth(Part):
         size = pool.outputs
         check((self.units or 1) <= size, "growth.units", self.units, f"at most the pool's, {size}")
         shape = np.shape(self.centre)
-        check(shape in ((), (pool.inputs,)), "growth.centre", self.centre, f"one number or {pool.inputs} of them")
+        check(
+            shape in ((), (pool.inputs,)),
+            "growth.centre",
+            np.asarray(self.centre).tolist(),
+            f"one number or {pool.inputs} of them",
+        )
         dtype = _size(pool)[1].dtype
         state = GrowthState(
             unit=jnp.int32(-1),
