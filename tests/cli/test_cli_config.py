@@ -205,7 +205,7 @@ REFUSED = [
     ),
     ("train hopper", "[agent.policy]\nkind = 'gaussians'\nwidth = -1", "agent.policy.width = -1.0"),
     ("train particle", "[agent]\npolicy = {width = 0}", "agent.policy.width = 0.0: must be positive"),
-    ("train particle", "[task]\nunits = 0", "task.units = 0: must be from 1 to 10000"),
+    ("train particle", "[task]\nunits = 0", "task.units = 0: must be an integer from 1 to 10,000"),
     ("train particle", "[agent]\ndecay = 1.5", "agent.estimator.trace.decay = 1.5: must be in [0, 1]"),
     ("train particle", "[task]\nregions = [[1, 2, 0.5, 0.1, 0.1]]", "regions[0] centre = (2.0, 0.5): must be within"),
     ("train particle", "[task]\nregions = [[1, 0.5, 0.5, 0, 0.1]]", "regions[0] widths = (0.0, 0.1): must be positive"),
@@ -295,8 +295,8 @@ def test_every_setting_of_an_initial_policy_is_explained(kind):
 def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys):
     assert status("train", "hopper", "--help") == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Cost of a muscle that is active for one decision. (default: 0.1)" in said
-    assert "Of the load on the slide (kg). (default: 2.0)" in said
+    assert "Cost of an active muscle per decision. (default: 0.1)" in said
+    assert "Mass of the load on the slide (kg). (default: 2.0)" in said
     assert "{" + ",".join(INITIAL) + "}" in said.replace(", ", ",")  # a long list goes on on the next line
     assert "{symmetric,spring}" in said
     assert "**" not in said

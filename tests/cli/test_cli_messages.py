@@ -55,9 +55,9 @@ def test_the_help_of_an_experiment_says_what_its_settings_are(capsys):
 
 def test_symbols_keep_their_letters():
     body = descriptions(mg.bodies.Hopper)
-    assert body["capsule_radius"].startswith("ρ of")
+    assert body["capsule_radius"].startswith("Radius ρ of")
     assert body["muscle_damping"].startswith("k_SE of")
-    assert body["load_mass"].startswith("Of the load")
+    assert body["load_mass"].startswith("Mass of the load")
 
 
 def test_the_help_of_several_words_is_short(capsys):
