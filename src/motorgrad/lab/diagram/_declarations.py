@@ -132,8 +132,8 @@ class Setting:
     """Declares a value that decides a block's shapes or structure, with a few words of `help`. Changing a setting
     recompiles the diagram.
 
-    A setting is a number, a string, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a block
-    is made. `choices` lists all allowed strings.
+    A setting is a number, a string, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a
+    block is made. `choices` lists all allowed strings.
     """
 
     help: str = ""
