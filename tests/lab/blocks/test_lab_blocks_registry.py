@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from block_driver import arrays, of, signal
 
-from motorgrad.lab import BLOCKS, Moment, Sink, parameters_of, settings_of
+from motorgrad import lab
+from motorgrad.lab import BLOCKS, Block, Moment, Sink, parameters_of, settings_of
 from motorgrad.lab.diagram import function_problems
 
 ELSEWHERE = ("motorgrad.lab.blocks.learning", "motorgrad.lab.blocks.worlds")  # these have tests of their own
@@ -108,3 +109,12 @@ def test_refuses_wrong_settings_in_one_line(name, tmp_path):
             message = str(error)
         assert "\n" not in message
         assert len(message) < 1000
+
+
+def test_every_block_of_the_library_is_registered_and_exported():
+    def below(kind):
+        return {kind}.union(*map(below, kind.__subclasses__()))
+
+    library = {kind for kind in below(Block) if kind.__module__.startswith("motorgrad.lab.") and "name" in vars(kind)}
+    assert library == {kind for kind in BLOCKS.values() if kind.__module__.startswith("motorgrad.lab.")}
+    assert all(getattr(lab, kind.__name__) is kind and kind.__name__ in lab.__all__ for kind in library)

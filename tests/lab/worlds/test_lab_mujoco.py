@@ -75,14 +75,14 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
         ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot read it.*size"),
         ({"xml": ""}, "xml: MuJoCo cannot read it"),
         ({"xml": 3}, "xml = 3: must be a string"),
-        ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an MJCF file that is there"),
+        ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an existing MJCF file"),
         (
             {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
             "xml: memory = 53687091200: must be at most",
         ),
         ({"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")}, "copies of a part = 1"),
         ({"xml": CART, "keyframe": "awya"}, "did you mean 'away'"),
-        ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be another than reset"),
+        ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be different from reset"),
     ],
 )
 def test_what_cannot_be_is_one_clear_line(given, told):

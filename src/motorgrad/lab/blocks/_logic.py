@@ -289,9 +289,8 @@ class StateMachine(Block):
         before, since = state
         values = {"t": now.time, "since": since, **named_values(self.constants, self.numbers), **inputs}
         after = before
-        for start, condition, end in reversed(
-            self.transitions
-        ):  # the first matching transition is applied last, and wins
+        # in reverse, so that the first matching transition is applied last and wins
+        for start, condition, end in reversed(self.transitions):
             holds = evaluate(formula("condition", condition, self._names), values) != 0
             here = holds if start == ANY else holds & (before == self.states.index(start))
             after = jnp.where(here, self.states.index(end), after)
