@@ -112,7 +112,6 @@ from motorgrad.lab.blocks._vectors import Join, Reduce, Select
 from motorgrad.lab.blocks._viewer import Viewer
 from motorgrad.lab.blocks._waves import Chirp, Pulse, Sine
 from motorgrad.lab.blocks.learning import (
-    PART_BLOCKS,
     Gaussians,
     GradientMean,
     GradientSample,
@@ -130,6 +129,8 @@ from motorgrad.lab.gallery import GALLERY, example
 
 def __getattr__(title: str) -> Any:
     """The block of a registered part of a learner by the name of its class, such as `EligibilityTrace`."""
+    from motorgrad.lab.blocks.learning import PART_BLOCKS
+
     return PART_BLOCKS.by_title(title)
 
 
