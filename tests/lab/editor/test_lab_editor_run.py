@@ -207,6 +207,29 @@ def test_a_frozen_unit_keeps_its_parameters_and_the_others_learn(open_session):
     assert not (np.reshape(seen[max(seen)], (-1, 4))[:, 1] == after[:, 1]).all()
 
 
+def test_a_number_of_a_learner_is_set_by_its_path_and_compiles_nothing(open_session):
+    diagram = lab.Diagram(tick=1.0)
+    diagram.add("world", lab.World("three-state"))
+    diagram.add("policy", lab.Learner(2, 2, "policy = 'softmax'\nlearning_rate = 0.1"))
+    for port in ("observation", "reward", "terminated", "truncated", "valid"):
+        diagram.connect(f"world.{port}", f"policy.{port}")
+    diagram.connect("policy.action", "world.action")
+    client = Client(open_session(diagram))
+    client.do("watch", addresses=["policy.parameters"])
+    client.do("tick", n=50)
+    client.do("parameter", address="policy.optimizer.learning_rate", value=0.0)
+    client.do("tick", n=50)
+    seen = traces(client)["main", "policy.parameters"]
+    assert sorted(seen) == list(range(100))
+    assert seen[20] != seen[49]
+    assert seen[50] == seen[99]
+    node = client.view["nodes"]["policy"]
+    assert node["fields"]["optimizer.learning_rate"] == 0.0
+    assert "learning_rate = 0.0" in node["fields"]["settings"]
+    assert not client.run()["stale"]
+    assert client.run()["branch"] == "main"
+
+
 def test_ensembles_have_a_median_and_a_band(client):
     client.do("seeds", n=9)
     client.do("tick", n=40)

@@ -1,5 +1,6 @@
 """A whole learner of the library as one block."""
 
+import copy
 import dataclasses
 import functools
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from jaxtyping import Array, Float
 from motorgrad import learning
 from motorgrad._errors import check
 from motorgrad._settings import expanded
-from motorgrad._tree import KINDS, Numbers, path_of
+from motorgrad._tree import KINDS, Numbers, check_rounded, numbers_of, path_of, with_number
 from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.learning._parts import VALID, check_count, number_parameters, where
 from motorgrad.lab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of
@@ -48,14 +49,17 @@ class Learner(Block):
         self.check_broadcasts("frozen", ())
         kind = read_table("settings", self.settings).get("kind", "dense")
         check(KINDS[learning.Agent].get(kind) in (None, learning.Agent), "settings.kind", kind, "'dense' in a diagram")
-        for place, number in jax.tree_util.tree_leaves_with_path(self._agent.hyperparameters):
-            self.__dict__[path_of(place)] = nested(np.asarray(number).tolist())
+        self.__dict__.update(_numbers_of(self._agent))
 
     @functools.cached_property
     def _agent(self) -> "Agent":
         from motorgrad.training import agent_for  # which takes a while to load
 
         return agent_for(Sizes(self.observed, self.actions), read_table("settings", self.settings))
+
+    @functools.cached_property
+    def _precision(self) -> Any:
+        return self._agent.precision
 
     @functools.cached_property
     def _state(self) -> Any:
@@ -71,10 +75,22 @@ class Learner(Block):
         return self.observed, self.actions, policy, Numbers(self._agent.hyperparameters).key
 
     def retuned(self, values: Mapping[str, Any]) -> Self:
-        own = {field.name for field in dataclasses.fields(self)}
-        changed = {path: value for path, value in values.items() if path not in own and value != getattr(self, path)}
-        settings = {} if not changed else {"settings": _with_numbers(read_table("settings", self.settings), changed)}
-        return dataclasses.replace(self, **settings, **{name: value for name, value in values.items() if name in own})
+        fields = {field.name for field in dataclasses.fields(self)}
+        own = {name: value for name, value in values.items() if name in fields}
+        numbers = {path: value for path, value in values.items() if path not in fields}
+        block = dataclasses.replace(self, **own) if own else self
+        return block._with_numbers(numbers) if numbers else block
+
+    def _with_numbers(self, numbers: Mapping[str, Any]) -> Self:
+        """The block with other numbers of its agent. Its structure stays, and with it what is known of the shapes."""
+        agent = self._agent
+        for path, number in numbers.items():
+            agent = with_number(agent, path, number)
+        check_rounded(agent, self._precision)
+        block = copy.copy(self)
+        table = _with_numbers(read_table("settings", self.settings), numbers)
+        block.__dict__.update(settings=as_text("settings", table), _agent=agent, **_numbers_of(agent))
+        return block
 
     @property
     def inputs(self) -> Ports:
@@ -131,6 +147,11 @@ class Learner(Block):
         learnt = agent.improve(learnt, ended, diverged)
         after = where(now.tick > 0, where(self.frozen, agent.restart(state, ended), learnt), state)
         return agent.act(after, inputs["observation"], now.uniforms)
+
+
+def _numbers_of(agent: "Agent") -> dict[str, Any]:
+    """An agent's numbers by path, as plain numbers or nested tuples of them."""
+    return {path: nested(np.asarray(number).tolist()) for path, number in numbers_of(agent.hyperparameters).items()}
 
 
 def _with_numbers(settings: Mapping[str, Any], numbers: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,7 +26,10 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
   const path = pathOf(at, name);
   const declared = [...(declaration?.fields ?? []), ...(view.parameters ?? [])];
   const live = (field: { role?: string }) => field.role === "parameter";
-  const names = declared.filter(live).map((field) => field.name).join(" ");
+  const names = declared
+    .filter(live)
+    .map((field) => field.name)
+    .join(" ");
   const set = useCallback(
     async (field: string, value: Value) => {
       const isLive = names.split(" ").includes(field);
