@@ -26,9 +26,9 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from motorgrad.training._checkpoint import load as read_state
 
 import motorgrad as mg
+from motorgrad.training.store._checkpoint import load as read_state
 
 # The windows fit no block of random numbers, and some checkpoints come between two records.
 STEPS = {"three-state": 2_000_000, "hopper": 4_000}

@@ -32,20 +32,18 @@ def by_group(kind: str, name: str, values: Any, parameters: P, default: float | 
     """
     if not isinstance(values, Mapping):
         return jax.tree.map(lambda p: _fitting(f"{kind} {name}", values, p), parameters)
-    used = set()
+    fields = {_field(path) for path, _ in jax.tree_util.tree_leaves_with_path(parameters)}
+    for group in values:
+        if group not in fields:
+            raise unknown(f"group of parameters in the {kind}s:", group, fields)
 
     def look_up(path: tuple[Any, ...], parameter: Array) -> Array:
         group = _field(path)
         if group not in values and default is None:
             raise unknown(f"group of parameters without a {kind}:", group, values)
-        used.add(group)
         return _fitting(f"{kind} {group}", values.get(group, default), parameter)
 
-    found = jax.tree_util.tree_map_with_path(look_up, parameters)
-    for group in values:
-        if group not in used:
-            raise unknown(f"group of parameters in the {kind}s:", group, used)
-    return found
+    return jax.tree_util.tree_map_with_path(look_up, parameters)
 
 
 def _fitting(name: str, value: Any, parameter: Array) -> Array:

@@ -42,7 +42,8 @@ def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = N
     hints, fields, given = hints_of(cls), fields_of(cls), {}
     for key, value in expanded(cls, values).items():
         if key not in fields:
-            raise unknown(f"setting of {where or cls.__name__.lower()}", key, fields, _deeper(cls, key, base))
+            known = [*fields, *getattr(cls, "aliases", {})]
+            raise unknown(f"setting of {where or cls.__name__.lower()}", key, known, _deeper(cls, key, base))
         default = default_of(fields[key]) if base is None else getattr(base, key)
         given[key] = as_hinted(hints[key], value, _place(where, key), default)
     return given
@@ -52,6 +53,12 @@ class _Changes(dict[str, Any]):
     """A table that changes some entries of the one it takes the place of."""
 
 
+def full_path(cls: type, key: str) -> str:
+    """The path that a key stands for, whose first name may be short (`cls.aliases`): `trace.decay`, `decay`."""
+    first, dot, rest = key.partition(".")
+    return f"{getattr(cls, 'aliases', {}).get(first, first)}{dot}{rest}"
+
+
 def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     """A table with short names (`cls.aliases`) and dotted paths replaced by tables within tables.
 
@@ -59,10 +66,9 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     """
     if not issubclass(cls, Part):
         return dict(values)
-    aliases = getattr(cls, "aliases", {})
     found: dict[str, Any] = {}
-    for key in sorted(values, key=lambda key: aliases.get(key, key).count(".")):
-        *outer, last = aliases.get(key, key).split(".")
+    for key in sorted(values, key=lambda key: full_path(cls, key).count(".")):
+        *outer, last = full_path(cls, key).split(".")
         node = found
         for name in outer:
             inner = node.setdefault(name, _Changes())
@@ -195,7 +201,7 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
         return None
     base = default if isinstance(default, kinds) else None
     if name in presets:
-        return _part(kinds, hint, {**presets[name], **settings}, where, default)
+        return _part(kinds, hint, settings, where, _part(kinds, hint, presets[name], where, default))
     if name is None:
         cls = type(base) if base is not None else next(iter(known.values())) if len(known) == 1 else None
         if cls is None:

@@ -235,6 +235,8 @@ def range_at(tree: Any, path: str) -> Range:
     for name in path.split("."):
         if isinstance(node, Mapping):
             node = node[name]
+        elif isinstance(node, tuple):
+            node, metadata = node[int(name)], {}
         else:
             found = fields_of(type(node)) if isinstance(node, Part) else {}
             if name not in found:
@@ -258,6 +260,9 @@ def with_number(tree: T, path: str, value: Any) -> T:
         here = f"{where}.{name}" if where else name
         if isinstance(node, Mapping):
             return {**node, name: replaced(node[name], rest, here)}
+        if isinstance(node, tuple):
+            place = int(name)
+            return (*node[:place], replaced(node[place], rest, here), *node[place + 1 :])
         inner = replaced(getattr(node, name), rest, here)
         try:
             return dataclasses.replace(node, **{name: inner})

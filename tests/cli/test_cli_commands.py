@@ -12,9 +12,9 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.cli import COMMANDS, main
+from motorgrad.learning import Estimator
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
-from motorgrad.training import ESTIMATORS
 
 SEVERAL = ("chain", "hexapod-synergy", "hopper", "linear-recruitment", "particle", "three-state")
 """The tasks that `make test` learns by command; the others are learnt by `make test-all`."""
@@ -94,6 +94,7 @@ def test_train_explains_the_settings_of_every_task(name, capsys):
     said = capsys.readouterr().out
     assert "--steps" in said
     assert "--agent.decay" in said
+    assert "--agent.estimator.trace.decay" in said
     assert "--task." in said
 
 
@@ -109,7 +110,7 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
     assert main(["list", "--json", str(tmp_path / "list.json")]) == 0
     said = capsys.readouterr().out
     found = read(tmp_path / "list.json")
-    for kind, registry in (("tasks", TASKS), ("policies", INITIAL), ("estimators", ESTIMATORS)):
+    for kind, registry in (("tasks", TASKS), ("policies", INITIAL), ("estimators", Estimator.presets)):
         assert set(found[kind]) == set(registry)
         for name, what in found[kind].items():
             assert what
@@ -140,7 +141,8 @@ def test_train_takes_the_tasks_and_the_learners_settings(capsys):
     assert "next: motorgrad plot x" in said
     run = mg.load("x")
     assert run.task == mg.make("chain", length=4, variant="reset")
-    assert (run.config["agent"]["decay"], run.config["agent"]["estimator"]) == (0.3, "olpomdp")
+    assert run.config["agent"]["estimator"]["trace"]["decay"] == 0.3
+    assert run.config["agent"]["estimator"]["baseline"] == "none"
 
 
 def test_a_run_goes_to_runs_by_default_and_goes_on_there(tmp_path):
@@ -261,9 +263,9 @@ REFUSED = [
     (["train", "chain", "--agent.policy", "hyperplanes"], "policy Hyperplanes"),
     (["train", "chain", "--agent.policy", "motoneurons"], "task 'chain' has 6 observed numbers"),
     (["train", "chain", "--agent.estimator", "olgarp"], "olgarb"),
-    (["train", "chain", "--agent.decay", 1], "decay = 1.0"),
-    (["train", "chain", "--agent.rate", "nan"], "rate"),
-    (["train", "chain", "--agent.rates", "weight", 0.1], "weight"),
+    (["train", "chain", "--agent.decay", 1], "estimator.trace.decay = 1: needs episodes"),
+    (["train", "chain", "--agent.learning-rate", "nan"], "learning-rate"),
+    (["train", "chain", "--agent.learning-rate", "weight", 0.1], "'weight': did you mean 'weights'"),
     (["train", "hopper", "--task.penalty", -1], "penalty = -1.0"),
     (["train", "hopper", "--task.action-period", 0.0105], "action_period = 0.0105"),
     (["train", "hopper", "--task.body.load-mass", 0], "load_mass = 0.0"),

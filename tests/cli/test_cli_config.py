@@ -1,6 +1,5 @@
 """Options from a file: what drives a command, what overrides what, what is printed, what is refused."""
 
-import dataclasses
 import os
 import re
 import tomllib
@@ -8,14 +7,16 @@ from pathlib import Path
 
 import pytest
 import tomli_w
-from motorgrad._commands._help import descriptions
 
 import motorgrad as mg
+from motorgrad._docstrings import descriptions
+from motorgrad._tree import KINDS, fields_of
 from motorgrad.cli import COMMANDS, main
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
-from motorgrad.training import AgentSettings
+from motorgrad.training import agent_for, policy_settings
 
+PARTS = {cls: None for kinds in KINDS.values() for cls in kinds.values()}
 PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
 
 
@@ -48,25 +49,28 @@ def test_a_file_drives_training_and_the_command_line_overrides_it(capsys):
     file = write(
         "a.toml", 'steps = 30\nseeds = [4, 1]\nout = "a"\n[task]\nname = "chain"\nlength = 3\n[agent]\ndecay = 0.5\n'
     )
-    assert status("train", "--config", file, "--steps", 40, "--agent.rate", 0.2) == 0
+    assert status("train", "--config", file, "--steps", 40, "--agent.learning-rate", 0.2) == 0
     run = mg.load("a")
     assert run.config["run"] == {"steps": 40, "seeds": [4, 1], "window": 1}
     assert run.task == mg.make("chain", length=3)
-    settings = {name: run.config["agent"][name] for name in ("decay", "rate", "policy")}
-    assert settings == {"decay": 0.5, "rate": 0.2, "policy": "softmax"}  # the last one is the task's own
+    agent = run.config["agent"]
+    assert agent["estimator"]["trace"] == {"kind": "exponential", "decay": 0.5}
+    assert agent["optimizer"]["learning_rate"] == 0.2
+    assert agent["policy"] == {"kind": "softmax"}  # the task's own
 
 
 def test_what_a_file_leaves_out_is_as_the_task_has_it(capsys):
-    file = write("a.toml", "[agent]\nrate = 0.25\n[task]\nbody = {load_mass = 3}\n")
+    file = write("a.toml", "[agent]\nlearning_rate = 0.25\n[task]\nbody = {load_mass = 3}\n")
     found = checked(capsys, "train", "hopper", "--config", file)
-    assert (found["agent"]["rate"], found["agent"]["decay"], found["steps"]) == (0.25, 0.995, 100_000)
+    assert found["agent"]["optimizer"]["learning_rate"] == 0.25
+    assert (found["agent"]["estimator"]["trace"]["decay"], found["steps"]) == (0.995, 100_000)
     assert (found["task"]["body"]["load_mass"], found["task"]["body"]["link_mass"]) == (3.0, 0.15)
 
 
 def test_an_option_puts_a_setting_back_to_none(capsys):
     file = write("a.toml", '[task]\nname = "chain"\ntime_limit = 9\n[agent]\ndiscount = 0.9\n')
     found = checked(capsys, "train", "--config", file, "--agent.discount", "None")
-    assert "discount" not in found["agent"]
+    assert found["agent"]["estimator"]["discount"] == "none"
     assert found["task"]["time_limit"] == 9
 
 
@@ -102,7 +106,7 @@ def test_a_check_does_nothing(tmp_path, capsys):
 @pytest.mark.parametrize("name", TASKS)
 def test_what_a_check_prints_is_a_file_that_says_the_same(name, capsys):
     found = checked(capsys, "train", name, "--seeds", 3, "--agent.decay", 0.25)
-    assert found["agent"]["decay"] == 0.25
+    assert found["agent"]["estimator"]["trace"]["decay"] == 0.25
     assert checked(capsys, "train", "--config", write("again.toml", tomli_w.dumps(found))) == found
 
 
@@ -114,7 +118,7 @@ def test_a_runs_configuration_is_a_file_that_makes_it_again(capsys):
     assert a.config == b.config
     assert a.metrics.drop_columns("wall_time").equals(b.metrics.drop_columns("wall_time"))
     found = checked(capsys, "train", "--config", "a/config.toml", "--seeds", 32)
-    assert (found["seeds"], found["agent"]["decay"], found["window"]) == (32, 0.3, 20)
+    assert (found["seeds"], found["agent"]["estimator"]["trace"]["decay"], found["window"]) == (32, 0.3, 20)
 
 
 def test_a_run_goes_on_from_its_directory_alone(capsys):
@@ -122,32 +126,32 @@ def test_a_run_goes_on_from_its_directory_alone(capsys):
     assert status("train", "--resume", "a") == 0  # finished: it is given back
     assert status("train", "--resume", "a", "--steps", 100) == 0
     run = mg.load("a")
-    assert (run.decision, run.config["agent"]["decay"]) == (100, 0.3)
+    assert (run.decision, run.config["agent"]["estimator"]["trace"]["decay"]) == (100, 0.3)
     capsys.readouterr()
     assert status("train", "--resume", "a", "--agent.decay", 0.4) == 2
     assert "agent.estimator.trace.decay was 0.3 and is now 0.4" in capsys.readouterr().err
 
 
 def test_a_default_learner_is_that_of_the_task_as_asked_for(capsys):
-    assert checked(capsys, "train", "gymnasium", "--task.env-id", "Pendulum-v1")["agent"]["policy"] == "hyperplanes"
-    assert checked(capsys, "train", "gymnasium", "--task.env-id", "Acrobot-v1")["agent"]["policy"] == "softmax"
+    for name, policy in (("Pendulum-v1", "hyperplanes"), ("Acrobot-v1", "softmax")):
+        found = checked(capsys, "train", "gymnasium", "--task.env-id", name)
+        assert found["agent"]["policy"]["kind"] == policy
 
 
 @pytest.mark.parametrize("how", ["--agent.policy growing", "--agent.policy=growing", "--config a.toml"])
 def test_a_tasks_settings_of_its_own_policy_go_with_no_other(how, capsys):
     write("a.toml", "[agent]\npolicy = 'growing'")
     own, other = checked(capsys, "train", "particle"), checked(capsys, "train", "particle", *how.split())
-    assert own["agent"]["policy_settings"] == {"copies": 2}
-    assert "policy_settings" not in other["agent"]
-    assert other["agent"]["growth"] == "clock"  # nothing else to say for a learner that grows
+    assert own["agent"]["policy"] == {"kind": "tiles", "copies": 2}
+    assert other["agent"]["policy"] == {"kind": "growing"}
+    assert other["agent"]["growth"]["criterion"]["kind"] == "clock"  # a policy that grows needs a schedule
 
 
 def test_the_initial_policys_settings(capsys):
-    wanted = {"width": 0.16, "low": -2.0}
-    settings = ("--agent.policy", "gaussians", "--agent.policy-settings", "width", 0.16, "low", -2.0)
-    assert checked(capsys, "train", "hopper", *settings)["agent"]["policy_settings"] == wanted
-    task = mg.make("hopper")
-    agent = AgentSettings("gaussians", wanted).agent(task)
+    wanted = {"kind": "gaussians", "width": 0.16, "low": -2.0}
+    settings = ("--agent.policy", "gaussians", "--agent.policy.width", 0.16, "--agent.policy.low", -2.0)
+    assert checked(capsys, "train", "hopper", *settings)["agent"]["policy"] == wanted
+    agent = agent_for("hopper", policy=wanted)
     import jax
     import numpy as np
 
@@ -188,31 +192,36 @@ REFUSED = [
     ("train hopper", "[agent]\nunits = 7", "policy Hyperplanes: outputs = 7"),
     ("train hopper", "[agent]\nimprove = 'episod'", "must be an integer or 'episode' or 'never'"),
     ("train hopper", "[agent]\nimprove = 3000000000", "improve = 3000000000"),
-    ("train hopper", "[agent]\npolicy_settings = {widht = 1}", "unknown setting of policy 'hyperplanes': 'widht'"),
+    ("train hopper", "[agent]\npolicy = {widht = 1}", "unknown setting of policy 'hyperplanes': 'widht'"),
     (
         "train hopper",
-        "[agent]\npolicy = 'gaussians'\npolicy_settings = {widht = 1}",
+        "[agent]\npolicy = {kind = 'gaussians', widht = 1}",
         "unknown setting of policy 'gaussians': 'widht': did you mean 'width'?",
     ),
     (
         "train hopper",
-        "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = 'wide'}",
-        "agent.policy_settings.width = 'wide': must be a finite number",
+        "[agent]\npolicy = {kind = 'gaussians', width = 'wide'}",
+        "agent.policy.width = 'wide': must be a finite number",
     ),
-    ("train hopper", "[agent]\npolicy = 'gaussians'\npolicy_settings = {width = -1}", "policy_settings.width = -1.0"),
-    ("train particle", "[agent]\npolicy_settings = {width = 0}", "policy_settings.width = 0.0: must be positive"),
-    ("train particle", "[task]\nunits = 0", "task.units = 0: must be from 1 to 10000"),
-    ("train particle", "[agent]\ndecay = 1.0", "agent.decay = 1.0: must be in [0, 1)"),
+    ("train hopper", "[agent.policy]\nkind = 'gaussians'\nwidth = -1", "agent.policy.width = -1.0"),
+    ("train particle", "[agent]\npolicy = {width = 0}", "agent.policy.width = 0.0: must be positive"),
+    ("train particle", "[task]\nunits = 0", "task.units = 0: must be an integer from 1 to 10,000"),
+    ("train particle", "[agent]\ndecay = 1.5", "agent.estimator.trace.decay = 1.5: must be in [0, 1]"),
     ("train particle", "[task]\nregions = [[1, 2, 0.5, 0.1, 0.1]]", "regions[0] centre = (2.0, 0.5): must be within"),
     ("train particle", "[task]\nregions = [[1, 0.5, 0.5, 0, 0.1]]", "regions[0] widths = (0.0, 0.1): must be positive"),
     (
         "train particle",
-        "[task]\nunits = 4\n[agent]\npolicy = 'growing'\ngrowth_units = 9",
-        "growth_units = 9: must be at most the policy's units, 4",
+        "[task]\nunits = 4\n[agent]\npolicy = 'growing'\ngrowth.units = 9",
+        "growth.units = 9: must be at most the pool's, 4",
     ),
-    ("train particle", "[agent]\npolicy = 'growing'\ngrowth = 'none'", "growth = 'none': must be 'clock' or 'plateau'"),
-    ("train particle", "[agent]\npolicy = 'growing'\ngrowth_width = -1", "growth_width = -1.0: must be positive"),
-    ("train hopper", "[agent.policy]\nkind = 'x'", "give the agent"),
+    ("train particle", "[agent]\npolicy = 'growing'\ngrowth = 'none'", "agent.growth = None: must be set"),
+    ("train particle", "[agent]\npolicy = 'growing'\ngrowth.width = -1", "agent.growth.width = -1.0: must be positive"),
+    ("train hopper", "[agent.policy]\nkind = 'x'", "unknown policy 'x'"),
+    ("train hopper", "[agent.policy]\nkind = 'given'", "agent.policy was made in Python"),
+    ("train hopper", "agent = 3", "agent = 3: must be a table of changes"),
+    ("train hopper", "[agent]\ndecai = 0.5", "unknown setting of agent 'decai': did you mean 'decay'?"),
+    ("train hopper", "[agent]\nmetric = 'fischer'", "unknown agent.metric 'fischer': did you mean 'fisher'?"),
+    ("train hopper", "[agent]\ndecay = 0.5\nestimator.trace.decay = 0.6", "given once"),
     ("train hopper", "out = ''", "out = '': must be a path"),
     ("demo", "seconds = 1e30", "seconds = 1e+30"),
     ("evaluate", "run = 3", "run = 3: must be a path"),
@@ -269,19 +278,25 @@ def test_a_folder_without_permission_is_refused(tmp_path, capsys):
 # ---- help
 
 
-@pytest.mark.parametrize("cls", [*TASKS.values(), mg.bodies.Hopper, AgentSettings], ids=lambda cls: cls.__name__)
+@pytest.mark.parametrize("cls", [*TASKS.values(), mg.bodies.Hopper, *PARTS], ids=lambda cls: cls.__name__)
 def test_every_setting_is_explained(cls):
-    fields = {field.name for field in dataclasses.fields(cls)}
+    fields = set(fields_of(cls))
     helps = descriptions(cls)
     assert fields <= set(helps)
     assert all(len(helps[name]) > 10 for name in fields)
 
 
+@pytest.mark.parametrize("kind", INITIAL)
+def test_every_setting_of_an_initial_policy_is_explained(kind):
+    helps = descriptions(INITIAL[kind])
+    assert [name for name in policy_settings(kind) if len(helps.get(name, "")) <= 10] == []
+
+
 def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys):
     assert status("train", "hopper", "--help") == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Cost of a muscle that is active for one decision. (default: 0.1)" in said
-    assert "Of the load on the slide (kg). (default: 2.0)" in said
+    assert "Cost of an active muscle per decision. (default: 0.1)" in said
+    assert "Mass of the load on the slide (kg). (default: 2.0)" in said
     assert "{" + ",".join(INITIAL) + "}" in said.replace(", ", ",")  # a long list goes on on the next line
     assert "{symmetric,spring}" in said
     assert "**" not in said
@@ -296,8 +311,6 @@ def test_the_pages_files_are_in_order(capsys):
     assert files
     for content in files:
         assert checked(capsys, "train", "--config", write("page.toml", content))["task"]["name"] == "hopper"
-    options = {field.name for field in dataclasses.fields(AgentSettings)}
-    assert set(tomllib.loads(files[0])["agent"]) <= options
 
 
 def test_the_pages_errors_are_what_is_said(capsys):

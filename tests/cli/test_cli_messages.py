@@ -5,17 +5,18 @@ import tomllib
 
 import numpy as np
 import pytest
-from motorgrad._commands._help import descriptions
 
 import motorgrad as mg
-from motorgrad._commands._shared import in_words, summary
-from motorgrad._settings import as_hinted, default_of, fields_of
+from motorgrad._commands._results import summary, summary_text
+from motorgrad._docstrings import descriptions
+from motorgrad._settings import as_hinted, default_of
+from motorgrad._tree import KINDS, fields_of
 from motorgrad.cli import main
 from motorgrad.experiments import EXPERIMENTS
-from motorgrad.learning import adam, sgd
+from motorgrad.learning import SGD, Adam
 from motorgrad.policies import motoneurons
 from motorgrad.tasks import TASKS, from_gymnasium
-from motorgrad.training import AgentSettings, settings_for
+from motorgrad.training import agent_for
 
 
 def said(capsys, *arguments: str) -> tuple[int, str]:
@@ -35,7 +36,8 @@ def tables(cls: type) -> list[type]:
     return [cls, *(found for kind in inner if dataclasses.is_dataclass(kind) for found in tables(kind))]
 
 
-SETTINGS = {found: None for cls in (*EXPERIMENTS.values(), *TASKS.values(), AgentSettings) for found in tables(cls)}
+PARTS = [cls for kinds in KINDS.values() for cls in kinds.values()]
+SETTINGS = {found: None for cls in (*EXPERIMENTS.values(), *TASKS.values(), *PARTS) for found in tables(cls)}
 
 
 @pytest.mark.parametrize("cls", SETTINGS, ids=lambda cls: cls.__qualname__)
@@ -53,14 +55,14 @@ def test_the_help_of_an_experiment_says_what_its_settings_are(capsys):
 
 def test_symbols_keep_their_letters():
     body = descriptions(mg.bodies.Hopper)
-    assert body["capsule_radius"].startswith("ρ of")
+    assert body["capsule_radius"].startswith("Radius ρ of")
     assert body["muscle_damping"].startswith("k_SE of")
-    assert body["load_mass"].startswith("Of the load")
+    assert body["load_mass"].startswith("Mass of the load")
 
 
 def test_the_help_of_several_words_is_short(capsys):
     _, text = said(capsys, "train", "gymnasium", "--help")
-    for option in ("--task.kwargs", "--agent.policy-settings", "--agent.rates"):
+    for option in ("--task.kwargs", "--agent.optimizer.learning-rate FLOAT |"):
         assert f"{option} NAME VALUE ... " in text
     assert "--seeds INT ... " in text
     assert "{[" not in text
@@ -78,13 +80,13 @@ def test_what_is_required_has_no_empty_default(capsys):
         ((), "nothing is given; must be names and values in turn"),
         (("weights",), "'weights' has no value; must be names and values in turn"),
         (("weights", "0.1", "bias"), "'bias' has no value; must be names and values in turn"),
-        (("weights", "fast"), "weights = 'fast': must be a finite number"),
+        (("fast",), "'fast' must be a finite number, or names and numbers in turn"),
     ],
 )
 def test_names_without_values_are_refused_by_option(words, wrong, capsys):
-    status, text = said(capsys, "train", "hopper", "--check", "--agent.rates", *words)
+    status, text = said(capsys, "train", "hopper", "--check", "--agent.learning-rate", *words)
     assert status == 2
-    assert f"Error parsing --agent.rates: {wrong}" in text
+    assert f"Error parsing --agent.optimizer.learning-rate: {wrong}" in text
 
 
 def test_names_and_values_are_read_as_what_they_are(capsys):
@@ -102,10 +104,10 @@ def test_names_and_values_are_read_as_what_they_are(capsys):
 
 def test_none_takes_the_names_and_values_of_a_file_back(capsys, tmp_path):
     file = tmp_path / "a.toml"
-    file.write_text("[agent]\nrates = {weights = 0.1, bias = 0.2}\n", encoding="utf-8")
+    file.write_text("[agent]\nweight_decay = {weights = 0.1, bias = 0.2}\n", encoding="utf-8")
     command = ("train", "hopper", "--config", str(file), "--check")
-    assert "[agent.rates]" in said(capsys, *command, "--steps", "5")[1]
-    assert "[agent.rates]" not in said(capsys, *command, "--agent.rates", "None")[1]
+    assert "[agent.optimizer.weight_decay]" in said(capsys, *command, "--steps", "5")[1]
+    assert "[agent.optimizer.weight_decay]" not in said(capsys, *command, "--agent.weight-decay", "None")[1]
 
 
 # ---- a setting at the wrong level
@@ -117,7 +119,7 @@ def test_a_setting_at_the_wrong_level_of_a_file_is_shown_its_place(capsys, tmp_p
         ("penalty = 0.1", "'task.penalty'"),
         ("load_mass = 3", "'task.body.load_mass'"),
         ("[task]\nload_mass = 3", "'body.load_mass'"),
-        ("decay = 0.5", "'agent.decay'"),
+        ("decay = 0.5", "'agent.estimator.trace.decay'"),
     ):
         file.write_text(line, encoding="utf-8")
         status, text = said(capsys, "train", "hopper", "--config", str(file))
@@ -127,8 +129,9 @@ def test_a_setting_at_the_wrong_level_of_a_file_is_shown_its_place(capsys, tmp_p
 
 def test_a_setting_that_could_stand_in_two_tables_is_shown_both(capsys, tmp_path):
     file = tmp_path / "a.toml"
-    file.write_text("length = 4", encoding="utf-8")
-    assert "did you mean 'task.length' or 'agent.length'?" in said(capsys, "train", "chain", "--config", str(file))[1]
+    file.write_text("units = 4", encoding="utf-8")
+    wanted = "did you mean 'task.units' or 'agent.policy.units'?"
+    assert wanted in said(capsys, "train", "hopper", "--config", str(file))[1]
 
 
 def test_a_bodys_setting_given_to_its_task_is_shown_its_place():
@@ -176,20 +179,20 @@ def test_a_word_that_is_no_integer_is_refused_by_option(word, wrong, capsys):
 # ---- in Python
 
 
-def test_settings_go_by_a_tasks_name():
-    assert settings_for("hopper", decay=0.5) == settings_for(mg.make("hopper"), decay=0.5)
+def test_agents_go_by_a_tasks_name():
+    assert agent_for("hopper", decay=0.5) == agent_for(mg.make("hopper"), decay=0.5)
     with pytest.raises(ValueError, match="unknown task 'hoper': did you mean 'hopper'"):
-        settings_for("hoper")
+        agent_for("hoper")
     with pytest.raises(ValueError, match="task = 3: must be a task, or the name of one"):
-        settings_for(3)  # type: ignore[arg-type]
+        agent_for(3)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("rule", [sgd, adam])
+@pytest.mark.parametrize("rule", [SGD, Adam])
 @pytest.mark.parametrize("rate", ["a", None, [[1.0], [1.0, 2.0]], 1j, True], ids=str)
 def test_a_step_size_that_is_no_number_is_refused_by_name(rule, rate):
-    with pytest.raises(ValueError, match=r"step size rate = .*: must be a finite number.* or a table of them by group"):
+    with pytest.raises(ValueError, match=r"learning_rate = .*: must be a finite number.* or a mapping from groups"):
         rule(rate)
-    with pytest.raises(ValueError, match=r"step size bias = .*: must be a finite number of at least 0"):
+    with pytest.raises(ValueError, match=r"learning_rate.bias = .*: must be a finite number of at least 0"):
         rule({"weights": 0.1, "bias": rate})
 
 
@@ -209,6 +212,6 @@ def test_a_space_is_refused_with_its_size():
 
 def test_a_summary_says_of_how_many_seeds_it_is():
     every, some = summary([1.0, 2.0, 3.0]), summary([1.0, np.nan, 3.0])
-    assert in_words("apex", every) == "apex: median 2 [quartiles 1.5 … 2.5] over 3 seeds"
-    assert in_words("apex", some) == "apex: median 2 [quartiles 1.5 … 2.5] over 2 of 3 seeds"
-    assert in_words("apex", summary([np.nan])) == "apex: never occurred"
+    assert summary_text("apex", every) == "apex: median 2 [quartiles 1.5 … 2.5] over 3 seeds"
+    assert summary_text("apex", some) == "apex: median 2 [quartiles 1.5 … 2.5] over 2 of 3 seeds"
+    assert summary_text("apex", summary([np.nan])) == "apex: never occurred"

@@ -50,7 +50,7 @@ def sound(tmp_path_factory):
             ("bench", {"quick": True}),
             ("lab", {"gallery": "chain", "port": 0, "browser": False}),
             ("list", {"json": "-"}),
-            ("sim", {"run": str(runs["hopper"]), "frozen": True, "agent": {"rate": 0.1}}),
+            ("sim", {"run": str(runs["hopper"]), "frozen": True, "agent": {"learning_rate": 0.1}}),
             *(("sim", tomllib.loads(scene.read_text())) for scene in SCENES),
             ("train", tomllib.loads((runs["hopper"] / "config.toml").read_text())),
         ]
@@ -58,7 +58,7 @@ def sound(tmp_path_factory):
             status, out, err = check("train", _written(folder / "task.toml", {"task": {"name": name}}))
             assert status == 0, err
             tables.append(("train", tomllib.loads(out)))
-            tables.append(("train", {"task": {"name": name}, "agent": {"rate": 0.1}, "steps": 100}))
+            tables.append(("train", {"task": {"name": name}, "agent": {"learning_rate": 0.1}, "steps": 100}))
         assert {command for command, _ in tables} == set(COMMANDS)
         yield tables, folder
 
@@ -80,7 +80,7 @@ spoilt = st.one_of(
     st.sampled_from([{}, [], [[[[]]]], {"a": {"b": {"c": {}}}}, [{"name": "m", "group": "g"}]]),
 )
 keys = st.sampled_from(
-    ["run", "task", "agent", "name", "steps", "policy_settings", "rates", "decay", "units", "extra_muscles", "Steps"]
+    ["run", "task", "agent", "name", "steps", "policy", "learning_rate", "decay", "units", "extra_muscles", "Steps"]
 )
 
 

@@ -11,13 +11,23 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorgrad._settings import build, table
+from motorgrad._tree import fields_of
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
 from motorgrad.cli import main
+from motorgrad.learning import SGD, Adam, Agent, Estimator, FisherMetric, Growth, LinearCritic, Window
 from motorgrad.tasks import TASKS, make
-from motorgrad.training import ESTIMATORS, AgentSettings, load, settings_for
+from motorgrad.training import agent_for, agent_from_table, agent_table, load, stepper_for
 
-CLASSES = {**TASKS, "agent": AgentSettings, "body": HopperBody, "muscle": Muscle}
+PARTS = {
+    "estimator": Estimator,
+    "sgd": SGD,
+    "adam": Adam,
+    "critic": LinearCritic,
+    "growth": Growth,
+    "fisher": FisherMetric,
+}
+CLASSES = {**TASKS, **PARTS, "body": HopperBody, "muscle": Muscle}
 
 words = st.sampled_from(
     ["softmax", "hyperplanes", "walk", "reset", "olgarb", "never", "episode", "spring", "native", "inf"]
@@ -48,7 +58,8 @@ def test_any_table_makes_an_instance_or_is_refused_by_name(name, data):
     else:
         assert isinstance(made, cls)
         assert set(drawn) <= set(keys)
-        assert build(cls, table(made), name) == made
+        again = {key: value for key, value in table(made).items() if key != "kind"}
+        assert build(cls, again, name) == made
         return
     # what is named was given, or was left out
     assert any(key in refused for key in [*drawn, *keys])
@@ -62,10 +73,11 @@ def test_a_task_survives_its_own_table_in_toml(name):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_tasks_learner_is_made_of_settings_that_exist(name):
-    learner = settings_for(make(name))
-    assert learner == dataclasses.replace(AgentSettings(), **dict(make(name).learner))
-    assert build(AgentSettings, table(learner)) == learner
-    learner.agent(make(name))
+    task = make(name)
+    agent = agent_for(task)
+    assert agent == agent_for(task, {**task.learner})
+    assert agent_from_table(task, agent_table(agent)) == agent
+    assert agent_from_table(task, tomllib.loads(tomli_w.dumps(agent_table(agent)))) == agent
 
 
 def test_changes_go_through_the_table():
@@ -80,26 +92,26 @@ REFUSED = [
     ({"estimator": "olgarp"}, "'olgarp': did you mean 'olgarb'"),
     ({"trace": "windows"}, "'windows': did you mean 'window'"),
     ({"baseline": "means"}, "'means': did you mean 'mean'"),
-    ({"ascent": "adams"}, "'adams': did you mean 'adam'"),
+    ({"optimizer": "adams"}, "'adams': did you mean 'adam'"),
     ({"batch": "summ"}, "'summ': did you mean 'sum'"),
-    ({"decay": 1.0}, r"decay = 1.0: must be in \[0, 1\)"),
+    ({"decay": 1.5}, r"decay = 1.5: must be in \[0, 1\]"),
     ({"decay": -0.1}, "decay = -0.1"),
-    ({"decay": "0.9"}, "agent.decay = '0.9': must be a finite number"),
-    ({"decay": math.nan}, "agent.decay = nan: must be a finite number"),
-    ({"rate": 10**400}, "agent.rate = 1.*: must be a finite number"),
-    ({"rate": -1.0}, "rate = -1.0"),
-    ({"rates": {"weights": -1.0}}, "weights = -1.0"),
-    ({"rates": {"weights": "fast"}}, "agent.rates = .*'fast'"),
-    ({"rates": [1.0]}, r"agent.rates = \[1.0\]"),
+    ({"decay": "0.9"}, "agent.estimator.trace.decay = '0.9': must be a finite number"),
+    ({"decay": math.nan}, "agent.estimator.trace.decay = nan: must be a finite number"),
+    ({"learning_rate": 10**400}, "agent.optimizer.learning_rate = 1.*: must be a"),
+    ({"learning_rate": -1.0}, "learning_rate = -1.0"),
+    ({"learning_rate": {"weights": -1.0}}, "weights = -1.0"),
+    ({"learning_rate": {"weights": "fast"}}, "agent.optimizer.learning_rate.weights = 'fast'"),
+    ({"learning_rate": "fast"}, "agent.optimizer.learning_rate = 'fast'"),
     ({"improve": 0}, "improve = 0"),
     ({"improve": True}, "'?True'?"),
     ({"improve": "always"}, "'always'"),
     ({"discount": 0.0}, "discount = 0.0"),
     ({"discount": 1.5}, "discount = 1.5"),
-    ({"trace": "window", "length": 0}, "length = 0"),
-    ({"trace": "window", "length": 2.5}, "agent.length = 2.5: must be an integer"),
-    ({"trace": "lagged-gaussian", "width": 0.0}, "width = 0.0"),
-    ({"baseline": "fixed-step", "baseline_rate": 2.0}, "rate = 2.0"),
+    ({"trace": "window", "trace.length": 0}, "length = 0"),
+    ({"trace": "window", "trace.length": 2.5}, "agent.estimator.trace.length = 2.5: must be an integer"),
+    ({"trace": "lagged-gaussian", "trace.width": 0.0}, "width = 0.0"),
+    ({"baseline": "fixed-step", "baseline.rate": 2.0}, "rate = 2.0"),
     ({"units": 0}, "units|outputs"),
 ]
 
@@ -108,20 +120,54 @@ REFUSED = [
 def test_impossible_learners_are_refused_by_name(changes, named):
     task = make("hopper")
     with pytest.raises(ValueError, match=named):
-        settings_for(task, **changes).agent(task)
+        stepper_for(task, agent_for(task, changes), [0])
 
 
-@pytest.mark.parametrize("name", ["improve", "units", "discount", "rates"])
-def test_none_leaves_a_setting_to_its_default(name):
-    assert getattr(settings_for(make("hopper"), **{name: None}), name) is None
+@pytest.mark.parametrize("name", ["units", "discount", "baseline", "entropy", "weight_decay"])
+def test_what_may_be_absent_is_taken_away_by_none_or_its_word(name):
+    for value in (None, "none"):
+        agent = agent_for("hopper", {name: value})
+        assert agent == agent_for("hopper", {name: None})
+    assert "units" not in agent_for("hopper", units=None).policy.settings
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("name", Estimator.presets)
 def test_a_named_estimator_stands_for_its_parts_unless_they_are_given(name):
-    parts = ESTIMATORS[name]
-    plain = settings_for(make("hopper"), estimator=name)
-    assert plain.estimate() == dataclasses.replace(plain, **parts).estimate()
-    assert settings_for(make("hopper"), estimator=name, improve=7, baseline="fixed-step").estimate().improve == 7
+    parts = Estimator.presets[name]
+    plain = agent_for("hopper", estimator=name)
+    assert plain == agent_for("hopper", {f"estimator.{part}": value for part, value in parts.items()})
+    assert plain.estimator.trace == agent_for("hopper").estimator.trace  # the task's own
+    changed = agent_for("hopper", estimator=name, improve=7, baseline="fixed-step").estimator
+    assert (changed.improve, type(changed.baseline).__name__) == (7, "FixedStep")
+
+
+def test_short_names_are_few_and_the_same_in_every_place():
+    assert len(Agent.aliases) <= 12
+    for short, path in Agent.aliases.items():
+        assert short not in fields_of(Agent)
+        assert path.rpartition(".")[2] == short
+    for short, whole in (("decay", "estimator.trace.decay"), ("trace.decay", "estimator.trace.decay")):
+        assert agent_for("hopper", {short: 0.5}) == agent_for("hopper", {whole: 0.5})
+    nested = agent_for("hopper", estimator={"trace": {"decay": 0.5}})
+    assert nested == agent_for("hopper", decay=0.5)
+
+
+def test_a_part_is_given_itself_by_its_kind_or_as_a_table():
+    wanted = agent_for("hopper", {"trace": Window(7)})
+    for changes in (
+        {"trace": {"kind": "window", "length": 7}},
+        {"trace": "window", "trace.length": 7},
+        {"estimator.trace.kind": "window", "estimator.trace.length": 7},
+        {"estimator": {"trace": {"kind": "window", "length": 7}}},
+        {"trace": Window(3), "trace.length": 7},
+    ):
+        assert agent_for("hopper", changes) == wanted
+
+
+def test_a_part_of_another_kind_starts_from_its_own_defaults():
+    assert agent_for("hopper", optimizer="adam").optimizer == Adam()
+    changed = agent_for("hopper", optimizer={"learning_rate": 0.1})
+    assert changed.optimizer == SGD(0.1)
 
 
 def test_what_must_be_given_is_asked_for_by_name():
@@ -129,31 +175,43 @@ def test_what_must_be_given_is_asked_for_by_name():
         build(HopperBody, {"extra_muscles": [{"name": "helper"}]}, "body")
 
 
-@pytest.mark.parametrize("one", ["rate", "damping", "weight_decay"])
-def test_one_number_for_all_takes_the_place_of_the_tasks_own_by_group(one):
-    changed = settings_for("arm-recruitment", **{one: 0.5})
-    assert (getattr(changed, one), getattr(changed, f"{one}s")) == (0.5, None)
+@pytest.mark.parametrize("one", ["learning_rate", "damping", "weight_decay"])
+def test_one_number_for_all_takes_the_place_of_a_number_by_group(one):
     groups = {"gain": 0.1, "threshold": 0.2}
-    both = settings_for("arm-recruitment", **{one: 0.5, f"{one}s": groups})
-    assert (getattr(both, one), getattr(both, f"{one}s")) == (0.5, groups)
+    part, path = ("metric", "metric.damping") if one == "damping" else ("optimizer", f"optimizer.{one}")
+    by_group = agent_for("arm-recruitment", {"metric": "fisher", one: groups})
+    assert getattr(getattr(by_group, part), one) == groups
+    single = agent_for("arm-recruitment", {"metric": "fisher", one: 0.5})
+    assert getattr(getattr(single, part), one) == 0.5
+    assert agent_for("arm-recruitment", {"metric": "fisher", path: 0.5}) == single
+
+
+def test_the_number_of_one_group_is_changed_by_its_path():
+    changed = agent_for("arm-recruitment", {"learning_rate.gain": 0.5})
+    assert changed.optimizer.learning_rate == {"gain": 0.5, "threshold": 4e-4}
 
 
 def test_the_commands_rate_for_all_takes_the_place_of_the_tasks_rates(tmp_path, capsys):
-    for arguments, rates in (([], {"gain": 2e-4, "threshold": 4e-4}), (["--agent.rate", "0.5"], None)):
+    for arguments, rates in (
+        ([], {"gain": 2e-4, "threshold": 4e-4}),
+        (["--agent.learning-rate", "0.5"], 0.5),
+        (["--agent.learning-rate", "gain", "0.1", "threshold", "0.2"], {"gain": 0.1, "threshold": 0.2}),
+        (["--agent.learning-rate.gain", "0.1"], {"gain": 0.1, "threshold": 4e-4}),
+    ):
         with pytest.raises(SystemExit) as end:
             main(["train", "arm-recruitment", *arguments, "--check"])
         assert not end.value.code
-        assert tomllib.loads(capsys.readouterr().out)["agent"].get("rates") == rates
+        assert tomllib.loads(capsys.readouterr().out)["agent"]["optimizer"]["learning_rate"] == rates
 
 
-def test_a_run_whose_setting_is_none_goes_on_and_is_repeated_by_its_own_configuration(tmp_path, capsys):
+def test_a_run_with_one_number_for_all_goes_on_and_is_repeated_by_its_own_configuration(tmp_path, capsys):
     first, again = tmp_path / "first", tmp_path / "again"
-    arguments = ["train", "arm-recruitment", "--agent.rates", "None", "--agent.rate", "1e-4", "--steps", "90"]
+    arguments = ["train", "arm-recruitment", "--agent.learning-rate", "1e-4", "--steps", "90"]
     assert main([*arguments, "--out", str(first)]) == 0
     assert main(["train", "--resume", str(first), "--steps", "120"]) == 0
     assert main(["train", "--config", str(first / "config.toml"), "--out", str(again)]) == 0
     capsys.readouterr()
     configurations = [tomllib.loads((path / "config.toml").read_text()) for path in (first, again)]
-    assert all("rates" not in found["agent"] and found["agent"]["rate"] == 1e-4 for found in configurations)
+    assert all(found["agent"]["optimizer"]["learning_rate"] == 1e-4 for found in configurations)
     policies = [np.asarray(load(path).policies.gain) for path in (first, again)]
     np.testing.assert_array_equal(*policies)

@@ -5,12 +5,12 @@ import tomllib
 
 import numpy as np
 import pytest
-from motorgrad.training._checkpoint import CorruptCheckpoint, into, load, save
 from training_examples import assert_same, assert_same_run, checkpoints
 
 import motorgrad as mg
 from motorgrad._files import write_atomically
 from motorgrad.training import RunDirectoryError, RunWarning
+from motorgrad.training.store._checkpoint import CorruptCheckpoint, fill_tree, load, save
 
 FIRST, LAST = 120, 200
 OPTIONS = {"seeds": 2, "window": 40, "threads": 1, "progress": False}
@@ -134,7 +134,7 @@ def test_a_checkpoint_gives_back_every_bit(tmp_path):
     save(tmp_path / "x.state", TREE, {"decision": 5})
     arrays, about = load(tmp_path / "x.state")
     assert about["decision"] == 5
-    back = into(TREE, arrays)
+    back = fill_tree(TREE, arrays)
     assert_same(back, TREE)
     assert np.signbit(back["b"][1][1])
     assert back["a"].dtype == np.float32
@@ -152,7 +152,7 @@ def test_a_checkpoint_gives_back_every_bit(tmp_path):
 def test_a_checkpoint_of_another_shape_is_refused_by_the_name_of_the_array(wanted, named, tmp_path):
     save(tmp_path / "x.state", TREE, {})
     with pytest.raises(ValueError, match=named):
-        into(wanted, load(tmp_path / "x.state")[0])
+        fill_tree(wanted, load(tmp_path / "x.state")[0])
 
 
 def test_a_checkpoint_of_another_format_is_refused(tmp_path):

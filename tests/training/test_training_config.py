@@ -7,16 +7,13 @@ import sys
 import time
 import tomllib
 
-import numpy as np
 import optax
 import pytest
-import tomli_w
 from training_examples import TASK_NAMES, assert_same_run, checkpoints
 
 import motorgrad as mg
-from motorgrad._settings import build, table
 from motorgrad.tasks import TASKS
-from motorgrad.training import AgentSettings, RunDirectoryError, RunWarning, settings_for
+from motorgrad.training import RunDirectoryError, RunWarning, agent_for, agent_from_table, agent_table
 
 FINITE = "three-state"
 
@@ -30,32 +27,31 @@ def small(task=FINITE, agent=None, steps=60, out=None, **options):
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     task = TASKS[name]()
-    settings = settings_for(task, decay=0.25)
-    run = small(task, settings, steps=4, window=2, out=tmp_path)
+    agent = agent_for(task, decay=0.25)
+    run = small(task, agent, steps=4, window=2, out=tmp_path)
     kept = tomllib.loads((tmp_path / "config.toml").read_text())
     assert kept == run.config
-    assert kept["agent"] == table(settings)
-    assert build(AgentSettings, kept["agent"]) == settings
+    assert kept["agent"] == agent_table(agent)
+    assert agent_from_table(task, kept["agent"]) == agent
 
 
 @pytest.mark.representatives("three-state")
 @pytest.mark.parametrize("name", [FINITE, "hopper"])
 def test_a_run_goes_on_from_its_directory_alone(name, tmp_path):
     task = mg.make(name)
-    settings = settings_for(task, decay=0.25, rate=0.02)
-    small(task, settings, steps=50, out=tmp_path / "parts")
+    changes = {"decay": 0.25, "learning_rate": 0.02}
+    small(task, changes, steps=50, out=tmp_path / "parts")
     for steps in (None, 130):
         mg.resume(tmp_path / "parts", steps, threads=1, progress=False)
-    small(task, settings, steps=130, out=tmp_path / "whole")
+    small(task, changes, steps=130, out=tmp_path / "whole")
     assert_same_run(mg.load(tmp_path / "parts"), mg.load(tmp_path / "whole"))
 
 
 def test_an_agent_made_by_hand_must_be_given_to_go_on(tmp_path):
-    task = mg.make(FINITE)
-    agent = settings_for(task).agent(task)
+    agent = mg.Agent(mg.policies.softmax(mg.make(FINITE)), mg.learning.olgarb(0.8), mg.learning.SGD(0.01))
     run = small(agent=agent, out=tmp_path)
-    assert run.config["agent"]["estimator"]["trace"] == {"kind": "Exponential", "decay": 0.8}
-    with pytest.raises(RunDirectoryError, match="made in Python, not from settings: give the agent"):
+    assert run.config["agent"]["estimator"]["trace"] == {"kind": "exponential", "decay": 0.8}
+    with pytest.raises(RunDirectoryError, match="was made in Python and is not registered: give the agent again"):
         mg.resume(tmp_path)
     assert small(agent=agent, steps=80, out=tmp_path).decision == 80
 
@@ -63,9 +59,10 @@ def test_an_agent_made_by_hand_must_be_given_to_go_on(tmp_path):
 def test_the_same_learner_made_in_another_way_goes_on(tmp_path):
     task = mg.make(FINITE)
     small(out=tmp_path)
-    by_hand = small(agent=settings_for(task).agent(task), steps=80, out=tmp_path)
-    assert by_hand.config["agent"] == table(settings_for(task))  # they are not forgotten
-    otherwise = settings_for(task, estimator="olpomdp", baseline="mean")
+    policy = agent_for(task).policy
+    by_hand = mg.Agent(policy, mg.learning.olgarb(0.8), mg.learning.SGD(0.01))
+    assert small(agent=by_hand, steps=80, out=tmp_path).config["agent"] == agent_table(agent_for(task))
+    otherwise = agent_for(task, estimator="olpomdp", baseline="mean")
     assert small(agent=otherwise, steps=100, out=tmp_path).decision == 100
 
 
@@ -74,29 +71,6 @@ def test_a_task_of_ones_own_must_be_given_to_go_on(tmp_path, monkeypatch):
     monkeypatch.delitem(TASKS, FINITE)
     with pytest.raises(RunDirectoryError, match="'three-state' is not in the registry"):
         mg.resume(tmp_path)
-
-
-def as_before(path):
-    """Make a run's directory one of the first format: the learner's structure stood in the configuration."""
-    from motorgrad.training._checkpoint import into, load, save
-
-    file = path / "checkpoint" / "initial.policies"
-    arrays, about = load(file)
-    config = tomllib.loads((path / "config.toml").read_text())
-    (path / "config.toml").write_text(tomli_w.dumps({**config, "agent": about["learner"]}))
-    template = mg.load(path).initial
-    save(file, into(template, arrays), {"decision": 0})
-
-
-def test_a_directory_of_the_first_format_is_loaded_and_goes_on(tmp_path):
-    run = small(out=tmp_path)
-    as_before(tmp_path)
-    again = mg.load(tmp_path)
-    assert again.config["agent"]["estimator"]["trace"]["decay"] == 0.8
-    np.testing.assert_array_equal(again.policies.weights, run.policies.weights)
-    np.testing.assert_array_equal(again.initial.weights, run.initial.weights)
-    assert small(steps=80, out=tmp_path).decision == 80
-    assert mg.resume(tmp_path, 100, progress=False).decision == 100  # now the settings are known
 
 
 @pytest.mark.parametrize(
@@ -140,9 +114,9 @@ RULES = {
 def test_the_constants_of_an_optax_rule_are_compared(kind, tmp_path):
     start = mg.policies.softmax(mg.make(FINITE))
     for value, steps in ((0.5, 60), (0.5, 80)):
-        small(agent=mg.Agent(start, ascent=RULES[kind](value)), steps=steps, out=tmp_path)
-    with pytest.raises(RunDirectoryError, match=r"agent\.ascent\.steps was"):
-        small(agent=mg.Agent(start, ascent=RULES[kind](0.6)), steps=100, out=tmp_path)
+        small(agent=mg.Agent(start, optimizer=RULES[kind](value)), steps=steps, out=tmp_path)
+    with pytest.raises(RunDirectoryError, match=r"agent\.optimizer\.steps was"):
+        small(agent=mg.Agent(start, optimizer=RULES[kind](0.6)), steps=100, out=tmp_path)
 
 
 # ---- provenance
@@ -163,7 +137,7 @@ def altered(path, **changes):
 def test_going_on_under_other_conditions_is_said(changes, tmp_path):
     small(out=tmp_path)
     altered(tmp_path, **changes)
-    with pytest.warns(RunWarning, match="goes on, but not bit for bit: ") as said:
+    with pytest.warns(RunWarning, match="continues, but not bit for bit: ") as said:
         small(steps=80, out=tmp_path)
     for name, value in changes.items():
         assert f"{name} was {value} and is now " in str(said[0].message)
@@ -204,7 +178,7 @@ def test_a_polite_end_saves_everything(number, process_environment, tmp_path):
         child.wait()
     assert child.returncode == 130, complaints
     assert "Traceback" not in complaints
-    assert "the same command goes on where it stopped" in said
+    assert "the same command continues this run" in said
     stopped = mg.load(tmp_path / "x")
     assert 0 < stopped.decision == int(checkpoints(tmp_path / "x")[-1].stem)
 

@@ -3,11 +3,10 @@
 import jax
 import numpy as np
 import pytest
-from motorgrad.training._body_stepper import BodyStepper
 from training_examples import assert_same, learner
 
 from motorgrad.learning import Exponential
-from motorgrad.training import train
+from motorgrad.training import BodyStepper, train
 
 SEEDS, HURT, OTHERS = [5, 2, 9], 1, [0, 2]
 BEFORE = 140  # beyond a block of random numbers
@@ -57,9 +56,9 @@ def test_the_other_seeds_are_the_same_to_the_last_bit(broken):
 
 def test_the_sample_is_dropped(broken):
     _, _, at, well, after = broken
-    for part in ("policy", "baseline", "ascent"):
-        assert_same(rows(getattr(after["cycle"].agent, part), HURT), rows(getattr(at["cycle"].agent, part), HURT))
-    counts = [state["cycle"].agent.baseline.count[HURT] for state in (at, well, after)]
+    for part in (lambda agent: agent.policy, lambda agent: agent.estimator.baseline, lambda agent: agent.chain):
+        assert_same(rows(part(after["cycle"].agent), HURT), rows(part(at["cycle"].agent), HURT))
+    counts = [state["cycle"].agent.estimator.baseline.count[HURT] for state in (at, well, after)]
     assert counts == [BEFORE, BEFORE + 1, BEFORE]
 
 
@@ -74,7 +73,7 @@ def test_the_trace_begins_anew_with_the_first_action_of_the_new_life(broken):
     policy = jax.tree.map(jax.numpy.asarray, cycle.agent.policy)
     wanted = policy.score(cycle.observation, cycle.action)  # an exponential trace is the single score that it has seen
     assert isinstance(hurt.cycle.agent.estimator.trace, Exponential)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.trace, wanted)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.estimator.trace, wanted)
     np.testing.assert_array_equal(after["action"][HURT, :-1], cycle.action)
 
 
@@ -96,7 +95,7 @@ def test_divergences_are_counted(broken):
 
 
 LEARNERS = [
-    {"ascent": "adam"},
+    {"optimizer": "adam"},
     pytest.param({"estimator": "gpomdp", "improve": 50}, marks=pytest.mark.slow),
     pytest.param({"trace": "window"}, marks=pytest.mark.slow),
 ]
@@ -110,8 +109,9 @@ def test_no_kind_of_learner_takes_anything_from_a_broken_decision(changes):
     break_body(stepper, "position")
     stepper.advance(1)
     after = rows(stepper.state["cycle"].agent, HURT)
-    for part in ("policy", "baseline", "gradient", "ascent"):
+    for part in ("policy", "gradient", "chain"):
         assert_same(getattr(after, part), getattr(before, part))
+    assert_same(after.estimator.baseline, before.estimator.baseline)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(stepper.state["cycle"].agent))
 
 
@@ -126,7 +126,7 @@ class Breaking(BodyStepper):
 
 
 def test_the_metrics_of_a_run_tell_of_divergences(monkeypatch):
-    monkeypatch.setattr("motorgrad.training._train.BodyStepper", Breaking)
+    monkeypatch.setattr("motorgrad.training.engines.BodyStepper", Breaking)
     run = train("hopper", steps=60, seeds=SEEDS, window=20, progress=False)
     np.testing.assert_array_equal(run.curve("diverged")[1], [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
     assert np.isfinite(run.curve("reward")[1]).all()

@@ -45,14 +45,14 @@ def test_a_chain_is_cut_and_begins_anew():
         stepper.advance(6)
         within = stepper.state
         assert (within["cycle"].elapsed == 6).all()
-        assert all(np.abs(leaf).max() > 0 for leaf in jax.tree.leaves(within["cycle"].agent.trace))
+        assert all(np.abs(leaf).max() > 0 for leaf in jax.tree.leaves(within["cycle"].agent.estimator.trace))
         stepper.advance(1)
         state = stepper.state
         assert stepper.decision == end
         np.testing.assert_array_equal(state["world"], 0)
         np.testing.assert_array_equal(state["cycle"].elapsed, 0)
         np.testing.assert_array_equal(state["cycle"].observation, np.eye(9)[[0] * len(SEEDS)])
-        for leaf in jax.tree.leaves(state["cycle"].agent.trace):
+        for leaf in jax.tree.leaves(state["cycle"].agent.estimator.trace):
             np.testing.assert_array_equal(leaf, 0)
     np.testing.assert_array_equal(stepper.harvest()["episodes"], 2)
 
@@ -87,7 +87,7 @@ def test_a_task_that_ends_its_episode_begins_anew(limit):
         assert ended[cut].all()
         assert (after["world"][ended] == 0).all()
         assert (after["world"] < 2).all()
-        for leaf in jax.tree.leaves(after["cycle"].agent.trace):
+        for leaf in jax.tree.leaves(after["cycle"].agent.estimator.trace):
             assert (leaf[ended] == 0).all()
             assert (np.abs(leaf[~ended]).max(axis=(1, 2), initial=0) > 0).all()
         longest = max(longest, elapsed.max())
@@ -111,7 +111,7 @@ def test_a_task_that_ends_its_episodes_must_say_so():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"trace": "episodic"}, r"trace = Episodic\(\)"),
+        ({"trace": "episodic"}, r"trace.kind = 'episodic'"),
         ({"improve": "episode"}, "improve = 'episode'"),
         ({"discount": 0.9}, "discount = 0.9"),
     ],
@@ -150,7 +150,7 @@ def test_the_action_after_a_cut_answers_the_fresh_start():
         jax.tree.map(jnp.asarray, cycle.agent.policy), cycle.observation, cycle.action
     )
     # the trace holds the score of that one action
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.trace, score)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.estimator.trace, score)
     np.testing.assert_array_equal(stepper.activation, cycle.action)
 
 

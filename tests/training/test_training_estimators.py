@@ -7,31 +7,27 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad.learning import Agent, Annealed, Features, FisherMetric, Gae, LinearCritic, WeightAverage, sgd
+from motorgrad.learning import SGD, Agent, Annealed, Features, FisherMetric, LinearCritic, PolyakAveraging, gae
 from motorgrad.policies import Softmax
 from motorgrad.tasks import Chain, ThreeState
-from motorgrad.training import RunDirectoryError, evaluate, load, settings_for, stepper_of, train
+from motorgrad.training import RunDirectoryError, agent_for, evaluate, load, stepper_for, train
 
 EVERYTHING = {
-    "critic": "least-squares",
-    "critic_discount": 0.97,
-    "critic_squares": True,
-    "critic_actions": True,
-    "critic_interval": 30,
     "decay": 0.873,
     "improve": 40,
-    "rate": 1.0,
-    "metric": "fisher",
-    "metric_rate": 0.01,
-    "metric_kl": 0.03,
-    "metric_kl_end": 0.0,
-    "metric_kl_steps": 50,
-    "entropy": 0.02,
-    "entropy_end": 0.0,
-    "entropy_steps": 50,
-    "average": True,
-    "average_start": 3,
+    "learning_rate": 1.0,
+    "metric": {"kind": "fisher", "rate": 0.01, "kl": {"kind": "annealed", "start": 0.03, "end": 0.0, "steps": 50}},
+    "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": 50},
+    "averaging": {"kind": "polyak", "start": 3},
 }
+FITS = {"least-squares": {"kind": "least-squares", "interval": 30}, "td": {"kind": "td"}}
+
+
+def critic_baseline(fit):
+    features = {"squares": True, "actions": True}
+    return {"kind": "critic", "discount": 0.97, "decay": 0.9, "features": features, "fit": FITS[fit]}
+
+
 TASKS = {"world": ("three-state", 1_000), "episodes": (Chain(length=4, time_limit=7), 1_000), "body": ("hopper", 130)}
 
 
@@ -44,10 +40,10 @@ def equal(a, b):
 @pytest.mark.parametrize("name", TASKS)
 def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
     task, steps = TASKS[name]
-    settings = settings_for(task, **{**EVERYTHING, "critic": critic})
-    whole = train(task, settings, steps=steps, seeds=2)
-    train(task, settings, steps=steps // 3 + 1, seeds=2, out=tmp_path / "run")
-    parted = train(task, settings, steps=steps, seeds=2, out=tmp_path / "run")
+    changes = {**EVERYTHING, "baseline": critic_baseline(critic)}
+    whole = train(task, changes, steps=steps, seeds=2)
+    train(task, changes, steps=steps // 3 + 1, seeds=2, out=tmp_path / "run")
+    parted = train(task, changes, steps=steps, seeds=2, out=tmp_path / "run")
     equal(parted.policies, whole.policies)
     equal(parted.gradient, whole.gradient)
     equal(load(tmp_path / "run").policies, whole.policies)
@@ -57,12 +53,12 @@ def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
 
 
 def test_a_run_gives_the_averaged_policies_away_and_evaluates_them(tmp_path):
-    settings = settings_for("three-state", average=True, average_start=10)
-    run = train("three-state", settings, steps=2_000, seeds=2, out=tmp_path / "run")
-    last = train("three-state", settings_for("three-state"), steps=2_000, seeds=2)
+    agent = agent_for("three-state", averaging={"kind": "polyak", "start": 10})
+    run = train("three-state", agent, steps=2_000, seeds=2, out=tmp_path / "run")
+    last = train("three-state", None, steps=2_000, seeds=2)
     assert np.abs(run.policies.weights - last.policies.weights).max() > 1e-3
     equal(load(tmp_path / "run").policies, run.policies)
-    stepper = stepper_of(ThreeState(), settings.agent(ThreeState()), run.seeds)
+    stepper = stepper_for(ThreeState(), agent, run.seeds)
     stepper.advance(2_000)
     equal(stepper.policies(), run.policies)
     equal(stepper.state["cycle"].agent.policy, last.policies)
@@ -74,16 +70,16 @@ PARTS = {
     "fit": {"critic": LinearCritic(Features(), 0.9, 0.5)},
     "limit": {"metric": FisherMetric(kl=Annealed(0.1, 0.0, 5))},
     "entropy": {"entropy": 0.1},
-    "average": {"average": WeightAverage(3)},
+    "averaging": {"averaging": PolyakAveraging(3)},
 }
 
 
-def made(critic=None, metric=None, entropy=0.0, average=None):
-    estimator = dataclasses.replace(Gae(critic or LinearCritic(Features(), 0.9), 0.9, 20), entropy=entropy)
-    return Agent(Softmax(np.zeros((2, 2))), estimator, sgd(0.1), metric or FisherMetric(), average=average)
+def made(critic=None, metric=None, entropy=None, averaging=None):
+    estimator = dataclasses.replace(gae(critic or LinearCritic(Features(), 0.9), 0.9, 20), entropy=entropy)
+    return Agent(Softmax(np.zeros((2, 2))), estimator, SGD(0.1), metric or FisherMetric(), averaging=averaging)
 
 
-@pytest.mark.representatives("limit", "average")
+@pytest.mark.representatives("limit", "averaging")
 @pytest.mark.parametrize("part", PARTS)
 def test_a_run_is_not_resumed_by_another_learner(part, tmp_path):
     train(ThreeState(), made(), steps=50, seeds=1, out=tmp_path)
@@ -93,16 +89,21 @@ def test_a_run_is_not_resumed_by_another_learner(part, tmp_path):
 
 
 def test_the_records_have_the_mean_reward_in_place_of_the_baseline():
-    run = mg.train("three-state", settings_for("three-state", critic="td", improve=10), steps=3_000, seeds=2)
+    run = mg.train(
+        "three-state",
+        {"baseline": {"kind": "critic", "features": {}, "fit": "td"}, "improve": 10},
+        steps=3_000,
+        seeds=2,
+    )
     last = run.metrics["baseline"].to_numpy()[-2:]
     assert ((last > 0) & (last < 1)).all()
 
 
-def test_learners_that_use_none_of_it_are_described_as_before(tmp_path):
-    from motorgrad.training._directory import RunDirectory
+def test_parts_that_a_learner_lacks_are_described_as_none(tmp_path):
+    from motorgrad.training.store._directory import RunDirectory
 
-    train("three-state", settings_for("three-state", metric="fisher"), steps=50, seeds=1, out=tmp_path)
+    train("three-state", {"metric": "fisher"}, steps=50, seeds=1, out=tmp_path)
     learner = RunDirectory(tmp_path).learner()
-    assert set(learner) == {"policy", "estimator", "ascent", "metric", "initial"}
-    assert set(learner["estimator"]) == {"trace", "baseline", "improve", "batch"}
-    assert set(learner["metric"]) == {"kind", "rate", "damping", "initial"}
+    assert {learner[part] for part in ("growth", "averaging")} == {"none"}
+    assert {learner["estimator"][part] for part in ("discount", "normalization", "entropy")} == {"none"}
+    assert learner["metric"]["kl"] == "none"

@@ -8,24 +8,25 @@ from training_examples import assert_differ, assert_same, assert_same_run, colum
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.learning import Agent, Clock, Growth, Olgarb, Plateau, Visited, sgd
+from motorgrad.learning import SGD, Agent, Clock, Growth, Plateau, Visited, olgarb
 from motorgrad.policies import growing
-from motorgrad.training import AgentSettings, settings_for
+from motorgrad.training import agent_for
 
 TASK = mg.make("linear-recruitment", units=6)
-QUICK = {"policy": "growing", "growth_shrink": 0.9, "rates": {"centre": 1e-2, "log_width": 1e-2}, "metric": "euclidean"}
+QUICK = {
+    "policy": "growing",
+    "growth.shrink": 0.9,
+    "learning_rate": {"centre": 1e-2, "log_width": 1e-2},
+    "metric": None,
+}
 RULES = {
-    "clock": {**QUICK, "growth": "clock", "growth_interval": 40},
-    "plateau": {**QUICK, "growth": "plateau", "growth_window": 60, "growth_placement": "visited"},
+    "clock": {**QUICK, "growth": "clock", "growth.criterion.interval": 40},
+    "plateau": {**QUICK, "growth": "plateau", "growth.criterion.window": 60, "growth.placement": "visited"},
 }
 
 
-def settings(rule, **changes):
-    return settings_for(TASK, **{**RULES[rule], **changes})
-
-
 def go(rule, out=None, steps=240, seeds=(3, 0, 8), **options):
-    return mg.train(TASK, settings(rule), steps, list(seeds), out, window=20, progress=False, **options)
+    return mg.train(TASK, RULES[rule], steps, list(seeds), out, window=20, progress=False, **options)
 
 
 SOME = [pytest.param(rule, marks=() if rule == "clock" else pytest.mark.slow) for rule in RULES]
@@ -64,7 +65,7 @@ def test_the_metrics_say_how_many_units_there_are():
 
 
 def go_plain():
-    return mg.train(TASK, settings_for(TASK), 20, 1, window=20, progress=False)
+    return mg.train(TASK, None, 20, 1, window=20, progress=False)
 
 
 @pytest.mark.slow
@@ -78,22 +79,22 @@ def test_one_chunk_or_many_are_the_same():
 
 def test_it_grows_on_a_body():
     task = mg.make("hopper")
-    hop = settings_for(task, **RULES["clock"])
-    run = mg.train(task, hop, 45, 2, window=15, progress=False)
+    run = mg.train(task, RULES["clock"], 45, 2, window=15, progress=False)
     np.testing.assert_array_equal(columns(run.metrics)["units"].reshape(-1, 2), [[1, 1], [1, 1], [2, 2]])
 
 
 def test_settings_make_the_schedule():
-    agent = settings("plateau", growth_patience=2, growth_confidence=0.9, growth_units=4, growth_boost=3.0).agent(TASK)
+    rule = {"growth.criterion.patience": 2, "growth.criterion.confidence": 0.9, "growth.units": 4, "growth.boost": 3.0}
+    agent = agent_for(TASK, {**RULES["plateau"], **rule})
     wanted = Growth(Plateau(60, 0.9, 2), 4, 0.5, Visited(), shrink=0.9, boost=3.0)
     assert agent.growth == wanted
-    assert settings("clock").agent(TASK).growth == Growth(Clock(40), shrink=0.9)
-    assert settings_for(TASK).agent(TASK).growth is None
+    assert agent_for(TASK, RULES["clock"]).growth == Growth(Clock(40), shrink=0.9)
+    assert agent_for(TASK).growth is None
 
 
 def test_a_schedule_belongs_to_what_identifies_a_run(tmp_path):
     def agent(interval):
-        return Agent(growing(TASK), Olgarb(0.5), sgd(1e-2), growth=Growth(Clock(interval), shrink=0.9))
+        return Agent(growing(TASK), olgarb(0.5), SGD(1e-2), growth=Growth(Clock(interval), shrink=0.9))
 
     mg.train(TASK, agent(40), 20, 1, tmp_path, progress=False)
     with pytest.raises(mg.training.RunDirectoryError, match=r"growth\.criterion\.interval was 40 and is now 50"):
@@ -111,28 +112,34 @@ def test_a_grown_run_is_taken_up_with_the_units_it_has():
 @pytest.mark.parametrize(
     ("changes", "names"),
     [
-        ({"growth": "clock"}, "policy = 'hyperplanes': must be 'growing' where growth = 'clock'"),
-        ({"policy": "growing"}, "growth = 'none': must be 'clock' or 'plateau' where policy = 'growing'"),
+        ({"growth": "clock"}, "'Motoneurons': must be a Masked pool"),
+        ({"policy": "growing", "growth": None}, "agent.growth = None: must be set, such as 'clock', for the policy"),
         ({**QUICK, "growth": "clok"}, "growth 'clok': did you mean 'clock'"),
-        ({**RULES["clock"], "growth_interval": 10}, "growth_interval = 10: must be at least the 19 decisions"),
-        ({**RULES["clock"], "growth_width": 0.0}, "growth_width = 0.0: must be positive"),
-        ({**RULES["clock"], "growth_cutoff": -1.0}, "growth_cutoff = -1.0: must be positive"),
-        ({**RULES["clock"], "growth_units": 0}, "growth_units = 0: must be at least 1"),
-        ({**RULES["plateau"], "growth_window": 5}, "growth_window = 5: must be at least 40 decisions"),
-        ({**RULES["clock"], "improve": "never"}, "growth = 'clock': must be 'none' where parameters never move"),
+        (
+            {**RULES["clock"], "growth.criterion.interval": 10},
+            "growth.criterion.interval = 10: must be at least the 19",
+        ),
+        ({**RULES["clock"], "growth.width": 0.0}, "growth.width = 0.0: must be positive"),
+        ({**RULES["clock"], "growth.cutoff": -1.0}, "growth.cutoff = -1.0: must be positive"),
+        ({**RULES["clock"], "growth.units": 0}, "growth.units = 0: must be a whole number of at least 1"),
+        (
+            {**RULES["plateau"], "growth.criterion.window": 5},
+            "growth.criterion.window = 5: must be a whole number from 40",
+        ),
+        ({**RULES["clock"], "improve": "never"}, "must be None where parameters never move"),
     ],
 )
 def test_impossible_schedules_are_refused_by_the_settings_names(changes, names):
     with pytest.raises(ValueError) as error:  # noqa: PT011
-        AgentSettings(**changes)
+        agent_for(TASK, changes)
     assert names in str(error.value)
 
 
 def test_a_pool_smaller_than_the_schedule_needs_is_refused_in_one_line_at_the_command_line(capsys):
-    asked = ["--agent.policy", "growing", "--agent.growth", "clock", "--task.units", "6", "--agent.growth-units", "7"]
+    asked = ["--agent.policy", "growing", "--agent.growth", "clock", "--task.units", "6", "--agent.growth.units", "7"]
     assert main(["train", "linear-recruitment", "--check", *asked]) == 2
     said = capsys.readouterr().err
-    assert said.strip() == "motorgrad train: growth_units = 7: must be at most the policy's units, 6"
+    assert said.strip() == "motorgrad train: growth.units = 7: must be at most the pool's, 6"
 
 
 def test_a_growing_hierarchy_is_refused():

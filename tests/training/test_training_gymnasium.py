@@ -16,9 +16,9 @@ from training_examples import assert_differ, assert_same, checkpoints, final_sta
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.learning import Agent, Estimator, Exponential, NoBaseline, Olgarb, sgd
+from motorgrad.learning import SGD, Agent, Estimator, Exponential, olgarb
 from motorgrad.tasks import from_gymnasium
-from motorgrad.training import HostStepper, RunDirectoryError, RunWarning, stepper_of
+from motorgrad.training import HostStepper, RunDirectoryError, RunWarning, stepper_for
 
 SEEDS = [3, 0, 11]
 
@@ -132,7 +132,7 @@ def test_the_actions_of_the_learner_are_those_of_the_environment():
 
 def test_the_engine_is_the_hosts_and_another_seed_changes_nothing_of_an_environment():
     task = from_gymnasium("CartPole-v1")
-    few, many = (stepper_of(task, Agent(mg.policies.softmax(task), Olgarb(0.9), sgd(0.0)), s) for s in ([3], [0, 3]))
+    few, many = (stepper_for(task, Agent(mg.policies.softmax(task), olgarb(0.9), SGD(0.0)), s) for s in ([3], [0, 3]))
     assert type(few) is HostStepper
     for stepper in (few, many):
         stepper.advance(100)
@@ -238,7 +238,7 @@ def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(re
     assert mg.load(tmp_path, task).decision == 50
     assert_same(mg.train(task, steps=50, **settings).policies, run.policies)  # given back, without a warning
     before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*") if file.suffix in (".toml", ".state")}
-    with pytest.raises(RunDirectoryError, match=f"stopped after 50 decisions, which cannot go on: {told}; choose"):
+    with pytest.raises(RunDirectoryError, match=f"stopped after 50 decisions, which cannot be resumed: {told}; choose"):
         mg.train(task, steps=90, **settings)
     assert {file: file.stat().st_mtime_ns for file in before} == before
     mg.train(task, steps=50, seeds=1, progress=False)  # in memory nothing is to be said
@@ -285,7 +285,7 @@ def test_every_kind_of_actions_is_learnt_with(register, action, code, policy):
     if isinstance(action, spaces.Discrete | spaces.MultiDiscrete):
         best = np.ravel(action.start) + np.ravel(action.nvec if hasattr(action, "nvec") else action.n) - 1
     task = from_gymnasium(register(lambda: Paying(cut=10)), code=code)
-    agent = Agent(mg.policies.initial(policy, task), Olgarb(0.0), sgd(0.1))
+    agent = Agent(mg.policies.initial(policy, task), olgarb(0.0), SGD(0.1))
     run = mg.train(task, agent, steps=1_500, seeds=3, progress=False)
     before, after = (mg.evaluate(run, 300, untrained=untrained).reward for untrained in (True, False))
     assert (before < 0.6).all()
@@ -303,7 +303,7 @@ def evaluated(task, agent, steps, seeds, decisions):
 
 def test_cart_pole_is_learnt_quickly():
     task = from_gymnasium("CartPole-v1", end_reward=-20.0)
-    agent = Agent(mg.policies.softmax(task), Olgarb(0.95), sgd(0.01))
+    agent = Agent(mg.policies.softmax(task), olgarb(0.95), SGD(0.01))
     before, after = evaluated(task, agent, 8_000, 4, 1_000)
     assert (before < 40).all()
     assert np.median(after) > 3 * np.median(before)
@@ -313,8 +313,8 @@ def test_cart_pole_is_learnt_quickly():
 @pytest.mark.slow
 def test_cart_pole_is_learnt_from_its_own_rewards_alone():
     task = from_gymnasium("CartPole-v1")
-    estimator = Estimator(Exponential(0.99), NoBaseline(), improve=500)
-    agent = Agent(mg.policies.softmax(task), estimator, mg.learning.adam(0.1))
+    estimator = Estimator(Exponential(0.99), None, improve=500)
+    agent = Agent(mg.policies.softmax(task), estimator, mg.learning.Adam(0.1))
     before, after = evaluated(task, agent, 10_000, 4, 1_000)
     assert np.median(after) > 2 * np.median(before)
 
@@ -332,7 +332,7 @@ def test_a_goal_that_chance_seldom_finds_is_learnt(name):
     settings = dict(SLOW[name])
     rate, bar = settings.pop("rate"), settings.pop("bar")
     task = from_gymnasium(**settings, scaling="running", end_reward=100.0)
-    agent = Agent(mg.policies.softmax(task), Olgarb(0.95), sgd(rate))
+    agent = Agent(mg.policies.softmax(task), olgarb(0.95), SGD(rate))
     before, after = evaluated(task, agent, 25_000, 4, 1_500)
     assert (before < 2 * bar).all()
     assert np.median(after) > bar

@@ -1,4 +1,4 @@
-"""Indexed learners in training: resumed bit for bit, each seed by its own, read as others are, and refused by name."""
+"""Sparse learners in training: resumed bit for bit, each seed by its own, read as others are, and refused by name."""
 
 import dataclasses
 
@@ -8,23 +8,21 @@ import pytest
 from training_examples import assert_differ, assert_same, assert_same_run, columns
 
 import motorgrad as mg
-from motorgrad.learning import IndexedAgent, Olgarb, SpatialIndex, sgd
+from motorgrad.learning import SGD, SparseAgent, SpatialIndex, olgarb
 from motorgrad.policies import LocalGaussians, tiles
-from motorgrad.training import AgentSettings, evaluate, settings_for
-from motorgrad.training._train import stepper_of
+from motorgrad.training import agent_for, evaluate, stepper_for
 
 TASK = mg.make("particle", units=128)
-SETTINGS = {
-    "policy_settings": {"copies": 2, "width": 0.08},
-    "rates": {"centre": 1e-3, "log_width": 4e-3},
-    "index": True,
-    "index_neglect": 0.01,
+CHANGES = {
+    "kind": "sparse",
+    "policy.width": 0.08,
+    "learning_rate": {"centre": 1e-3, "log_width": 4e-3},
+    "index.neglect": 0.01,
 }
 
 
 def go(out=None, steps=1500, seeds=(3, 0, 8), **options):
-    settings = settings_for(TASK, **SETTINGS)
-    return mg.train(TASK, settings, steps, list(seeds), out, window=100, progress=False, **options)
+    return mg.train(TASK, CHANGES, steps, list(seeds), out, window=100, progress=False, **options)
 
 
 def tables(stepper):
@@ -40,7 +38,7 @@ def tables(stepper):
 
 
 def engine(steps_at_a_time, steps=900, seeds=(3, 0, 8)):
-    stepper = stepper_of(TASK, settings_for(TASK, **SETTINGS).agent(TASK), seeds)
+    stepper = stepper_for(TASK, agent_for(TASK, CHANGES), seeds)
     made = tables(stepper)
     while stepper.decision < steps:
         stepper.advance(min(steps_at_a_time, steps - stepper.decision))
@@ -91,7 +89,7 @@ def test_a_run_is_read_as_any_other(tmp_path):
     assert isinstance(run.policy(3), LocalGaussians)
     judged = evaluate(mg.load(run.path), 200)
     np.testing.assert_array_equal(judged.reward, evaluate(run, 200).reward)
-    again = mg.train(TASK, settings_for(TASK, **SETTINGS), 300, [3, 0, 8], initial=run.policies, progress=False)
+    again = mg.train(TASK, CHANGES, 300, [3, 0, 8], initial=run.policies, progress=False)
     for mine, yours in zip(jax.tree.leaves(again.initial), jax.tree.leaves(run.policies), strict=True):
         np.testing.assert_array_equal(mine, yours)
 
@@ -110,15 +108,15 @@ def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
     task, start = mg.make("particle", units=64), tiles(2, 64, copies=2, width=0.01)
     wide = dataclasses.replace(start, log_width=start.log_width + 1.2)
     index = SpatialIndex(cells=4)
-    agent = IndexedAgent(start, Olgarb(0.9), sgd(0.0), index=index)
-    stepper = stepper_of(task, agent, [0, 1])
+    agent = SparseAgent(start, olgarb(0.9), SGD(0.0), index=index)
+    stepper = stepper_for(task, agent, [0, 1])
     stepper.advance(100)
     room = stepper._carry[0].agent.index.table.shape[-1]
     grown = jax.tree.map(lambda narrow, broad: np.stack([narrow, broad]), start, wide)
     stepper.use(grown)
     stepper.advance(100)
     assert stepper._carry[0].agent.index.table.shape[-1] > room
-    alone = stepper_of(task, agent, [0])
+    alone = stepper_for(task, agent, [0])
     alone.advance(200)
     for mine, own in zip(*(jax.tree.leaves(each.state["world"]) for each in (stepper, alone)), strict=True):
         np.testing.assert_allclose(mine[0], own[0], rtol=1e-5)
@@ -126,7 +124,7 @@ def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
 
 @pytest.mark.slow
 def test_what_is_neglected_is_so_in_training_too():
-    stepper = stepper_of(TASK, settings_for(TASK, **SETTINGS).agent(TASK), [4, 5])
+    stepper = stepper_for(TASK, agent_for(TASK, CHANGES), [4, 5])
     worst = 0.0
     for _ in range(600):
         stepper.advance(1)
@@ -143,29 +141,30 @@ def test_what_is_neglected_is_so_in_training_too():
     assert 0.0002 < worst <= 0.01 * (1 + 1e-4)
 
 
-def test_settings_make_an_indexed_learner():
-    agent = settings_for(TASK, **SETTINGS).agent(TASK)
-    assert isinstance(agent, IndexedAgent)
+def test_settings_make_a_sparse_learner():
+    agent = agent_for(TASK, CHANGES)
+    assert isinstance(agent, SparseAgent)
     assert agent.index == SpatialIndex(0.01)
-    assert not isinstance(settings_for(TASK).agent(TASK), IndexedAgent)
+    assert not isinstance(agent_for(TASK), SparseAgent)
 
 
 @pytest.mark.parametrize(
     ("task", "changes", "said"),
     [
-        ("particle", {"index_neglect": 2.0}, "index_neglect = 2.0: must be in"),
-        ("particle", {"index_margin": -1.0}, "index_margin = -1.0: must be positive"),
-        ("particle", {"policy": "hyperplanes", "policy_settings": None, "rates": None}, "policy = 'Hyperplanes'"),
-        ("particle", {"trace": "window"}, "trace = Window"),
-        ("particle", {"ascent": "adam"}, "ascent = adam"),
-        ("particle", {"metric": "fisher"}, "metric = FisherMetric"),
-        ("hopper", {"policy": "gaussians", "rates": None}, "task = 'hopper': must be a task in a JAX world"),
+        ("particle", {"index.neglect": 2.0}, "agent.index.neglect = 2.0: must be in"),
+        ("particle", {"index.margin": -1.0}, "agent.index.margin = -1.0: must be"),
+        ("particle", {"policy": "hyperplanes", "learning_rate": 1e-3}, "policy = 'Hyperplanes'"),
+        ("particle", {"trace": "window"}, "agent.estimator.trace = Window"),
+        ("particle", {"optimizer": "adam"}, "agent.optimizer = Adam"),
+        ("particle", {"metric": "fisher"}, "agent.metric = FisherMetric"),
+        ("hopper", {"policy": "gaussians", "learning_rate": 1e-3}, "task = 'hopper': must be a task in a JAX world"),
     ],
 )
 def test_what_cannot_be_indexed_is_refused_before_any_work(task, changes, said):
     with pytest.raises(ValueError, match=said):
-        mg.train(task, settings_for(task, index=True, **changes), 10, progress=False)
+        mg.train(task, {"kind": "sparse", **changes}, 10, progress=False)
 
 
-def test_numbers_of_an_index_are_looked_at_only_where_there_is_one():
-    assert AgentSettings(index_neglect=2.0).look_up() is None
+def test_a_plain_learner_has_no_index_to_change():
+    with pytest.raises(ValueError, match=r"unknown setting of agent 'index'"):
+        agent_for(TASK, {"index.neglect": 0.01})

@@ -14,7 +14,7 @@ from training_examples import assert_differ, assert_same, assert_same_run, colum
 import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.policies import Hyperplanes, Motoneurons, Softmax, grow
-from motorgrad.training import RunDirectoryError, fingerprint, given_initial, settings_for
+from motorgrad.training import RunDirectoryError, agent_for, fingerprint, given_initial
 
 TASK = mg.make("linear-recruitment", units=3)
 SEEDS = [4, 1]
@@ -35,7 +35,7 @@ GIVEN = stack(pools()[1])
 
 
 def go(initial=GIVEN, out=None, steps=60, agent=None, task=TASK, window=20, seeds=SEEDS, **options):
-    agent = settings_for(task, rate=0.01) if agent is None else agent
+    agent = agent_for(task, learning_rate=0.01) if agent is None else agent
     return mg.train(
         task, agent, steps, seeds, out, window=window, progress=False, threads=1, initial=initial, **options
     )
@@ -54,14 +54,14 @@ def test_each_seed_begins_from_its_own_policy():
 
 
 def _parts():
-    settings = settings_for(TASK, rate=0.01)
-    return settings.estimate(), settings.rule()
+    agent = agent_for(TASK, learning_rate=0.01)
+    return agent.estimator, agent.optimizer
 
 
 @pytest.mark.slow
 def test_the_agents_own_beginnings_given_back_to_it_change_nothing(tmp_path):
     for task, name in ((TASK, "world"), (mg.make("hopper"), "body")):
-        agent = settings_for(task)
+        agent = agent_for(task)
         first = go(None, tmp_path / name, task=task, agent=agent)
         again = go(first.initial, task=task, agent=agent)
         assert_same(columns(again.metrics), columns(first.metrics))
@@ -83,7 +83,7 @@ def test_bodies_begin_from_what_they_are_given_too():
 def test_a_rule_that_keeps_the_parameters_begins_from_the_given_ones():
     rule = optax.chain(optax.sgd(0.01), _distance_from_start())
     start = pools()[0]
-    run = go(agent=mg.Agent(start, settings_for(TASK).estimate(), rule), steps=1)
+    run = go(agent=mg.Agent(start, agent_for(TASK).estimator, rule), steps=1)
     # the rule pulls to where it began; had it begun elsewhere, one step would lead far away
     np.testing.assert_allclose(run.policies.threshold, GIVEN.threshold, atol=0.2)
 
@@ -100,8 +100,7 @@ def _distance_from_start():
 
 
 def test_the_metric_of_the_natural_gradient_begins_as_ever():
-    settings = settings_for(TASK, metric="fisher", damping=0.1)
-    run = go(agent=settings)
+    run = go(agent=agent_for(TASK, metric="fisher", damping=0.1))
     assert np.isfinite(columns(run.metrics)["parameters"]).all()
     assert_differ(run.policies, go().policies)
 
@@ -135,7 +134,7 @@ def test_the_command_line_goes_on_with_such_a_run(tmp_path, capsys):
     capsys.readouterr()
     assert main(["train", "--config", str(tmp_path / "run" / "config.toml"), "--out", str(tmp_path / "other")]) == 2
     said = capsys.readouterr().err
-    assert "run.initial: this run began from policies that it was given" in said
+    assert "run.initial: this run started from given policies" in said
     assert len(said.strip().splitlines()) == 1
     assert not (tmp_path / "other").exists()
 

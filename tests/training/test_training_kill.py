@@ -12,7 +12,7 @@ from training_examples import assert_same_run, checkpoints, final_state
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.training import RunDirectoryError, settings_for
+from motorgrad.training import RunDirectoryError
 
 RUNS = {
     # the windows fit no block of random numbers, and are longer than the slices of work between two checkpoints
@@ -22,27 +22,23 @@ RUNS = {
 }
 LEARNERS = {
     "natural": {
-        "metric": "fisher",
-        "metric_rate": 3e-4,
-        "dampings": {"threshold": 0.05, "gain": 1e-6},
-        "baseline": "binned",
-        "baseline_rate": 0.02,
-        "advantages": "normalised",
+        "metric": {"kind": "fisher", "rate": 3e-4},
+        "damping": {"threshold": 0.05, "gain": 1e-6},
+        "baseline": {"kind": "binned", "rate": 0.02},
+        "normalization": "root-mean-square",
     }
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
 CHILD = """
 import json, sys, motorgrad as mg
-from motorgrad.training import settings_for
 given, learner = map(json.loads, sys.argv[1:])
-mg.train(agent=settings_for(given["task"], **learner), **given, progress=False)
+mg.train(agent=learner, **given, progress=False)
 """
 
 
 def train(name, out, **changes):
-    learner = settings_for(RUNS[name]["task"], **LEARNERS.get(name, {}))
-    return mg.train(agent=learner, **{**RUNS[name], **changes}, out=out, progress=False)
+    return mg.train(agent=LEARNERS.get(name, {}), **{**RUNS[name], **changes}, out=out, progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +164,7 @@ def test_ctrl_c_saves_everything_and_the_same_command_goes_on(name, undisturbed,
         child.wait()
     assert child.returncode == 130
     assert "Traceback" not in complaints
-    assert "the same command goes on where it stopped" in said
+    assert "the same command continues this run" in said
     stopped = mg.load(tmp_path)
     assert not stopped.complete
     assert stopped.decision >= run["steps"] // 10
@@ -188,6 +184,6 @@ def test_a_directory_in_use_is_refused_and_can_be_read(begin, tmp_path, capsys):
     child.kill()
     child.wait()
     # a dead process holds nothing; but what it was to make is more than is asked for now
-    with pytest.raises(RunDirectoryError, match=r"of which [\d,]+ are made; 1 were asked for now"):
+    with pytest.raises(RunDirectoryError, match=r"of which [\d,]+ are made, but steps = 1:"):
         train("three-state", tmp_path, steps=1)
     assert reached(tmp_path) == final_state(tmp_path)["decision"] > 1

@@ -7,11 +7,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from matplotlib.axes import Axes
-from motorgrad.training._plot_curves import trailing_mean
-from motorgrad.training._plot_labels import folders_of, labels_of
 
 import motorgrad as mg
 from motorgrad.training import Run, learning_curves
+from motorgrad.training.plots._plot_curves import trailing_mean
+from motorgrad.training.plots._plot_labels import folders_of, labels_of
 
 TRAINED = {
     "chain": {"task": "chain", "steps": 60, "seeds": 5, "window": 10},
@@ -242,11 +242,11 @@ def test_runs_of_two_tasks_are_called_by_the_task(trained):
 def test_learners_are_called_by_the_kind_of_their_parts():
     task = mg.make("chain")
     runs = [
-        mg.train(task, mg.training.settings_for(task, **changes).agent(task), 10, window=10, progress=False)
-        for changes in ({"baseline": "mean"}, {"baseline": "fixed-step", "baseline_rate": 0.1}, {"decay": 0.3})
+        mg.train(task, changes, 10, window=10, progress=False)
+        for changes in ({"baseline": "mean"}, {"baseline": {"kind": "fixed-step", "rate": 0.1}}, {"decay": 0.3})
     ]
     own = runs[0].config["agent"]["estimator"]["trace"]["decay"]
-    assert labels(*runs) == [f"decay {own}, MeanReward", f"decay {own}, FixedStep", "decay 0.3, MeanReward"]
+    assert labels(*runs) == [f"decay {own}, mean", f"decay {own}, fixed-step", "decay 0.3, mean"]
 
 
 @pytest.mark.parametrize(

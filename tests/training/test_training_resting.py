@@ -1,33 +1,34 @@
 """Decisions that nothing periodic follows: skipping what has nothing to do changes nothing that is learnt."""
 
+import copy
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from motorgrad.training._packing import LARGE, Packing
 from training_examples import assert_differ, assert_same
 
 from motorgrad._compiler import in_one_piece
 from motorgrad.learning import (
     NEVER,
+    SGD,
     Agent,
     Annealed,
     Estimator,
     Features,
     FisherMetric,
-    Gae,
     Growth,
     LeastSquares,
     LinearCritic,
+    PolyakAveraging,
     TemporalDifference,
-    WeightAverage,
-    sgd,
+    gae,
 )
 from motorgrad.policies import Hyperplanes, hyperplanes
 from motorgrad.tasks import Hopper
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
+from motorgrad.training.engines._packing import LARGE, Packing
 
 IMPROVE, INTERVAL = 20, 15
 CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, interval=INTERVAL))
@@ -35,30 +36,32 @@ CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, inter
 
 def agent(task, improve=IMPROVE):
     metric = FisherMetric(0.01, kl=Annealed(0.1, 0.01, 5))
-    return Agent(hyperplanes(task), Gae(CRITIC, 0.9, improve), sgd(1.0), metric, average=WeightAverage(2))
+    return Agent(hyperplanes(task), gae(CRITIC, 0.9, improve), SGD(1.0), metric, averaging=PolyakAveraging(2))
 
 
 def stepper(complete=False, mode: Any = "learn"):
-    """An engine of two hoppers; `complete`, one that settles every decision with everything that might follow."""
-    found: Any = stepper_of(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
+    """An engine of two hoppers; `complete`, one that does after every decision everything that might be due."""
+    found: Any = stepper_for(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
     if complete:
-        found._call = found._call._replace(settle_resting=found._call.settle)
+        found.program = copy.copy(found.program)  # engines share it
+        found.program.learn_resting = found.program.learn
     return found
 
 
 def watched(found):
-    """For every decision, whether it was settled resting."""
+    """For every decision, whether it was learnt from resting."""
     seen = []
 
-    def watch(settle, rested):
+    def watch(learn, rested):
         def call(*told):
             seen.append(rested)
-            return settle(*told)
+            return learn(*told)
 
         return call
 
-    resting, complete = watch(found._call.settle_resting, True), watch(found._call.settle, False)
-    found._call = found._call._replace(settle_resting=resting, settle=complete)
+    found.program = copy.copy(found.program)  # engines share it
+    found.program.learn_resting = watch(found.program.learn_resting, True)
+    found.program.learn = watch(found.program.learn, False)
     return seen
 
 
@@ -112,9 +115,9 @@ def test_frozen_policies_always_rest():
 
 def test_the_rest_is_up_to_the_nearest_that_is_due():
     y, policy = jnp.array([0.5, -0.2]), Hyperplanes(np.zeros((3, 2)), np.zeros(3))
-    learner = Agent(policy, Gae(CRITIC, 0.9, IMPROVE), sgd(1.0), FisherMetric())
+    learner = Agent(policy, gae(CRITIC, 0.9, IMPROVE), SGD(1.0), FisherMetric())
     state = learner.init(jax.random.key(0))
-    rests, improve = [], jax.jit(learner.improve)
+    rests, improve = [], jax.jit(lambda state: learner.improve(state))
 
     @jax.jit
     def live(state):
@@ -139,8 +142,8 @@ def test_the_rest_is_up_to_the_nearest_that_is_due():
         (Estimator(improve="episode"), False, 0),
         (Estimator(improve=5), True, 4),
         (Estimator(improve="never"), True, NEVER),
-        (Gae(LinearCritic(fit=TemporalDifference()), improve=9), True, 8),
-        (Gae(LinearCritic(fit=LeastSquares(interval=1)), improve=9), True, 0),
+        (gae(LinearCritic(fit=TemporalDifference()), improve=9), True, 8),
+        (gae(LinearCritic(fit=LeastSquares(interval=1)), improve=9), True, 0),
     ],
 )
 def test_who_rests_and_for_how_long(learner, rests, rest):

@@ -14,7 +14,7 @@ from training_examples import TASK_NAMES, assert_same, assert_same_run, checkpoi
 
 import motorgrad as mg
 from motorgrad.tasks import TASKS
-from motorgrad.training import RunDirectoryError, settings_for
+from motorgrad.training import RunDirectoryError, agent_for
 
 FINITE = "three-state"
 
@@ -123,7 +123,7 @@ def test_checkpoints_change_nothing(every, made, tmp_path):
 def test_a_task_by_name_learns_with_its_own_learner():
     run = mg.train(FINITE, steps=10, progress=False)
     assert run.seeds == [0]
-    assert run.config["agent"]["decay"] == 0.8
+    assert run.config["agent"]["estimator"]["trace"]["decay"] == 0.8
 
 
 def test_a_finished_run_is_given_back(made, tmp_path):
@@ -162,11 +162,11 @@ def test_an_unfinished_window_has_a_record_that_goes_with_more_steps(tmp_path):
 
 LEARNERS = {
     "a batch": {"estimator": "gpomdp", "improve": 32},
-    "a window": {"trace": "window", "length": 5},
-    "a lag": {"trace": "lagged-gaussian", "lag": 2.0},
+    "a window": {"trace": {"kind": "window", "length": 5}},
+    "a lag": {"trace": {"kind": "lagged-gaussian", "lag": 2.0}},
     "a discount": {"discount": 0.99, "trace": "episodic", "improve": "episode"},
     "a fixed step": {"baseline": "fixed-step"},
-    "adam": {"ascent": "adam"},
+    "adam": {"optimizer": "adam"},
 }
 
 
@@ -181,7 +181,7 @@ def test_every_kind_of_learner_goes_on_exactly(kind, tmp_path):
     task = mg.make("chain", length=3, time_limit=9)
     for name, legs in (("parts", (75, 150)), ("whole", (150,))):
         for steps in legs:
-            small(task, steps, out=tmp_path / name, agent=settings_for(task, **LEARNERS[kind]).agent(task), window=25)
+            small(task, steps, out=tmp_path / name, agent=LEARNERS[kind], window=25)
     assert_same_run(mg.load(tmp_path / "parts"), mg.load(tmp_path / "whole"))
     assert not np.array_equal(mg.load(tmp_path / "whole").policies.weights, np.zeros((2, 2, 3)))
 
@@ -192,9 +192,9 @@ CHANGED = {
     "task.time_limit was None and is now 5": {"task": mg.make(FINITE, time_limit=5)},
     "task.name was 'three-state' and is now 'chain'": {"task": "chain"},
     r"agent.estimator.trace.decay was 0.8 and is now 0.5": {"changes": {"decay": 0.5}},
-    r"agent.ascent.rate was 0.01 and is now 0.1": {"changes": {"rate": 0.1}},
-    r"agent.estimator.baseline.kind was 'MeanReward' and is now 'NoBaseline'": {"changes": {"baseline": "none"}},
-    r"agent.ascent.kind was 'sgd' and is now 'adam'": {"changes": {"ascent": "adam"}},
+    r"agent.optimizer.learning_rate was 0.01 and is now 0.1": {"changes": {"learning_rate": 0.1}},
+    r"agent.estimator.baseline was {'kind': 'mean'} and is now 'none'": {"changes": {"baseline": "none"}},
+    r"agent.optimizer.kind was 'sgd' and is now 'adam'": {"changes": {"optimizer": "adam"}},
 }
 
 
@@ -205,14 +205,14 @@ def test_another_configuration_is_refused_by_its_first_difference(named, made, t
     options = dict(CHANGED[named])
     task = options.pop("task", mg.make(FINITE))
     task = mg.make(task) if isinstance(task, str) else task
-    agent = settings_for(task, **options.pop("changes", {})).agent(task)
+    agent = agent_for(task, options.pop("changes", {}))
     with pytest.raises(RunDirectoryError, match=rf"holds a run of another configuration: {named};"):
         small(task, out=tmp_path, agent=agent, **options)
     assert_same_run(mg.load(tmp_path), run)
 
 
 def chained(rate):
-    return optax.chain(optax.scale_by_adam(), mg.learning.sgd(rate))
+    return optax.chain(optax.scale_by_adam(), optax.scale(-rate))
 
 
 def test_another_beginning_is_refused(tmp_path):
@@ -220,12 +220,12 @@ def test_another_beginning_is_refused(tmp_path):
     task, rule = mg.make(FINITE), chained(0.01)
     start = mg.policies.softmax(task)
     other = jax.tree.map(lambda leaf: leaf + 0.5, start)
-    small(out=tmp_path, agent=mg.Agent(start, ascent=rule))
-    agents = {"initial": mg.Agent(other, ascent=rule), r"ascent\.steps": mg.Agent(start, ascent=chained(0.02))}
+    small(out=tmp_path, agent=mg.Agent(start, optimizer=rule))
+    agents = {"initial": mg.Agent(other, optimizer=rule), r"optimizer\.steps": mg.Agent(start, optimizer=chained(0.02))}
     for named, agent in agents.items():
         with pytest.raises(RunDirectoryError, match=rf"agent\.{named} was .* and is now "):
             small(out=tmp_path, agent=agent)
-    assert small(out=tmp_path, agent=mg.Agent(start, ascent=rule)).complete
+    assert small(out=tmp_path, agent=mg.Agent(start, optimizer=rule)).complete
 
 
 def test_a_folder_with_other_files_is_refused_and_left_as_it_was(tmp_path):

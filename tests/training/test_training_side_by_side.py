@@ -6,17 +6,17 @@ import time
 import jax
 import numpy as np
 import pytest
-from motorgrad.training._side_by_side import MOST, SideBySide
 from training_examples import assert_differ, assert_same, columns
 
 import motorgrad as mg
 from motorgrad._compiler import in_one_piece
 from motorgrad.tasks import Hopper
-from motorgrad.training import BodyStepper, settings_for
+from motorgrad.training import BodyStepper, SideBySide, agent_for, clear_programs
+from motorgrad.training.engines._side_by_side import MOST
 
 SEEDS = [*range(20, 20 + MOST), 3]  # one more than an engine takes
 TASK = Hopper(time_limit=0.5)
-AGENT = settings_for(TASK).agent(TASK)
+AGENT = agent_for(TASK)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def begun(engine):
 def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds(monkeypatch, seeds, shares):
     made = []
     monkeypatch.setattr(
-        "motorgrad.training._side_by_side.BodyStepper", lambda *given: made.append(len(given[2])) or given
+        "motorgrad.training.engines._side_by_side.BodyStepper", lambda *given, room: made.append(len(given[2])) or given
     )
     for threads in (0, 1, 7):
         made.clear()
@@ -87,7 +87,7 @@ def test_a_state_of_other_seeds_is_refused(begun):
 
 
 def test_what_is_watched_and_used_is_each_seeds_own(begun):
-    seen = begun.watch(lambda cycle, state: (cycle.observation, state.position))
+    seen = begun.viewer(lambda cycle, state: (cycle.observation, state.position))
     begun.advance(20)
     observation, position = seen()
     np.testing.assert_array_equal(observation, begun.state["cycle"].observation)
@@ -125,8 +125,10 @@ def test_no_two_engines_are_in_compiled_code_at_once(monkeypatch):
 
         return call
 
-    monkeypatch.setattr("motorgrad.training._host_stepper.in_one_piece", watched)
+    clear_programs()  # so that this engine compiles its own
+    monkeypatch.setattr("motorgrad.training.engines._host.in_one_piece", watched)
     SideBySide(TASK, AGENT, SEEDS, threads=2).advance(40)
+    clear_programs()
     assert len(overlaps) > 80
     assert not any(overlaps)
 

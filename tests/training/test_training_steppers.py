@@ -7,7 +7,7 @@ from training_examples import assert_differ, assert_same, learner, one_of_each_k
 
 from motorgrad._random import BLOCK, draw_block
 from motorgrad.tasks import TASKS
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 
 SEEDS = [3, 0, 11]
 MORE, AMONG = [5, 3, 11, 8, 0], [1, 4, 2]  # others with them, and where they are then
@@ -136,7 +136,7 @@ def test_another_seed_changes_a_learner_by_no_more_than_rounding(name):
 def test_the_number_of_threads_changes_no_bit():
     task = TASKS["hopper"]()
     agent = learner(task, [0]).cycle.agent
-    one, three = (stepper_of(task, agent, SEEDS, threads=threads) for threads in (1, 3))
+    one, three = (stepper_for(task, agent, SEEDS, threads=threads) for threads in (1, 3))
     one.advance(40)
     three.advance(40)
     assert_same(one.state, three.state)
@@ -167,4 +167,4 @@ def test_a_policy_that_does_not_fit_the_task_is_refused_by_name():
     agents = {name: learner(name, [0]).cycle.agent for name in ("hopper", "three-state")}
     for name, other in (("hopper", "three-state"), ("three-state", "hopper")):
         with pytest.raises(ValueError, match=rf"policy \w+: inputs = \d, but the task '{name}' has"):
-            stepper_of(TASKS[name](), agents[other], [0])
+            stepper_for(TASKS[name](), agents[other], [0])

@@ -8,10 +8,11 @@ import time
 
 import numpy as np
 import pytest
-from motorgrad.training._tensorboard import FILE, EventFiles, began
 
 import motorgrad as mg
-from motorgrad.training import _tensorboard, write_tensorboard
+from motorgrad.training import write_tensorboard
+from motorgrad.training.plots import _tensorboard
+from motorgrad.training.plots._tensorboard import FILE, EventFiles, start_time
 
 INSTALLED = importlib.util.find_spec("tensorboard") is not None
 needs_tensorboard = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[tensorboard]")
@@ -44,7 +45,7 @@ def assert_holds(folder, run):
             step, time, value = np.array(found.pop(name, [])).reshape(-1, 3).T
             np.testing.assert_array_equal(step, decision[seen])
             np.testing.assert_array_equal(value, values[seen])
-            np.testing.assert_allclose(time - began(run.path), wall[seen], atol=1e-5)
+            np.testing.assert_allclose(time - start_time(run.path), wall[seen], atol=1e-5)
         assert not found
 
 
@@ -70,7 +71,7 @@ def halves(run):
 @needs_tensorboard
 def test_records_may_come_in_parts_and_the_file_is_the_same(run, tmp_path):
     write_tensorboard(run, tmp_path / "whole")
-    parts = EventFiles(tmp_path / "parts", run.seeds, began(run.path))
+    parts = EventFiles(tmp_path / "parts", run.seeds, start_time(run.path))
     parts.add(None)
     for half in halves(run):
         parts.add(half)
@@ -90,7 +91,7 @@ def test_whatever_a_killed_process_left_no_point_is_lost_or_double(left, run, tm
         {"torn": whole[:-7], "behind": whole[: len(whole) // 2], "empty": b"", "other": b"x" + whole}.get(left, whole)
     )
     inode = file.stat().st_ino
-    files = EventFiles(tmp_path, run.seeds, began(run.path))
+    files = EventFiles(tmp_path, run.seeds, start_time(run.path))
     if left == "ahead":  # records were rolled back to an older checkpoint
         files.add(first)
         assert len(file.read_bytes()) < len(whole)

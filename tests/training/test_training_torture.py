@@ -86,7 +86,7 @@ def test_a_lost_record_is_named(torture, run, twin):
 
 def test_another_learner_is_named(torture, run, tmp_path):
     task = mg.make("chain")
-    agent = mg.training.settings_for(task, rate=0.123).agent(task)
+    agent = mg.agent_for(task, learning_rate=0.123)
     said = list(torture.differences(mg.train(task, agent, **SETTINGS, out=tmp_path).path, run))
     assert said[0] == "config.toml"
     assert any(line.startswith("metrics, parameters: ") for line in said)

@@ -5,10 +5,10 @@ import functools
 import jax
 import numpy as np
 import pytest
-from motorgrad.training._checkpoint import load as read_checkpoint
 
 from motorgrad.tasks import TASKS, BodyTask
-from motorgrad.training import settings_for, stepper_of
+from motorgrad.training import agent_for, stepper_for
+from motorgrad.training.store._checkpoint import load as read_checkpoint
 
 TASK_NAMES = sorted(TASKS)
 
@@ -26,7 +26,7 @@ def one_of_each_kind():
 def learner(task, seeds, mode="learn", **changes):
     """The engine of a task (or of a task's name) with its own learner."""
     task = TASKS[task]() if isinstance(task, str) else task
-    return stepper_of(task, settings_for(task, **changes).agent(task), seeds, mode, threads=1)
+    return stepper_for(task, agent_for(task, changes), seeds, mode, threads=1)
 
 
 @functools.cache

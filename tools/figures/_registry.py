@@ -59,9 +59,9 @@ DRAWN: dict[str, Callable[[], Figure]] = {
 """Figures of formulas and numbers."""
 
 MEASURED: dict[str, Callable[[Work], Figure]] = {
-    "estimator-olgarb": estimators.olgarb,
-    "estimator-olpomdp": estimators.olpomdp,
-    "estimator-gpomdp": estimators.gpomdp,
+    "estimator-olgarb": estimators.olgarb_figure,
+    "estimator-olpomdp": estimators.olpomdp_figure,
+    "estimator-gpomdp": estimators.gpomdp_figure,
     "traces": parts.traces,
     "baselines": parts.baselines,
     "ascent": parts.ascent,

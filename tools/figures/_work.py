@@ -10,7 +10,7 @@ import motorgrad as mg
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import FiniteMDP, oracle
 
 
@@ -42,7 +42,7 @@ def errors(agent: Agent, task: Task, mdp: FiniteMDP, lengths: Sequence[int], see
     """How far estimates are from the exact gradient, relative to its length: `(lengths, seeds)`."""
     assert isinstance(agent.policy, Policy)
     exact = oracle.flat(oracle.gradient(mdp, agent.policy))
-    stepper, found = stepper_of(task, agent, range(seeds)), []
+    stepper, found = stepper_for(task, agent, range(seeds)), []
     for length in lengths:
         stepper.advance(length - stepper.decision)
         mean = stepper.state["cycle"].agent.gradient.mean

@@ -6,16 +6,16 @@ from matplotlib.figure import Figure
 from motorgrad.learning import (
     Agent,
     Features,
-    Gae,
-    Gpomdp,
     LeastSquares,
     LinearCritic,
     MeanReward,
     TemporalDifference,
+    gae,
+    gpomdp,
 )
 from motorgrad.policies import Softmax
 from motorgrad.tasks import Chain
-from motorgrad.training import stepper_of
+from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
 from tools.figures._work import Work, errors
@@ -34,10 +34,10 @@ def critic(fit: LeastSquares | TemporalDifference = SQUARES) -> LinearCritic:
 def values(fit: LeastSquares | TemporalDifference, lengths: list[int]) -> np.ndarray:
     """How far learnt values are from the exact differential ones, relative to their spread: `(seeds, lengths)`."""
     exact = oracle.values(TASK.dynamics, POLICY)
-    stepper, found = stepper_of(TASK, Agent(POLICY, Gae(critic(fit), 0.5, "never")), range(SEEDS)), []
+    stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic(fit), 0.5, "never")), range(SEEDS)), []
     for length in lengths:
         stepper.advance(length - stepper.decision)
-        learnt = stepper.state["cycle"].agent.baseline.weights @ TASK.dynamics.observations.T
+        learnt = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T
         off = (learnt - learnt.mean(1, keepdims=True)) - (exact - exact.mean())
         found.append(np.linalg.norm(off, axis=1) / np.linalg.norm(exact - exact.mean()))
     return np.array(found).T
@@ -58,10 +58,10 @@ def critics(work: Work) -> Figure:
     left.set(ylabel="relative error")
     left.legend(fontsize=7)
     estimators = {
-        r"no critic, $\beta$ = 0": (Gpomdp(0.0, MeanReward()), FAINT),
-        r"no critic, $\beta$ = 0.95": (Gpomdp(0.95, MeanReward()), RED),
-        r"critic, $\beta$ = 0": (Gae(critic(), 0.0, "never"), BLUE),
-        r"critic, $\beta$ = 0.5": (Gae(critic(), 0.5, "never"), GREEN),
+        r"no critic, $\beta$ = 0": (gpomdp(0.0, MeanReward()), FAINT),
+        r"no critic, $\beta$ = 0.95": (gpomdp(0.95, MeanReward()), RED),
+        r"critic, $\beta$ = 0": (gae(critic(), 0.0, "never"), BLUE),
+        r"critic, $\beta$ = 0.5": (gae(critic(), 0.5, "never"), GREEN),
     }
     for label, (estimator, colour) in estimators.items():
         found = errors(Agent(POLICY, estimator), TASK, TASK.dynamics, lengths, SEEDS)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import motorgrad as mg
-from motorgrad.learning import Agent, Estimator, Gpomdp, MeanReward, Olgarb, Olpomdp, sgd
+from motorgrad.learning import SGD, Agent, Estimator, MeanReward, gpomdp, olgarb, olpomdp
 from motorgrad.policies import Softmax
 from motorgrad.tasks import Chain, Task, ThreeState
 from motorgrad.worlds import FiniteMDP, oracle
@@ -36,7 +36,7 @@ class Shifted(ThreeState):
 
 def learning(work: Work, task: Task, estimator: Estimator, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Thousands of decisions, and the mean reward of every seed."""
-    agent = Agent(mg.policies.softmax(task), estimator, sgd(rate))
+    agent = Agent(mg.policies.softmax(task), estimator, SGD(rate))
     decisions, rewards = work.train(task, agent, STEPS, SEEDS).curve()
     return decisions / 1000, rewards
 
@@ -46,17 +46,17 @@ def best(axes: Axes) -> None:
     level(axes, oracle.optimal_policy(TASK.dynamics)[1], "best policy")
 
 
-def olgarb(work: Work) -> Figure:
+def olgarb_figure(work: Work) -> Figure:
     """Learning on the three-state MDP, every seed; and with several decays where the reward comes late."""
     figure, (seeds, decay) = panels(2)
-    decisions, rewards = learning(work, TASK, Olgarb(0.8), 0.01)
+    decisions, rewards = learning(work, TASK, olgarb(0.8), 0.01)
     seeds.plot(decisions, rewards.T, color=BLUE, alpha=0.2, linewidth=0.5)
     band(seeds, decisions, rewards, BLUE, f"median and quartiles of {SEEDS} seeds")
     level(seeds, oracle.average_reward(TASK.dynamics, mg.policies.softmax(TASK)), "before learning")
     best(seeds)
     late = Chain(length=6, variant="reset")
     for beta, colour in ((0.0, RED), (0.5, ORANGE), (0.8, BLUE), (0.95, GREEN)):
-        band(decay, *learning(work, late, Olgarb(beta), 0.05), colour, rf"$\beta$ = {beta:g}")
+        band(decay, *learning(work, late, olgarb(beta), 0.05), colour, rf"$\beta$ = {beta:g}")
     level(decay, oracle.optimal_policy(late.dynamics)[1], "best policy")
     seeds.set(title=r"three states, $\beta$ = 0.8, $\alpha$ = 0.01", ylabel="mean reward", ylim=(0.2, 0.87))
     decay.set(title=r"chain of six, $\alpha$ = 0.05", ylim=(-0.005, 0.19))
@@ -67,10 +67,10 @@ def olgarb(work: Work) -> Figure:
     return figure
 
 
-def olpomdp(work: Work) -> Figure:
+def olpomdp_figure(work: Work) -> Figure:
     """Without a baseline, a constant added to all rewards is noise."""
     figure, (without, including) = panels(2, sharey=True)
-    for axes, make in ((without, Olpomdp), (including, Olgarb)):
+    for axes, make in ((without, olpomdp), (including, olgarb)):
         for shift, colour in ((-1.0, GREEN), (0.0, BLUE), (1.0, ORANGE), (3.0, RED)):
             decisions, rewards = learning(work, Shifted(shift=shift), make(0.8), 0.03)
             band(axes, decisions, rewards - shift, colour, f"${shift:+g}$" if shift else "0")
@@ -81,15 +81,18 @@ def olpomdp(work: Work) -> Figure:
     return figure
 
 
-def gpomdp(work: Work) -> Figure:
+def gpomdp_figure(work: Work) -> Figure:
     """The estimate's error against the number of decisions, down to its bias."""
     lengths = work.lengths(100, 300, 1_000, 3_000, 10_000, 30_000, 100_000)
     figure, (decays, baseline) = panels(2, height=3.0, sharey=True)
     for beta, colour in ((0.0, RED), (0.8, BLUE), (0.95, GREEN)):
-        found = errors(Agent(POINT, Gpomdp(beta, MeanReward())), TASK, TASK.dynamics, lengths, 100)
+        found = errors(Agent(POINT, gpomdp(beta, MeanReward())), TASK, TASK.dynamics, lengths, 100)
         band(decays, np.array(lengths), found.T, colour, rf"$\beta$ = {beta:g}")
         decays.axhline(bias(beta), color=colour, linewidth=0.9, linestyle="--")
-    for made, colour, label in ((Gpomdp(0.95), ORANGE, "none"), (Gpomdp(0.95, MeanReward()), GREEN, "mean reward")):
+    for made, colour, label in (
+        (gpomdp(0.95), ORANGE, "none"),
+        (gpomdp(0.95, MeanReward()), GREEN, "mean reward"),
+    ):
         found = errors(Agent(POINT, made), TASK, TASK.dynamics, lengths, 100)
         band(baseline, np.array(lengths), found.T, colour, label)
     baseline.axhline(bias(0.95), color="0.3", linewidth=0.9, linestyle="--")

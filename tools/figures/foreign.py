@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from motorgrad.learning import Agent, Olgarb, sgd
+from motorgrad.learning import SGD, Agent, olgarb
 from motorgrad.policies import softmax
 from motorgrad.tasks import from_gymnasium
 from tools.figures._style import BLUE, level, panels
@@ -23,7 +23,7 @@ def learning(work: Work) -> Figure:
     figure, axes = panels(len(LEARNT))
     for panel, (name, (options, given, rate, steps, bar, limits)) in zip(axes, LEARNT.items(), strict=True):
         task = from_gymnasium(name, scaling="running", **options, **given)
-        agent = Agent(softmax(task), Olgarb(decay=0.95), sgd(rate))
+        agent = Agent(softmax(task), olgarb(decay=0.95), SGD(rate))
         decisions, returns = work.train(task, agent, steps, SEEDS, keep=name).curve("return")
         x, seen = decisions / 1000, np.isfinite(returns).any(axis=0)
         panel.plot(x, returns.T, color=BLUE, alpha=0.35, linewidth=0.5)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from motorgrad.learning import Agent, Clock, Growth, Olgarb, Plateau, Visited, sgd
+from motorgrad.learning import SGD, Agent, Clock, Growth, Plateau, Visited, olgarb
 from motorgrad.learning import AgentState as State
 from motorgrad.policies import growing
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, band, panels
@@ -56,7 +56,7 @@ def _one(widths: Any, centres: Any, at: np.ndarray, states: State) -> None:
 
 def _lived(growth: Growth) -> tuple[Any, np.ndarray]:
     """Every seed's learner and mean reward after every so many decisions."""
-    agent = Agent(growing(1, UNITS), Olgarb(0.0), sgd({"centre": 2e-4, "log_width": 2e-3}), growth=growth)
+    agent = Agent(growing(1, UNITS), olgarb(0.0), SGD({"centre": 2e-4, "log_width": 2e-3}), growth=growth)
     places = jnp.array(PLACES)
 
     def decide(state: State, numbers: jax.Array) -> tuple[State, jax.Array]:

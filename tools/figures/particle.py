@@ -9,7 +9,7 @@ from motorgrad.experiments import course_of
 from motorgrad.policies import Policy
 from motorgrad.sim import draw_paths, draw_regions, draw_reward, draw_units, trajectories
 from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, ParticleTask
-from motorgrad.training import settings_for
+from motorgrad.training import agent_for
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, band, level, over, panels
 from tools.figures._work import Work
 
@@ -137,7 +137,7 @@ def navigation_learning(work: Work) -> Figure:
 
 
 def _first(task: ParticleTask) -> Policy:
-    policy = settings_for(task).agent(task).policy
+    policy = agent_for(task).policy
     assert isinstance(policy, Policy)
     return policy
 

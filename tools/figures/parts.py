@@ -9,21 +9,21 @@ from matplotlib.figure import Figure
 
 import motorgrad as mg
 from motorgrad.learning import (
+    SGD,
+    Adam,
     Agent,
     Baseline,
     Constant,
     Episodic,
     Exponential,
     FixedStep,
-    Gpomdp,
     LaggedGaussian,
     MeanReward,
-    NoBaseline,
-    Olgarb,
     Trace,
+    Transition,
     Window,
-    adam,
-    sgd,
+    gpomdp,
+    olgarb,
 )
 from motorgrad.tasks import Chain
 from motorgrad.worlds import oracle
@@ -60,7 +60,7 @@ def traces(work: Work) -> Figure:
 
     left = np.array([1.0, 0.6, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005])  # 1 − β
     lengths = work.lengths(1_000, 10_000, 100_000)
-    found = [errors(Agent(POINT, Gpomdp(1 - x, MeanReward())), TASK, TASK.dynamics, lengths, 40) for x in left]
+    found = [errors(Agent(POINT, gpomdp(1 - x, MeanReward())), TASK, TASK.dynamics, lengths, 40) for x in left]
     for row, (length, colour) in enumerate(zip(lengths, (RED, ORANGE, BLUE), strict=False)):
         band(error, left, np.array([each[row] for each in found]).T, colour, f"{length:,} decisions")
     error.plot(left, [bias(1 - x) for x in left], color="0.3", linestyle="--", linewidth=1, label="bias alone")
@@ -70,12 +70,14 @@ def traces(work: Work) -> Figure:
     return figure
 
 
-def followed(baseline: Baseline, rewards: np.ndarray) -> np.ndarray:
-    """What a baseline expects before each reward."""
-    state, found = baseline.init(jnp.float32), []
+def levels_of(baseline: Baseline | None, rewards: np.ndarray) -> np.ndarray:
+    """The level of a baseline before each reward."""
+    if baseline is None:
+        return np.zeros(len(rewards))
+    state, found, observation = baseline.init(POINT, jnp.float32), [], jnp.zeros(POINT.inputs)
     for reward in rewards:
-        found.append(float(baseline.value(state)))
-        state = baseline.update(state, jnp.float32(reward))
+        found.append(float(baseline.level(state)))
+        state = baseline.update(state, POINT, Transition(None, None, jnp.float32(reward), observation, False, False))[1]
     return np.array(found)
 
 
@@ -85,14 +87,14 @@ def baselines(work: Work) -> Figure:
     mean = np.repeat([0.3, 0.8], 300)
     rewards = (np.random.default_rng(0).random(600) < mean).astype(float)
     course.plot(mean, color="0.3", linestyle="--", linewidth=1, label="true mean")
-    kinds: tuple[tuple[Baseline, str, str], ...] = (
+    kinds: tuple[tuple[Baseline | None, str, str], ...] = (
         (MeanReward(), BLUE, "mean reward"),
         (FixedStep(0.02), RED, "fixed step, 0.02"),
         (Constant(0.5), GREEN, "constant, 0.5"),
-        (NoBaseline(), FAINT, "none"),
+        (None, FAINT, "none"),
     )
     for baseline, colour, label in kinds:
-        course.plot(followed(baseline, rewards), color=colour, label=label)
+        course.plot(levels_of(baseline, rewards), color=colour, label=label)
     course.set(
         title="rewards of 0 and 1, whose mean changes", xlabel="rewards", ylabel="baseline $b$", ylim=(-0.05, 1.5)
     )
@@ -101,12 +103,12 @@ def baselines(work: Work) -> Figure:
     levels = np.linspace(-0.4, 1.0, 15)
     (length,) = work.lengths(10_000)
 
-    def root_mean_square(baseline: Baseline) -> float:
-        found = errors(Agent(POINT, Gpomdp(0.95, baseline)), TASK, TASK.dynamics, [length], 100)
+    def root_mean_square(baseline: Baseline | None) -> float:
+        found = errors(Agent(POINT, gpomdp(0.95, baseline)), TASK, TASK.dynamics, [length], 100)
         return float(np.sqrt(np.mean(found**2)))
 
     error.plot(levels, [root_mean_square(Constant(float(c))) for c in levels], "o-", color=GREEN, label="constant")
-    for baseline, colour, words in ((NoBaseline(), FAINT, "none"), (MeanReward(), BLUE, "mean reward")):
+    for baseline, colour, words in ((None, FAINT, "none"), (MeanReward(), BLUE, "mean reward")):
         error.axhline(root_mean_square(baseline), color=colour, label=words)
     eta = oracle.average_reward(TASK.dynamics, POINT)
     error.axvline(eta, color="0.3", linestyle=":", label="the average reward")
@@ -121,12 +123,12 @@ def ascent(work: Work) -> Figure:
     figure, axes = panels(2, sharey=True)
     task = Chain(length=6, variant="reset")
     rules: tuple[tuple[str, Callable[[float], Any], tuple[float, ...]], ...] = (
-        ("sgd", sgd, (0.005, 0.05, 0.5, 5.0)),
-        ("adam", adam, (0.0005, 0.005, 0.05, 0.5)),
+        ("SGD", SGD, (0.005, 0.05, 0.5, 5.0)),
+        ("Adam", Adam, (0.0005, 0.005, 0.05, 0.5)),
     )
     for panel, (name, rule, rates) in zip(axes, rules, strict=True):
         for rate, colour in zip(rates, (GREEN, BLUE, ORANGE, RED), strict=True):
-            agent = Agent(mg.policies.softmax(task), Olgarb(0.9), rule(rate))
+            agent = Agent(mg.policies.softmax(task), olgarb(0.9), rule(rate))
             decisions, rewards = work.train(task, agent, STEPS, SEEDS).curve()
             band(panel, decisions / 1000, rewards, colour, f"{rate:g}")
         level(panel, oracle.optimal_policy(task.dynamics)[1], "best policy")

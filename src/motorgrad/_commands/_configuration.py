@@ -1,12 +1,13 @@
 """Options from a TOML file and the command line: one mechanism for every command.
 
-A command is a frozen dataclass. Its fields are its options, by their names in the file as well; a field that is a
-dataclass is a table. What its `validate()` refuses is refused before any work; `effective()` may say what to print
-for `--check` where it is not the plain table of its fields.
+A command is a frozen dataclass. Its fields are its options, and the keys of its file; a field that is a dataclass is a
+table. `validate()` checks the options before any work. `effective()` returns what `--check` prints, where that is not
+the plain table of the fields.
 """
 
 import dataclasses
 import inspect
+import re
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,19 +30,26 @@ T = TypeVar("T")
 COMMON: list[Any] = [
     (
         "config",
-        Annotated[Path | None, tyro.conf.arg(help="A TOML file of options; those on the command line override it.")],
+        Annotated[Path | None, tyro.conf.arg(help="A TOML file of options. The command line overrides it.")],
         None,
     ),
     (
         "check",
-        Annotated[tyro.conf.FlagCreatePairsOff[bool], tyro.conf.arg(help="Only check, and print the options as TOML.")],
+        Annotated[
+            tyro.conf.FlagCreatePairsOff[bool], tyro.conf.arg(help="Only check the options, and print them as TOML.")
+        ],
         False,
     ),
 ]
 
 
-class Given(NamedTuple):
-    """What was asked for, before the options are known: the file and its table, whether only to check, what is left."""
+class Arguments(NamedTuple):
+    """The arguments of a command before its options are known.
+
+    - `file` and `table`: the TOML file and its content.
+    - `check`: whether only to check.
+    - `rest`: the words that are left to parse.
+    """
 
     file: Path | None
     table: dict[str, Any]
@@ -50,25 +58,25 @@ class Given(NamedTuple):
 
 
 def parse(cls: type[T], arguments: Sequence[str], prog: str) -> T:
-    """The dataclass `cls` filled from the file that `--config` names, and from the command line, which overrides it.
+    """Make the dataclass `cls` from the file that `--config` names and from the command line, which overrides it.
 
-    With `--check` it is printed as TOML, and the process is done.
+    With `--check`, print it as TOML and exit.
 
-    **Raises** `ValueError` for a file that cannot be read, or says what is unknown or impossible, naming it;
-    `SystemExit` with status 2 for options that are none.
+    **Raises** `ValueError` that names the file and the setting, for a file that cannot be read and for unknown settings
+    and impossible values; `SystemExit` with status 2 for unknown options.
     """
-    return resolve(cls, read(arguments), prog)
+    return resolve(cls, read_arguments(arguments), prog)
 
 
-def read(arguments: Sequence[str]) -> Given:
+def read_arguments(arguments: Sequence[str]) -> Arguments:
     """Take `--config FILE` and `--check` from the command line, and read the file."""
-    name, rest = take("config", arguments)
+    name, rest = pop_option("config", arguments)
     file = None if name is None else Path(name)
     left = [argument for argument in rest if argument != "--check"]
-    return Given(file, {} if file is None else read_toml(file), left != rest, left)
+    return Arguments(file, {} if file is None else read_toml(file), left != rest, left)
 
 
-def take(option: str, arguments: Sequence[str]) -> tuple[str | None, list[str]]:
+def pop_option(option: str, arguments: Sequence[str]) -> tuple[str | None, list[str]]:
     """The value of one option, and the arguments without it."""
     flag, value, rest, left = f"--{option}", None, [], list(arguments)
     while left:
@@ -83,9 +91,9 @@ def take(option: str, arguments: Sequence[str]) -> tuple[str | None, list[str]]:
     return value, rest
 
 
-def resolve(cls: type[T], given: Given, prog: str) -> T:
-    """As `parse`, for what `read` gave."""
-    values = fill(cls, given, prog)
+def resolve(cls: type[T], given: Arguments, prog: str) -> T:
+    """As `parse`, for arguments that `read_arguments` returned."""
+    values = parse_values(cls, given, prog)
     try:
         options = build(cls, values)
         getattr(options, "validate", lambda: None)()
@@ -100,20 +108,20 @@ def resolve(cls: type[T], given: Given, prog: str) -> T:
     return options
 
 
-def fill(cls: type, given: Given, prog: str) -> dict[str, Any]:
-    """The options that were given, each of its type, and nothing else refused yet."""
+def parse_values(cls: type, given: Arguments, prog: str) -> dict[str, Any]:
+    """The values of the given options, each converted to its type. Nothing else is checked yet."""
     try:
         values = convert(cls, given.table)
     except ValueError as error:
         raise ValueError(f"{given.file}: {error}") from None
-    if not given.rest:  # a form of all that could be said takes a while to make
+    if not given.rest:  # a form with all options takes a while to make
         return values
     form = _form(cls, values, COMMON)
     return _values(tyro.cli(form, args=given.rest, prog=f"motorgrad {prog}", registry=REGISTRY), cls)
 
 
 def _values(form: Any, cls: type) -> dict[str, Any]:
-    """A filled form as a table; a form of a part of a learner has entries of its own."""
+    """The values of a form as nested tables."""
     names = [field.name for field in dataclasses.fields(form)] if issubclass(cls, _PartForm) else fields_of(cls)
     values = {name: getattr(form, name) for name in names}
     return {
@@ -123,7 +131,7 @@ def _values(form: Any, cls: type) -> dict[str, Any]:
 
 
 def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any:
-    """`cls` as the command line shows it: these defaults, help for every field, nothing refused yet."""
+    """`cls` as tyro shows it: with these defaults and help for every field, and without its checks."""
     hints, helps, entries = typing.get_type_hints(cls, include_extras=True), descriptions(cls), []
     for name, field in fields_of(cls).items():
         hint, default = hints[name], values[name] if name in values else default_of(field)
@@ -135,7 +143,7 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any
             default = hint()
         entries.append((name, *_entry(hint, default, helps.get(name))))
     space = {"__doc__": description_of(cls), "__post_init__": lambda self: None}
-    # a subclass, so that what stands under the fields of `cls` is found as their help
+    # a subclass, so that tyro finds the docstrings of the fields of `cls`
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return dataclasses.make_dataclass(
         cls.__name__, [*entries, *more], bases=(cls,), namespace=space, frozen=frozen, kw_only=True
@@ -146,14 +154,21 @@ class _PartForm:
     """The options of a part of a learner, or of an initial policy."""
 
 
-def part_form(part: Part) -> Any:
-    """The options of a part of a learner and of the parts within it, with their present values as defaults."""
+def part_form(part: Part, optional: bool = False) -> Any:
+    """The options of a part of a learner and of the parts within it, with their present values as defaults.
+
+    `optional` says whether the part may be absent.
+    """
     cls, entries = type(part), []
     helps, hints = descriptions(cls), hints_of(cls)
-    families = [kinds for kinds in KINDS.values() if cls in kinds.values() and len(kinds) > 1]
+    families = [(base, kinds) for base, kinds in KINDS.items() if cls in kinds.values() and len(kinds) > 1]
     if families:
-        kind: Any = typing.Literal[tuple(families[0])]
-        entries.append(("kind", *_entry(kind, kind_of(part), "Which kind; another kind starts from its own settings.")))
+        family, kinds = families[0]
+        name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", family.__name__).lower()
+        keeps = "keeps the settings that both have" if hasattr(family, "aliases") else "starts from its own defaults"
+        about = f"The kind of {name}. Another kind {keeps}."
+        kind: Any = typing.Literal[(*(["none"] if optional else []), *kinds)]
+        entries.append(("kind", *_entry(kind, kind_of(part), about)))
     for name in fields_of(cls):
         value, hint = getattr(part, name), hints[name]
         if name == "transformations" and not value:
@@ -162,7 +177,7 @@ def part_form(part: Part) -> Any:
             hint = policy_form(value)
             value = hint()
         elif isinstance(value, Part):
-            hint = part_form(value)
+            hint = part_form(value, type(None) in options_of(hint))
             value = hint()
         elif kinds := parts_in(hint):
             names = [name for kind in kinds for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
@@ -180,7 +195,16 @@ def policy_form(policy: Any) -> Any:
     """The options of an initial policy."""
     function = INITIAL[policy.kind]
     known = inspect.signature(function).parameters
-    entries = [("kind", *_entry(typing.Literal[tuple(INITIAL)], policy.kind, "The initial policy."))]
+    entries = [
+        (
+            "kind",
+            *_entry(
+                typing.Literal[tuple(INITIAL)],
+                policy.kind,
+                "The initial policy. Another kind starts from its own defaults.",
+            ),
+        )
+    ]
     helps = descriptions(function)
     for name, hint in policy_settings(policy.kind).items():
         entries.append((name, *_entry(hint, policy.settings.get(name, known[name].default), helps.get(name))))
@@ -190,7 +214,7 @@ def policy_form(policy: Any) -> Any:
 
 def _entry(hint: Any, default: Any, about: str | None) -> tuple[Any, ...]:
     """The type of an option and its default, as `dataclasses.make_dataclass` takes them after the name."""
-    missing = "(required)" if default is dataclasses.MISSING else None  # of no words tyro makes an empty default
+    missing = "(required)" if default is dataclasses.MISSING else None  # tyro would show an empty default
     argument = tyro.conf.arg(help=about, metavar=shown_as(hint), help_behavior_hint=missing)
     hint = Annotated[(hint, argument, *reader(hint))]
     given = () if default is dataclasses.MISSING else (dataclasses.field(default_factory=lambda: default),)

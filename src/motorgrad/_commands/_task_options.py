@@ -1,156 +1,56 @@
-"""A task and its learner among the options of a command."""
+"""The options of a task and its learner, for the commands that take both."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
-from motorgrad._commands._configuration import Given, fill
+from motorgrad._commands._configuration import Arguments, parse_values
 from motorgrad._errors import check, choice
-from motorgrad._settings import as_hinted
-from motorgrad._tree import Part, hints_of, options_of, parts_in
+from motorgrad._settings import as_hinted, default_of, full_path
+from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED
 from motorgrad.tasks import TASKS, Task
-from motorgrad.training import RunDirectoryError, agent_for, agent_in
+from motorgrad.training import RunDirectoryError, agent_for, agent_table, saved_agent
 
 
-def with_learner(base: type, name: str, does: str, task: Task, agent: Agent) -> Any:
-    """The options of `base` with those of a task and of a learner.
+def command_with_learner(base: type, name: str, does: str, task_name: str, given: Arguments) -> tuple[Any, Arguments]:
+    """The options of a command with those of a task and its learner, and the arguments left to parse.
 
-    **Arguments:** the class's `name`, which begins its help; what it `does`; the task and the agent, whose values are
-    the defaults.
+    The options of a learner depend on its structure: the kinds of its parts. So the task is read first, then the
+    learner's settings in the file, then the kinds on the command line.
+
+    **Arguments:** `base`, the command's own options; the `name` of the class and what the command `does`, for the help.
     """
-    parts = {"task": task, "agent": agent}
-    fields = [(key, type(part), dataclasses.field(default_factory=lambda p=part: p)) for key, part in parts.items()]
-    short = ", ".join(f"--agent.{_dashed(name)} for --agent.{_dashed(path)}" for name, path in Agent.aliases.items())
-    doc = f"{does}: {(type(task).__doc__ or '').partition(chr(10))[0]}\n\nShort names: {short}."
-    return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
-
-
-def learner_command(base: type, name: str, does: str, task_name: str, given: Given) -> tuple[Any, Given]:
-    """The options of a command with those of the task and the learner that are asked for, and what is left to parse.
-
-    The options of a learner depend on its structure: the kinds of its parts. So the task comes first, then the file's
-    settings of the learner, then the kinds on the command line.
-    """
-    prog = f"{name.lower()} {task_name}"
-    about_task = any(argument.startswith("--task") for argument in given.rest)
-    draft = given._replace(
-        table={key: value for key, value in given.table.items() if key == "task"}, rest=given.rest if about_task else []
-    )
     blank = TASKS[task_name]()
-    rest = _unaliased(given.rest)
-    whole = with_learner(base, name, does, blank, _with_kinds(agent_for(blank), rest)[0])
-    asked = (
-        fill(whole, draft._replace(rest=_unaliased(draft.rest)), prog).get("task", {})
-        if about_task
-        else draft.table.get("task", {})
-    )
-    task = as_hinted(TASKS[task_name], asked, "task")
-    values = dict(given.table)
+    rest = _expand_aliases(given.rest)
+    task = blank
+    settings = {key: value for key, value in given.table.items() if key == "task"}
     try:
-        agent = agent_for(task, values.pop("agent", None))
+        if any(argument.startswith("--task") for argument in rest):
+            whole = _with_fields(base, name, does, blank, _apply_kinds(agent_for(blank), rest)[0])
+            draft = given._replace(table=settings, rest=rest)
+            settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
+        task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
+        agent = agent_for(task, given.table.get("agent"))
     except ValueError as error:
-        raise ValueError(f"{given.file}: {error}" if given.file else str(error)) from None
-    agent, rest = _with_kinds(agent, rest)
-    return with_learner(base, name, does, task, agent), given._replace(table=values, rest=rest)
+        message = str(error)
+        raise ValueError(
+            message if given.file is None or str(given.file) in message else f"{given.file}: {message}"
+        ) from None
+    agent, rest = _apply_kinds(agent, rest)
+    table = {key: value for key, value in given.table.items() if key != "agent"}
+    return _with_fields(base, name, does, task, agent), given._replace(table=table, rest=rest)
 
 
-def changes_of(task: Task, agent: Agent) -> dict[str, Any]:
+def changes_from_task(task: Task, agent: Agent) -> dict[str, Any]:
     """The settings in which an agent differs from the learner that goes with its task, by path."""
-    own, now = (dict(_flat("", _table(each))) for each in (agent_for(task), agent))
+    own, now = (dict(_leaves(agent_table(each))) for each in (agent_for(task), agent))
     return {path: value for path, value in now.items() if own.get(path) != value}
 
 
-def _table(agent: Agent) -> dict[str, Any]:
-    from motorgrad.training import agent_table
-
-    return agent_table(agent)
-
-
-def _flat(path: str, value: Any) -> Any:
-    if isinstance(value, dict):
-        for name, item in value.items():
-            yield from _flat(f"{path}.{name}" if path else name, item)
-    else:
-        yield path, value
-
-
-def _dashed(path: str) -> str:
-    return path.replace("_", "-")
-
-
-def _unaliased(rest: list[str]) -> list[str]:
-    """The arguments with short names of a learner's settings written out."""
-    found = []
-    for argument in rest:
-        flag, equals, value = argument.partition("=")
-        name = flag.removeprefix("--agent.").replace("-", "_")
-        if flag.startswith("--agent.") and name in Agent.aliases:
-            flag = f"--agent.{_dashed(Agent.aliases[name])}"
-        found.append(f"{flag}{equals}{value}")
-    return found
-
-
-def _with_kinds(agent: Agent, rest: list[str]) -> tuple[Agent, list[str]]:
-    """The agent with the kinds of parts that the arguments ask for, the outer ones first, and the other arguments."""
-    asked: dict[str, str] = {}
-    left, words = [], list(rest)
-    while words:
-        argument, *words = words
-        flag, equals, value = argument.partition("=")
-        path = flag.removeprefix("--agent.").replace("-", "_").removesuffix(".kind")
-        word = value if equals else (words[0] if words else "")
-        if flag.startswith("--agent.") and _chooses(agent, path, word, flag.endswith(".kind")):
-            check(path not in asked, flag, word, "given once")
-            asked[path] = word
-            words = words if equals else words[1:]
-        elif flag.startswith("--agent.") and _is_group(agent, path) and word:
-            asked[path] = word
-            words = words if equals else words[1:]
-        else:
-            left.append(argument)
-    asked = {**IMPLIED.get(asked.get("policy", ""), {}), **asked}
-    for path in sorted(asked, key=lambda path: path.count(".")):
-        change: Any = float(asked[path]) if _is_group(agent, path) else asked[path]
-        agent = as_hinted(Agent, {path: change}, "agent", agent)
-    return agent, left
-
-
-def _chooses(agent: Agent, path: str, word: str, kind: bool) -> bool:
-    """Whether an argument names the kind of a part."""
-    if path in ("kind", "policy"):
-        return True
-    node: Any = Agent
-    hint: Any = None
-    for name in path.split("."):
-        fields = [hints_of(cls) for cls in _classes(node)]
-        hint = next((found[name] for found in fields if name in found), None)
-        if hint is None:
-            return kind
-        node = hint
-    kinds = parts_in(hint)
-    known = {name for cls in kinds for name in (*cls.kinds(), *getattr(cls, "presets", {}))} | {"none"}
-    numeric = any(option in (float, int) for option in options_of(hint))
-    return bool(kinds) and (word in known or not numeric)
-
-
-def _classes(hint: Any) -> list[type]:
-    """The parts that may stand in a field of this type."""
-    bases = parts_in(hint) if not isinstance(hint, type) or not issubclass(hint, Part) else (hint,)
-    return [cls for base in bases for cls in (base, *base.kinds().values())]
-
-
-def _is_group(agent: Agent, path: str) -> bool:
-    """Whether a path names one group of a number that is given by groups."""
-    *outer, last = path.split(".")
-    node: Any = agent
-    for name in outer:
-        node = getattr(node, name, None)
-    return isinstance(node, dict) and bool(last)
-
-
-def task_of(given: Given) -> tuple[str | None, Given]:
-    """The task's name, from the command line or from the file, and what else is given.
+def split_task(given: Arguments) -> tuple[str | None, Arguments]:
+    """The task's name, from the command line or from the file, and the other arguments.
 
     The file may be a run's own `config.toml`: its table `run` holds options.
     """
@@ -161,17 +61,17 @@ def task_of(given: Given) -> tuple[str | None, Given]:
     if given.file is None:
         return name, given._replace(rest=rest)
     try:
-        named, values = _read(given.table)
+        named, values = _task_in_file(given.table)
         settings = values.get("task")
         if name is not None and named not in (None, name) and settings:
-            raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but {name!r} is to be learnt")
+            raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but the command names {name!r}")
         check(name or named or {"-h", "--help"} & set(rest), "task.name", named, "given, here or on the command line")
     except (ValueError, RunDirectoryError) as error:
         raise ValueError(f"{given.file}: {error}") from None
     return name or named, given._replace(table=values, rest=rest)
 
 
-def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
+def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     """The task's name in a file, and the options there."""
     values = dict(table)
     if isinstance(values.get("run"), dict):
@@ -186,5 +86,144 @@ def _read(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
         choice("task", named, TASKS)
     agent = values.get("agent")
     if isinstance(agent, dict) and isinstance(agent.get("policy"), dict) and agent["policy"].get("kind") == "given":
-        agent_in(as_hinted(TASKS[str(named)], settings, "task"), agent, "agent")  # refused by name
+        saved_agent(as_hinted(TASKS[str(named)], settings, "task"), agent, "agent")  # refuses it by name
     return named, values | ({"task": settings} if settings else {})
+
+
+def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> Any:
+    """The options of `base` with those of a task and of a learner, whose values are the defaults."""
+    fields = [
+        ("task", type(task), dataclasses.field(default_factory=lambda: task)),
+        ("agent", Agent, dataclasses.field(default_factory=lambda: agent)),
+    ]
+    doc = f"{does}: {(type(task).__doc__ or '').partition(chr(10))[0]}\n\n{_short_names()}"
+    return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
+
+
+def _short_names() -> str:
+    """The short names of a learner's settings as a sentence of the help."""
+    first, *others = sorted(Agent.aliases, key=lambda short: -Agent.aliases[short].count("."))
+    path, listed = _dashed(Agent.aliases[first]), ", ".join(map(_dashed, others))
+    return f"Short names: --agent.{_dashed(first)} is --agent.{path}; likewise {listed}."
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The entries of nested tables, by path."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from _leaves(item, f"{path}.{name}" if path else name)
+    else:
+        yield path, value
+
+
+def _dashed(path: str) -> str:
+    return path.replace("_", "-")
+
+
+def _setting_path(flag: str) -> str:
+    """The path of a learner's setting that an option names."""
+    return flag.removeprefix("--agent.").replace("-", "_")
+
+
+def _expand_aliases(rest: list[str]) -> list[str]:
+    """The arguments with short names of a learner's settings written out."""
+    found = []
+    for argument in rest:
+        flag, equals, value = argument.partition("=")
+        if flag.startswith("--agent."):
+            flag = f"--agent.{_dashed(full_path(Agent, _setting_path(flag)))}"
+        found.append(f"{flag}{equals}{value}")
+    return found
+
+
+def _apply_kinds(agent: Agent, rest: list[str]) -> tuple[Agent, list[str]]:
+    """The agent with the kinds of parts that the arguments name, the outer ones first, and the other arguments.
+
+    A number of one group of parameters, such as `--agent.learning-rate.gain 0.1`, is applied, too.
+    """
+    kinds: dict[str, str] = {}
+    numbers: dict[str, str] = {}
+    left, words = [], list(rest)
+    while words:
+        argument, *words = words
+        flag, equals, value = argument.partition("=")
+        path = _setting_path(flag).removesuffix(".kind")
+        word = value if equals else (words[0] if words else "")
+        if flag.startswith("--agent.") and _names_kind(path, word, flag.endswith(".kind")):
+            check(path not in kinds, flag, word, "given once")
+            kinds[path] = word
+        elif flag.startswith("--agent.") and word and _is_group(agent, path):
+            numbers[path] = word
+        else:
+            left.append(argument)
+            continue
+        words = words if equals else words[1:]
+    kinds = {**IMPLIED.get(kinds.get("policy", ""), {}), **kinds}
+    for path in sorted(kinds, key=lambda path: path.count(".")):
+        change = {"kind": kinds[path], **_required_values(path, kinds[path], left)}
+        agent = as_hinted(Agent, {path: change} if path != "kind" else change, "agent", agent)
+    for path, word in numbers.items():
+        try:
+            agent = as_hinted(Agent, {path: float(word)}, "agent", agent)
+        except ValueError:
+            raise ValueError(f"agent.{path} = {word!r}: must be a finite number of at least 0") from None
+    return agent, left
+
+
+def _required_values(path: str, kind: str, rest: list[str]) -> dict[str, Any]:
+    """The values on the command line of those settings of a kind that have no default."""
+    found: dict[str, Any] = {}
+    for cls in (cls for part in _parts_at(path) for name, cls in part.kinds().items() if name == kind):
+        for name, field in fields_of(cls).items():
+            if default_of(field) is dataclasses.MISSING:
+                flag = f"--agent.{_dashed(path)}.{_dashed(name)}"
+                words = [b for a, b in zip(rest, [*rest[1:], ""], strict=True) if a == flag]
+                words += [word.partition("=")[2] for word in rest if word.startswith(f"{flag}=")]
+                try:
+                    found.update((name, float(word)) for word in words)
+                except ValueError:
+                    raise ValueError(f"agent.{path}.{name} = {words[-1]!r}: must be a finite number") from None
+    return found
+
+
+def _names_kind(path: str, word: str, explicit: bool) -> bool:
+    """Whether an option at a path, with a word after it, names the kind of a part."""
+    if path in ("kind", "policy"):
+        return True
+    hint = _hint_at(path)
+    if hint is None:
+        return explicit
+    kinds = parts_in(hint)
+    known = {name for cls in kinds for name in (*cls.kinds(), *getattr(cls, "presets", {}))} | {"none"}
+    numeric = any(option in (float, int) for option in options_of(hint))
+    return bool(kinds) and (word in known or not numeric)
+
+
+def _hint_at(path: str) -> Any:
+    """The type of the field at a path, in any kinds of the parts on the way; `None` where there is none."""
+    hint: Any = Agent
+    for name in path.split("."):
+        fields = [hints_of(cls) for base in _bases_of(hint) for cls in (base, *base.kinds().values())]
+        hint = next((found[name] for found in fields if name in found), None)
+        if hint is None:
+            return None
+    return hint
+
+
+def _bases_of(hint: Any) -> tuple[type[Part], ...]:
+    """The bases of the parts that may stand in a field of this type."""
+    return (hint,) if isinstance(hint, type) and issubclass(hint, Part) else parts_in(hint)
+
+
+def _parts_at(path: str) -> tuple[type[Part], ...]:
+    hint = _hint_at(path)
+    return () if hint is None else _bases_of(hint)
+
+
+def _is_group(agent: Agent, path: str) -> bool:
+    """Whether a path names one group of a number that is given by groups."""
+    *outer, last = path.split(".")
+    node: Any = agent
+    for name in outer:
+        node = getattr(node, name, None)
+    return isinstance(node, dict) and bool(last)

@@ -92,7 +92,10 @@ def _table(hint: Any, optional: bool, single: bool, words: list[str]) -> Any:
     if optional and words in (["None"], ["none"]):
         return None
     if single and len(words) == 1:
-        return as_hinted(float, _value(words[0]), "")
+        try:
+            return as_hinted(float, _value(words[0]), "")
+        except ValueError:
+            raise ValueError(f"{words[0]!r} must be a finite number, or names and numbers in turn") from None
     if not words or len(words) % 2:
         last = f"{words[-1]!r} has no value" if words else "nothing is given"
         raise ValueError(f"{last}; must be names and values in turn")

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._shared import write_json
+from motorgrad._commands._results import write_json
 from motorgrad.benchmarks import Row, speed_table
 from motorgrad.training import provenance
 

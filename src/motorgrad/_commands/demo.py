@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._shared import summary, write_json
+from motorgrad._commands._results import summary, write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import demo
@@ -47,7 +47,7 @@ def run(arguments: list[str]) -> int:
     try:
         shown = demo.demonstrate(options.out, options.seconds, options.seeds, options.film_seconds)
     except KeyboardInterrupt:
-        print(f"stopped; everything is saved in {options.out}, and the same command goes on", file=sys.stderr)
+        print(f"stopped; everything is saved in {options.out}, and the same command continues", file=sys.stderr)
         return 130
     if str(options.json) != "-":
         _say(shown, options.out)

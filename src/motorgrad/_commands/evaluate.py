@@ -8,7 +8,7 @@ from typing import Any, Literal
 import tyro
 
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._shared import in_words, summary, write_json
+from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of
@@ -108,5 +108,5 @@ def _judged(outcome: Evaluation) -> dict[str, Any]:
 
 def _said(name: str, value: Any) -> str:
     if isinstance(value, dict):
-        return in_words(name, value)
+        return summary_text(name, value)
     return f"{name}: {', '.join(f'{value.count(kind)} {kind}' for kind in dict.fromkeys(value))}"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._shared import write_json
+from motorgrad._commands._results import write_json
 from motorgrad.experiments import EXPERIMENTS
 from motorgrad.learning import Estimator
 from motorgrad.policies import INITIAL

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._shared import write_json
+from motorgrad._commands._results import write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import animate, course_of

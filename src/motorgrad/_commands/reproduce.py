@@ -7,8 +7,8 @@ from pathlib import Path
 
 import tyro
 
-from motorgrad._commands._configuration import Given, read, resolve
-from motorgrad._commands._shared import write_json
+from motorgrad._commands._configuration import Arguments, read_arguments, resolve
+from motorgrad._commands._results import write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce, select_experiments, write_report
@@ -47,7 +47,7 @@ class Reproduce:
 
 
 def run(arguments: list[str]) -> int:
-    given = read(arguments)
+    given = read_arguments(arguments)
     options = resolve(_command(given), given, "reproduce")
     names, out, settings = _possible(options.experiments), options.folder, getattr(options, "settings", None)
     done: list[Reproduction] = []
@@ -58,7 +58,7 @@ def run(arguments: list[str]) -> int:
             print(f"{name}: {experiment.title} ({len(done) + 1} of {len(names)})", file=sys.stderr)
             done.append(reproduce(experiment, out, quick=options.quick, threads=options.threads, films=options.animate))
     except KeyboardInterrupt:
-        print(f"stopped; everything is saved in {out}, and the same command goes on", file=sys.stderr)
+        print(f"stopped; everything is saved in {out}, and the same command continues", file=sys.stderr)
         return 130
     report = write_report(out, EXPERIMENTS)
     if str(options.json) != "-":
@@ -79,7 +79,7 @@ def _possible(experiments: Sequence[str]) -> list[str]:
     return [name for name in names if name not in lacking]
 
 
-def _command(given: Given) -> type[Reproduce]:
+def _command(given: Arguments) -> type[Reproduce]:
     """The options; where a single experiment is named, with its settings (`--settings.seeds 32`)."""
     named = [word for word in given.rest if word.lower() in EXPERIMENTS]
     names = named or given.table.get("experiments", [])

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from motorgrad._commands._configuration import Given, read, resolve, take
-from motorgrad._commands._task_options import learner_command, task_of
+from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
+from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
 from motorgrad._settings import build, table
@@ -85,7 +85,7 @@ class Place:
 def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {"-h", "--help"}:
         return _usage(0 if arguments else 2)
-    given = read(arguments)
+    given = read_arguments(arguments)
     place, model, scene, given = _parts(given)
     given = _with_run(given)
     if model is not None:
@@ -99,11 +99,11 @@ def run(arguments: list[str]) -> int:
     return _show(setup, options)
 
 
-def _learner_options(given: Given, scene: Mapping[str, Any]) -> Any:
+def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
     """The options with those of the task and its learner, whose defaults depend on each other."""
-    name, given = task_of(given)
+    name, given = split_task(given)
     check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
-    kind, given = learner_command(Options, "Sim", "See it learn", str(name), given)
+    kind, given = command_with_learner(Options, "Sim", "See it learn", str(name), given)
     kind.scene = scene
     return resolve(kind, given, f"sim {name}")
 
@@ -147,7 +147,7 @@ def _show(setup: Any, options: Options) -> int:
     return 0
 
 
-def _parts(given: Given) -> tuple[Place, Path | str | None, dict[str, Any], Given]:
+def _parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:
     """The stage and the planet of a scene file; the model or the body, if that is what is shown; both in plain values;
     and the rest."""
     values, rest, model, scene = dict(given.table), list(given.rest), None, {}
@@ -181,9 +181,9 @@ def _body(word: str) -> str:
     return word
 
 
-def _with_run(given: Given) -> Given:
+def _with_run(given: Arguments) -> Arguments:
     """What a run's own configuration says of its task and learner, below what else is given."""
-    word, _ = take("run", given.rest)
+    word, _ = pop_option("run", given.rest)
     word = word or given.table.get("run")
     if not isinstance(word, str):
         return given
@@ -208,7 +208,7 @@ def _with_run(given: Given) -> Given:
     return given._replace(table=values, file=given.file or file)
 
 
-def _named(given: Given, make: Any) -> Any:
+def _named(given: Arguments, make: Any) -> Any:
     """What is refused of a scene file is refused by its name."""
     try:
         return make()

@@ -1,4 +1,4 @@
-"""`motorgrad train TASK`: learn."""
+"""`motorgrad train TASK`: train a learner."""
 
 import dataclasses
 import sys
@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._commands._configuration import read, resolve, take
-from motorgrad._commands._shared import in_words, summary, write_json
-from motorgrad._commands._task_options import changes_of, learner_command, task_of
+from motorgrad._commands._configuration import pop_option, read_arguments, resolve
+from motorgrad._commands._results import summary, summary_text, write_json
+from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad._settings import table
@@ -32,33 +32,33 @@ class Options:
     steps: int = 100_000
     """Decisions per seed."""
     seeds: int | tuple[int, ...] = 1
-    """How many seeds, numbered from --first-seed; or two and more seeds themselves."""
+    """The number of seeds, numbered from --first-seed; or the seeds themselves, two or more."""
     first_seed: int = 0
     """The first seed."""
     out: Path | None = None
-    """The run directory, by default runs/TASK. An unfinished run found there goes on."""
+    """The run directory, by default runs/TASK. An unfinished run found there is continued."""
     resume: Path | None = None
-    """Go on with the run in this directory, with its own task, learner, seeds and steps; in place of TASK and --out."""
+    """Continue the run in this directory with its own task, learner, seeds and steps; replaces TASK and --out."""
     sweep: tuple[str, ...] | None = None
-    """Numbers to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2: all combinations are learnt side by side in one
-    compiled call. In a file it is a table of lists, or a list of tables."""
+    """Numbers of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2: all combinations learn side by
+    side in one compiled call. In a file: a table of lists, or a list of tables."""
     window: int | None = None
     """Decisions per record of the metrics; by default a two-hundredth of the steps."""
     checkpoint_every: float = 30.0
     """Seconds between checkpoints."""
     threads: int = 0
-    """Threads that work on bodies; 0 for one per processor."""
+    """Threads for the physics of bodies; 0 for one per processor."""
     tensorboard: bool = False
-    """Keep TensorBoard event files in tensorboard/ of the run directory, up to date with every checkpoint."""
+    """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
     file_sweep: ClassVar[Any] = None
-    """The sweep of a file, where it has one."""
+    """The sweep in the file."""
     json: Path | None = None
-    """Also write the result to this file, for machines; - for the standard output."""
+    """Also write the result to this file, as JSON; - for the standard output."""
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")
-        one_way = self.first_seed == 0 or isinstance(self.seeds, int)
-        check(one_way, "first_seed", self.first_seed, "0 where the seeds themselves are given")
+        counted = self.first_seed == 0 or isinstance(self.seeds, int)
+        check(counted, "first_seed", self.first_seed, "0 where the seeds themselves are given")
         check_training(
             *self.learning,
             window=self.window,
@@ -104,10 +104,10 @@ class Options:
 
 
 def run(arguments: list[str]) -> int:
-    given = read(_resumed(arguments))
+    given = read_arguments(_expand_resume(arguments))
     about = given.table.get("run")
-    begun = isinstance(about, dict) and "initial" in about
-    name, given = task_of(given)
+    from_policies = isinstance(about, dict) and "initial" in about
+    name, given = split_task(given)
     if name is None:
         asked = set(arguments) & {"-h", "--help"}
         check(asked or not arguments, "the first word", arguments[:1], "the task's name: motorgrad train TASK ...")
@@ -116,18 +116,22 @@ def run(arguments: list[str]) -> int:
         return 0 if asked else 2
     swept = given.table.get("sweep")
     given = given._replace(table={key: value for key, value in given.table.items() if key != "sweep"})
-    kind, given = learner_command(Options, "Train", "Learn", name, given)
+    kind, given = command_with_learner(Options, "Train", "Train a learner", name, given)
     kind.file_sweep = swept
     options = resolve(kind, given, f"train {name}")
     initial = given_initial(options.directory)
-    if begun and initial is None:
-        how = "go on with it by --resume, or begin another in Python, train(..., initial=...)"
-        raise ValueError(f"{given.file}: run.initial: this run began from policies that it was given: {how}")
-    if changed := changes_of(options.task, options.agent):
+    if from_policies and initial is None:
+        how = "continue it with --resume, or start another in Python, train(..., initial=...)"
+        raise ValueError(f"{given.file}: run.initial: this run started from given policies: {how}")
+    if changed := changes_from_task(options.task, options.agent):
         said = ", ".join(f"{path} = {value}" for path, value in changed.items())
         print(f"learner: that of {name} with {said}; the rest as the task has it", file=sys.stderr)
+    task, agent, steps, seeds = options.learning
     result = train(
-        *options.learning,
+        task,
+        agent,
+        steps,
+        seeds,
         options.directory,
         sweep=options.swept,
         window=options.window,
@@ -138,30 +142,29 @@ def run(arguments: list[str]) -> int:
     )
     found = _result(result)
     if str(options.json) != "-":
-        _say(result, found, options.directory)
+        _print(result, found, options.directory)
     write_json(options.json, found)
     return 0 if result.complete else 130
 
 
-def _resumed(arguments: list[str]) -> list[str]:
-    """`--resume RUN` in the words that it stands for: the run's own configuration, in its own directory."""
-    path, rest = take("resume", arguments)
+def _expand_resume(arguments: list[str]) -> list[str]:
+    """The arguments with `--resume RUN` replaced by the run's own configuration and directory."""
+    path, rest = pop_option("resume", arguments)
     if path is None:
         return arguments
     if rest and not rest[0].startswith("-"):
-        raise ValueError(f"--resume {path}: says which task, so leave out {rest[0]!r}")
+        raise ValueError(f"--resume {path}: the run has its own task, so leave out {rest[0]!r}")
     for option in ("config", "out"):
-        if take(option, rest)[0] is not None:
-            raise ValueError(f"--resume {path}: says what --{option} would")
+        if pop_option(option, rest)[0] is not None:
+            raise ValueError(f"--resume {path}: cannot be combined with --{option}")
     if not (Path(path) / "config.toml").is_file():
         raise RunDirectoryError(f"{path} is not a run directory: it has no config.toml")
     return ["--config", f"{path}/config.toml", "--out", path, *rest]
 
 
 def _result(run: Run) -> dict[str, Any]:
-    """The last tenth of the run, per seed."""
-    skipped = {"seed", "setting", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
-    found: dict[str, Any] = {
+    """Facts about a run, and the means over its last tenth per seed; in a sweep, those of each setting."""
+    facts: dict[str, Any] = {
         "task": run.task.name,
         "path": str(run.path),
         "decisions": run.decision,
@@ -169,27 +172,53 @@ def _result(run: Run) -> dict[str, Any]:
         "simulated_time": run.decision * run.task.period,
         "wall_time": float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0,
     }
-    for name in run.metrics.column_names:
-        if name not in skipped and run.metrics.num_rows:
-            values = run.curve(name)[1]
-            last = values[:, -max(1, values.shape[1] // 10) :]
-            counted = name.endswith("_count") or name in ("episodes", "diverged")
-            with np.errstate(invalid="ignore"):
-                mean = np.nansum(last, axis=1) / np.isfinite(last).sum(axis=1)
-            found[f"{name}_total" if counted else name] = summary(values.sum(axis=1) if counted else mean)
+    if not run.settings:
+        return facts | _means(run)
+    parts = zip(run.settings, run.split(), strict=True)
+    return facts | {"settings": [{"setting": setting, **_means(part)} for setting, part in parts]}
+
+
+def _means(run: Run) -> dict[str, Any]:
+    """The mean of every column of the metrics over the last tenth of the records, and totals of what is counted."""
+    skipped = {"seed", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
+    found: dict[str, Any] = {}
+    for name in run.metrics.column_names if run.metrics.num_rows else ():
+        if name in skipped:
+            continue
+        values = run.curve(name)[1]
+        if name.endswith("_count") or name in ("episodes", "diverged"):
+            found[f"{name}_total"] = summary(values.sum(axis=1))
+            continue
+        last = values[:, -max(1, values.shape[1] // 10) :]
+        with np.errstate(invalid="ignore"):
+            found[name] = summary(np.nansum(last, axis=1) / np.isfinite(last).sum(axis=1))
     return found
 
 
-def _say(run: Run, found: dict[str, Any], out: Path) -> None:
+def _print(run: Run, found: dict[str, Any], out: Path) -> None:
     done = "done" if run.complete else "stopped"
     print(f"{done} after {run.decision:,} decisions per seed; means over the last tenth of the records, and totals:")
-    for name, value in found.items():
-        # A count of occurrences is for machines; divergences are said if there were any.
-        quiet = name.endswith("_count_total") or (name == "diverged_total" and not any(value["per_seed"]))
-        if isinstance(value, dict) and not quiet:
-            print(f"  {in_words(name.replace('_', ' '), value)}")
-    print(f"saved in {out}")
-    if not run.complete:
-        print("the same command goes on where it stopped")
+    if run.settings:
+        for each in found["settings"]:
+            print(f"{_setting_text(each['setting'])}:")
+            _print_means(each)
     else:
+        _print_means(found)
+    print(f"saved in {out}")
+    if run.complete:
         print(f"next: motorgrad plot {out}    motorgrad evaluate {out}")
+    else:
+        print("the same command continues this run")
+
+
+def _print_means(found: dict[str, Any]) -> None:
+    for name, value in found.items():
+        # counts of occurrences are for machines, and so is a total of no divergences
+        quiet = name.endswith("_count_total") or (name == "diverged_total" and not any(value["per_seed"]))
+        if isinstance(value, dict) and "median" in value and not quiet:
+            print(f"  {summary_text(name.replace('_', ' '), value)}")
+
+
+def _setting_text(setting: dict[str, float]) -> str:
+    """A setting of a sweep in a few words."""
+    return ", ".join(f"{path.rpartition('.')[2]} = {value:g}" for path, value in setting.items())

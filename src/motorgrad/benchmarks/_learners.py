@@ -1,7 +1,7 @@
 """Learners of worlds beside hand-written compiled loops of the same learner."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax

@@ -20,7 +20,7 @@ from motorgrad.experiments._claims import Claim
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import STYLE
 from motorgrad.experiments._films import animate
-from motorgrad.training import RunWarning, provenance, what_changed
+from motorgrad.training import RunWarning, provenance, provenance_changes
 
 QUICK = 2.0  # seconds of film in a smoke test
 
@@ -123,7 +123,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
     _check_settings(experiment, folder)
     stored, about = folder / "values.npz", folder / "provenance.json"
     sessions = read_json(about)["sessions"] if about.exists() else []
-    if sessions and (changes := list(what_changed(sessions[-1], provenance()))):
+    if sessions and (changes := list(provenance_changes(sessions[-1], provenance()))):
         warnings.warn(f"{folder}: continues what was made differently: {'; '.join(changes)}", RunWarning, stacklevel=4)
     if not stored.exists():
         write_arrays(stored, _session(experiment, work, about, sessions))

@@ -189,7 +189,10 @@ class Motoneurons(SigmoidUnits):
 def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
-    **Arguments:** `task`, a task or a number of inputs; `units`, by default the task's number of binary actions.
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
     """
     inputs, outputs = sizes(task, units)
     return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
@@ -198,7 +201,15 @@ def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
 def motoneurons(
     task: Any, units: int | None = None, low: float = 0.0, high: float = 1.0
 ) -> Callable[[jax.Array], Motoneurons]:
-    """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis)."""
+    """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis).
+
+    **Arguments:**
+
+    - `task`: a task, or 1, the number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `low`: the lower end of the range of the thresholds.
+    - `high`: its upper end.
+    """
     outputs = single_input_units("motoneurons", task, units, low, high)
 
     def initial(key: jax.Array) -> Motoneurons:

@@ -262,6 +262,16 @@ def mixture(
     """Local units laid out by `tiles`, plus global units (section 6.5.2 of the thesis).
 
     The last `hyperplanes` units of the action are global, with zero weights and one common `bias`.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `hyperplanes`: how many of them are global.
+    - `copies`: consecutive local units that share a centre.
+    - `width`: a standard deviation, as a fraction of the range.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
+    - `bias`: the common bias of the global units.
     """
     inputs, outputs = sizes(task, units)
     valid = isinstance(hyperplanes, int) and 1 <= hyperplanes < outputs
@@ -285,6 +295,15 @@ def gated(
     `levels` there are further gates behind each gate, laid out over the region from one width below its centre to one
     width above; the hyperplanes are behind the last level. `units` includes the gates; the rest are shared evenly among
     the gates. The action is ordered as in `Gated`. `width` is a standard deviation as a fraction of the range.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, the gates included, by default one for each action of the task.
+    - `gates`: the number of gates on each level.
+    - `levels`: the number of levels of gates, one behind the other.
+    - `width`: a standard deviation, as a fraction of the range.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
     """
     inputs, outputs = sizes(task, units)
     for name, value in (("gates", gates), ("levels", levels)):

@@ -215,6 +215,15 @@ def graded_motoneurons(
     """Graded motoneurons of gain 0 (mean activation one half) with thresholds drawn from U[`low`, `high`].
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
+
+    **Arguments:**
+
+    - `task`: a task, or 1, the number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `low`: the lower end of the range of the thresholds.
+    - `high`: its upper end.
+    - `deviation`: the standard deviation of the noise at the start.
+    - `floor`: the least standard deviation that learning may reach.
     """
     outputs = single_input_units("graded-motoneurons", task, units, low, high)
     noise = log_deviations(outputs, deviation, floor)
@@ -232,6 +241,14 @@ def graded_hyperplanes(
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `level`: the mean activation at the start, for every observation.
+    - `deviation`: the standard deviation of the noise at the start.
+    - `floor`: the least standard deviation that learning may reach.
     """
     inputs, outputs = sizes(task, units)
     check(math.isfinite(level), "level", level, "a finite number")

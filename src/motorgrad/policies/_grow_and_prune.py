@@ -113,6 +113,14 @@ def growing(
     """A pool of local units that are all switched off, for a learner that grows (`motorgrad.learning.Growth`).
 
     The learner places the units and switches them on. `p_max` applies to Gaussians, `hardness` to the other kinds.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the size of the pool, by default one unit for each action of the task.
+    - `shape`: the kind of local units.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1]; of Gaussians only.
+    - `hardness`: how steeply the probability falls at a unit's surface; of soft spheres and boxes only.
     """
     inputs, outputs = sizes(task, units)
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")

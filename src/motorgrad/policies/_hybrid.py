@@ -311,6 +311,17 @@ def graded_tiles(
 
     A negative strength acts against the force of the unit. The strength is drawn with a standard deviation that starts
     at `deviation`; learning keeps it above `floor`.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `copies`: consecutive units that share a centre.
+    - `width`: a standard deviation, as a fraction of the range.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
+    - `strength`: the mean strength of every unit at the start.
+    - `deviation`: the standard deviation of the strength at the start.
+    - `floor`: the least standard deviation that learning may reach.
     """
     check(-math.inf < strength < math.inf, "strength", strength, "a finite number")
     pool = tiles(task, units, copies, width, p_max)
@@ -325,6 +336,15 @@ def primitives(
 
     The movement parameters have mean 0, and a standard deviation that starts at `deviation`; learning keeps it above
     `floor`. `units` is the length of an action: `count`, plus equally many parameters for each primitive.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the length of an action, `count` plus equally many parameters for each primitive, by default the
+      task's.
+    - `count`: the number of primitives.
+    - `deviation`: the standard deviation of the movement parameters at the start.
+    - `floor`: the least standard deviation that learning may reach.
     """
     inputs, outputs = sizes(task, units)
     whole = isinstance(count, int) and not isinstance(count, bool) and count >= 1

@@ -190,7 +190,17 @@ def _check_shapes(units: GaussianUnits) -> None:
 def gaussians(
     task: Any, units: int | None = None, width: float = 0.5, p_max: float = 1.0, low: float = -1.0, high: float = 1.0
 ) -> Callable[[jax.Array], LocalGaussians]:
-    """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input."""
+    """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `width`: the standard deviation of every unit, in the units of the inputs.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
+    - `low`: the lower end of the range of the centres in every input.
+    - `high`: its upper end.
+    """
     inputs, outputs = sizes(task, units)
     check_random_layout({"width": width}, low, high)
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
@@ -219,6 +229,18 @@ def tiles(
     centres form a lattice with about as many rows as there are centres in a row. Each centre is shared by `copies`
     consecutive units, such as one that pushes left and one that pushes right. `width` is a standard deviation as a
     fraction of the range. Learning clips the log-widths to the two limits.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `copies`: consecutive units that share a centre.
+    - `width`: a standard deviation, as a fraction of the range.
+    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
+    - `low`: the lower end of the range, by default the task's.
+    - `high`: the upper end of the range, by default the task's.
+    - `least_log_width`: the lower limit of the logarithm of a width.
+    - `most_log_width`: the upper limit of the logarithm of a width.
 
     **Example:**
 

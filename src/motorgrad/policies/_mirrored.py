@@ -138,6 +138,11 @@ def mirrored(task: Any, units: int | None = None) -> Mirrored:
 
     There is one unit for every two actions that are mirror images of each other, as given by the `mirror` of the task.
 
+    **Arguments:**
+
+    - `task`: a task with a mirror.
+    - `units`: the number of units on both sides together, by default one for each action of the task.
+
     **Raises:** `ValueError` for a task without a mirror, for an action that is its own mirror image, and for a number
     of inputs in place of a task.
     """

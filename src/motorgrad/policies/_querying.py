@@ -128,6 +128,15 @@ def querying_motoneurons(
 
     They request inputs from [`low`, `high`] in proportion to their entropy in each of `cells`, and a fraction `explore`
     uniformly.
+
+    **Arguments:**
+
+    - `task`: a task, or 1, the number of inputs.
+    - `units`: the length of an action, the request included, by default the task's.
+    - `low`: the lower end of the range of the thresholds and of the requests.
+    - `high`: its upper end.
+    - `explore`: the share of requests that are uniform.
+    - `cells`: the number of cells in which entropy is measured.
     """
     outputs = single_input_units("querying-motoneurons", task, units, low, high)
     check(outputs > 1, "outputs", outputs, "at least 2: the last is the requested input")

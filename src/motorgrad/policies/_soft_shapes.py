@@ -118,7 +118,17 @@ def soft_spheres(
     low: float = -1.0,
     high: float = 1.0,
 ) -> Callable[[jax.Array], SoftSpheres]:
-    """Soft spheres of equal `radius` and `hardness`, with centres drawn from U[`low`, `high`] in every input."""
+    """Soft spheres of equal `radius` and `hardness`, with centres drawn from U[`low`, `high`] in every input.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `radius`: of every sphere, in the units of the inputs.
+    - `hardness`: how steeply the probability falls at a unit's surface.
+    - `low`: the lower end of the range of the centres in every input.
+    - `high`: its upper end.
+    """
     inputs, outputs = sizes(task, units)
     check_random_layout({"radius": radius, "hardness": hardness}, low, high)
 
@@ -141,6 +151,15 @@ def soft_boxes(
     """Soft boxes of equal `hardness`, with centres drawn from U[`low`, `high`] in every input.
 
     `width` is the distance from the centre to each wall.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `width`: the distance from the centre to each wall, in the units of the inputs.
+    - `hardness`: how steeply the probability falls at a unit's surface.
+    - `low`: the lower end of the range of the centres in every input.
+    - `high`: its upper end.
     """
     inputs, outputs = sizes(task, units)
     check_random_layout({"width": width, "hardness": hardness}, low, high)

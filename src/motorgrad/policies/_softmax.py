@@ -84,7 +84,10 @@ class Softmax(Policy):
 def softmax(task: Any, units: int | None = None) -> Softmax:
     """A softmax policy with zero weights: all actions are equally probable.
 
-    **Arguments:** `task`, a task or a number of inputs; `units`, the number of actions, by default the task's.
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of actions to choose from, by default the task's.
     """
     inputs, outputs = sizes(task, units)
     return Softmax(jnp.zeros((outputs, inputs)))

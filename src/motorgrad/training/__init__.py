@@ -3,9 +3,8 @@
 from motorgrad.training._agents import NamedPolicy, agent_for, agent_from_table, agent_table, policy_settings
 from motorgrad.training._arguments import check_training
 from motorgrad.training._evaluate import Evaluation, evaluate
-from motorgrad.training._resume import agent_in, resume
-from motorgrad.training._run import Run, given_initial, load
-from motorgrad.training._train import train
+from motorgrad.training._run import Run, given_initial, load, saved_agent
+from motorgrad.training._train import resume, train
 from motorgrad.training.engines import (
     BodyStepper,
     HostStepper,
@@ -16,13 +15,8 @@ from motorgrad.training.engines import (
     stepper_for,
     training_stepper_for,
 )
-from motorgrad.training.plots._plot import learning_curves
-from motorgrad.training.plots._plot_curves import Curve
-from motorgrad.training.plots._plot_labels import folders_of
-from motorgrad.training.plots._tensorboard import check_tensorboard, write_tensorboard
-from motorgrad.training.store._checkpoint import fingerprint
-from motorgrad.training.store._directory import RunDirectoryError, RunWarning
-from motorgrad.training.store._provenance import provenance, what_changed
+from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
+from motorgrad.training.store import RunDirectoryError, RunWarning, fingerprint, provenance, provenance_changes
 
 __all__ = [
     "BodyStepper",
@@ -38,7 +32,6 @@ __all__ = [
     "WorldStepper",
     "agent_for",
     "agent_from_table",
-    "agent_in",
     "agent_table",
     "check_tensorboard",
     "check_training",
@@ -51,10 +44,11 @@ __all__ = [
     "load",
     "policy_settings",
     "provenance",
+    "provenance_changes",
     "resume",
+    "saved_agent",
     "stepper_for",
     "train",
     "training_stepper_for",
-    "what_changed",
     "write_tensorboard",
 ]

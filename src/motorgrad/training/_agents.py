@@ -25,7 +25,7 @@ class NamedPolicy:
     It is called with a seed's key, as every initial policy may be.
 
     **Arguments:** the `task`; the `kind`, a name in `motorgrad.policies.INITIAL`; `settings`, the keyword arguments of
-    its function.
+    its function, of which defaults are dropped.
 
     **Raises:** `ValueError` for an unknown kind or setting, and for settings that are impossible for the task.
     """
@@ -46,6 +46,9 @@ class NamedPolicy:
             for name, value in self.settings.items()
             if value is not None
         }
+        known = inspect.signature(policies.INITIAL[self.kind]).parameters
+        # one description for one policy, whether or not a default was written out
+        given = {name: value for name, value in given.items() if value != known[name].default}
         object.__setattr__(self, "settings", given)
         units = given.get("units") or 1
         most = LARGEST // self.task.observation_size
@@ -114,6 +117,8 @@ def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more
     """
     task = make(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
+    known = changes is None or isinstance(changes, Mapping)
+    check(known, "agent", changes, "a table of changes, such as {'estimator.trace.decay': 0.98}")
     given = {**(changes or {}), **more}
     return _built(task, given)
 
@@ -128,6 +133,9 @@ def _built(task: Task, given: Mapping[str, Any]) -> Agent:
     implied = policies.IMPLIED.get(wanted, {})  # such as growth, for a policy that grows
     agent = as_hinted(Agent, {**own, **implied}, "agent", Agent(named))
     agent = as_hinted(Agent, given, "agent", agent)
+    for name, value in policies.IMPLIED.get(getattr(agent.policy, "kind", ""), {}).items():
+        needed = f"set, such as {value!r}, for the policy {agent.policy.kind!r}"
+        check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
     check_rounded(agent, agent.precision)
     return agent
 

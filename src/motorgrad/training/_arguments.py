@@ -4,25 +4,29 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeGuard
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._tree import check_rounded
 from motorgrad.learning import Agent, SparseAgent
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import HostTask, Task, make
 from motorgrad.training._agents import agent_for
-from motorgrad.training._initial import stacked
-from motorgrad.training._sweep import Setting, settings_of
+from motorgrad.training._sweep import Setting, sweep_settings
 from motorgrad.training.engines import validate, validate_episodes
+from motorgrad.training.store import name_of
 
-MOST_SEEDS = 1_000_000
-MOST_THREADS = 4096
+MAX_LANES = 1_000_000
+MAX_THREADS = 4096
 
 
-class Asked(NamedTuple):
-    """The checked arguments of a training: `initial`, the policies that seeds begin from, where they were given;
-    `settings`, those of a sweep, none without one."""
+class TrainingArguments(NamedTuple):
+    """The checked arguments of a training.
+
+    - `initial`: the policies from which the seeds start, where they were given.
+    - `settings`: the settings of a sweep; empty without one.
+    """
 
     task: Task
     agent: Agent
@@ -42,10 +46,10 @@ def check_training(
     threads: int = 0,
     initial: Policy | None = None,
     sweep: Any = None,
-) -> Asked:
-    """Check the arguments of `train`. Nothing of a run's size is made.
+) -> TrainingArguments:
+    """Check the arguments of `train`, without allocating anything of the size of the run.
 
-    **Raises** `ValueError` that names what is impossible.
+    **Raises** `ValueError` that names the impossible argument.
     """
     task = make(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
@@ -53,31 +57,58 @@ def check_training(
     check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
     check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "how many, or a list of them")
     if isinstance(seeds, int | np.integer):
-        check(0 < seeds <= MOST_SEEDS, "seeds", seeds, f"from 1 to {MOST_SEEDS} seeds")
+        check(0 < seeds <= MAX_LANES, "seeds", seeds, f"from 1 to {MAX_LANES} seeds")
     chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)
     check(_whole(steps) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
-    check(0 < len(chosen) <= MOST_SEEDS, "seeds", chosen, f"from 1 to {MOST_SEEDS} seeds")
+    check(0 < len(chosen) <= MAX_LANES, "seeds", chosen, f"from 1 to {MAX_LANES} seeds")
     valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
     check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
     timed = isinstance(checkpoint_every, int | float | np.number) and checkpoint_every >= 0
     check(timed, "checkpoint_every", checkpoint_every, "at least 0 seconds")
-    valid = _whole(threads) and 0 <= threads <= MOST_THREADS
-    check(valid, "threads", threads, f"0 for all processors, or their number, at most {MOST_THREADS}")
+    valid = _whole(threads) and 0 <= threads <= MAX_THREADS
+    check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
     learner = agent if isinstance(agent, Agent) else agent_for(task, agent)
     compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseAgent)
-    check(compiled, "task", task.name, "a task in a JAX world for a sparse agent: in others the rest costs more")
+    check(compiled, "task", task.name, "a task in a JAX world for a sparse agent")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
     validate(task, policy)
     validate_episodes(task, check_rounded(learner, learner.precision))
-    own = None if initial is None else stacked(initial, policy, len(chosen))
-    settings = [] if sweep is None else settings_of(sweep, task, learner)
+    own = None if initial is None else check_initial(initial, policy, len(chosen))
+    settings = [] if sweep is None else sweep_settings(sweep, task, learner)
     lanes = len(chosen) * max(1, len(settings))
     check(
-        lanes <= MOST_SEEDS, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MOST_SEEDS} in all"
+        lanes <= MAX_LANES, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MAX_LANES} in all"
     )
-    return Asked(task, learner, int(steps), [int(seed) for seed in chosen], own, settings)
+    return TrainingArguments(task, learner, int(steps), [int(seed) for seed in chosen], own, settings)
+
+
+def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
+    """The policies from which the seeds start, along a leading axis, in the dtypes of the agent's policy.
+
+    **Arguments:** `initial`, as in `train`; `like`, the shapes of one policy of the agent; the number of `seeds`.
+
+    **Raises** `ValueError` that names the field whose structure or shape differs from the agent's, or is not finite.
+    """
+    wanted = "policies of all seeds along a leading axis, such as the policies of a run, or None"
+    check(isinstance(initial, Policy), "initial", initial, wanted)
+    kinds = [type(policy).__name__ for policy in (initial, like)]
+    check(type(initial) is type(like), "initial", kinds[0], f"of the kind of the agent's policy, {kinds[1]}")
+    places = [dict(jax.tree_util.tree_leaves_with_path(policy)) for policy in (initial, like)]
+    parts = [sorted(map(name_of, place)) for place in places]
+    check(parts[0] == parts[1], "initial", parts[0], f"of the parts of the agent's policy, {parts[1]}")
+
+    def fitting(place: Any, leaf: Any) -> jax.Array:
+        name, given = f"initial.{name_of(place)}", places[0][place]
+        check(np.shape(given) == (seeds, *leaf.shape), f"{name}.shape", np.shape(given), f"{(seeds, *leaf.shape)}")
+        return jnp.asarray(given, leaf.dtype)
+
+    found = jax.tree_util.tree_map_with_path(fitting, like)
+    for place, leaf in jax.tree_util.tree_leaves_with_path(trainable(found)):
+        finite = bool(jnp.isfinite(leaf).all())
+        check(finite, f"initial.{name_of(place)}", "not all finite", "finite numbers")
+    return found
 
 
 def _whole(value: Any) -> TypeGuard[int]:

@@ -10,9 +10,8 @@ import pyarrow as pa
 
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
-from motorgrad.training._run import Run, load
+from motorgrad.training._run import Records, Run, load
 from motorgrad.training.engines import BodyStepper, stepper_for
-from motorgrad.training.store._records import Records
 
 FRESH = 1_000_000_000
 """Added to a seed for its evaluation, so that a policy is not judged on the random numbers that it learnt from."""

@@ -1,4 +1,4 @@
-"""A run: what training gives back, and what a run directory holds."""
+"""A run: the result of training, in memory or loaded from its directory."""
 
 import copy
 import dataclasses
@@ -12,12 +12,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from motorgrad._errors import check, unknown
+from motorgrad.learning import Agent
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import TASKS, Task, make
-from motorgrad.training.plots._plot import Format, learning_curves
-from motorgrad.training.plots._plot_curves import Axis
-from motorgrad.training.store._checkpoint import into, name_of
-from motorgrad.training.store._directory import RunDirectory, RunDirectoryError
+from motorgrad.training._agents import agent_from_table
+from motorgrad.training.engines import Record
+from motorgrad.training.plots import Axis, Format, learning_curves
+from motorgrad.training.store import RunDirectory, RunDirectoryError, fill_tree, name_of
 
 if TYPE_CHECKING:
     from motorgrad.training.plots._plot_figure import LearningCurves
@@ -28,7 +29,7 @@ class Run:
     """The outcome of training.
 
     - `config`: the effective configuration, as in `config.toml`.
-    - `decision`: decisions made per seed; `complete`, whether that is all that was asked for.
+    - `decision`: the number of decisions made per seed; `complete`, whether the run is finished.
     - `metrics`: a table of records (`docs/training.md` has its columns).
     - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner
       has `PolyakAveraging`; `initial`, the same before learning.
@@ -63,16 +64,16 @@ class Run:
 
     @property
     def settings(self) -> list[dict[str, float]]:
-        """The settings of a sweep, each a mapping from paths to numbers; empty for a run that is none."""
+        """The settings of a sweep, each a mapping from paths to numbers; empty for other runs."""
         return self.config.get("sweep", [])
 
     @property
     def lanes(self) -> int:
-        """The length of every leading axis: seeds, times settings in a sweep."""
+        """The length of every leading axis: the number of seeds, times that of settings in a sweep."""
         return len(self.seeds) * max(1, len(self.settings))
 
     def split(self) -> "list[Run]":
-        """The runs of a sweep, one for each of the `settings`, in memory; this run alone where it is none."""
+        """The run of each of the `settings`, in memory; this run itself where it is no sweep."""
         if not self.settings:
             return [self]
         return [self._part(index) for index in range(len(self.settings))]
@@ -103,24 +104,23 @@ class Run:
 
     @property
     def complete(self) -> bool:
-        """Whether all decisions asked for were made; if not, the same call of `train` continues."""
+        """Whether all decisions were made; if not, the same call of `train` continues the run."""
         return self.decision >= self.config["run"]["steps"]
 
     @property
     def task(self) -> Task:
         """The task, rebuilt from the configuration where the run was loaded."""
-        return task_of(self.config) if self._task is None else self._task
+        return saved_task(self.config) if self._task is None else self._task
 
     @property
     def memory(self) -> Any:
-        """What the task remembered at the end, of all seeds along a leading axis: in particular how it scaled what was
-        observed. `None` where a run has none."""
+        """The memory of the task at the end, seeds leading, such as the scale of observations; `None` without one."""
         if not self._memory:
             return None
         task, seeds = self.task, self.lanes
         one = jax.eval_shape(task.init, jax.ShapeDtypeStruct((task.init_uniforms,), np.float32))
         template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((seeds, *leaf.shape), leaf.dtype), one)
-        return into(template, self._memory)
+        return fill_tree(template, self._memory)
 
     def policy(self, seed: int | None = None) -> Policy:
         """The learnt policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""
@@ -131,7 +131,7 @@ class Run:
         return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.policies)
 
     def curve(self, quantity: str = "reward") -> tuple[np.ndarray, np.ndarray]:
-        """A column of the metrics as `(decisions (records,), values (seeds, records))`, in a sweep all lanes.
+        """A column of the metrics as `(decisions (records,), values (seeds, records))`, in a sweep of all lanes.
 
         **Raises** `ValueError` for an unknown column, and where there are no records yet.
         """
@@ -180,8 +180,8 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
     return found
 
 
-def task_of(config: dict[str, Any]) -> Task:
-    """The task of a configuration. **Raises** `RunDirectoryError` where it is none of the registry's."""
+def saved_task(config: dict[str, Any]) -> Task:
+    """The task of a run's configuration. **Raises** `RunDirectoryError` for one that is not in the registry."""
     settings = dict(config["task"])
     name = settings.pop("name")
     if name not in TASKS:
@@ -189,12 +189,20 @@ def task_of(config: dict[str, Any]) -> Task:
     return make(name, **settings)
 
 
+def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
+    """The learner of a run's configuration. **Raises** `RunDirectoryError` where a part of it was made in Python."""
+    try:
+        return agent_from_table(task, settings, where)
+    except ValueError as error:
+        raise RunDirectoryError(f"{error}: train(task, agent, out=...)") from None
+
+
 def load(path: Path | str, task: Task | None = None) -> Run:
-    """The run in a directory: configuration, metrics, policies. Reading takes no lock, so a run may be under way.
+    """Load the run in a directory. Reading takes no lock, so the run may still be training.
 
     **Arguments:** `path`; `task`, for a run of a task that is not in the registry.
 
-    **Raises:** `RunDirectoryError` where there is no run, or none of its checkpoints is whole.
+    **Raises:** `RunDirectoryError` where there is no run, or no whole checkpoint.
     """
     directory = RunDirectory(path)
     config = directory.read_config()
@@ -203,7 +211,7 @@ def load(path: Path | str, task: Task | None = None) -> Run:
         raise RunDirectoryError(f"{path} has no whole checkpoint yet")
     arrays, about = found
     if (learner := directory.learner()) is None:
-        raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; going on with training puts it back")
+        raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; training on restores it")
     shapes = rebuild(learner["structure"])
     policies, initial = _filled(shapes, arrays, "kept."), _filled(shapes, directory.initial())
     metrics = directory.metrics()
@@ -214,16 +222,21 @@ def load(path: Path | str, task: Task | None = None) -> Run:
 
 
 def given_initial(path: Path | str) -> Policy | None:
-    """The policies that the run in a directory was given to begin from, seeds leading; `None` where it was given none,
-    or where there is no run. **Raises** `RunDirectoryError` where they are lost."""
+    """The `initial` policies that a stored run was given, seeds leading; `None` without any, or without a run.
+
+    **Raises** `RunDirectoryError` where they are missing.
+    """
     directory = RunDirectory(path)
-    if not directory.started or "initial" not in directory.read_config()["run"]:
+    run = directory.read_config()["run"] if directory.is_run else {}
+    if "initial" not in run:
         return None
-    learner = directory.learner() if directory.begun else None
+    learner = directory.learner() if directory.has_initial_policies else None
     if learner is None:
         lost = "checkpoint/initial.policies is missing: give the initial policies again, train(..., initial=...)"
         raise RunDirectoryError(f"{path}: {lost}")
-    return _filled(rebuild(learner["structure"]), directory.initial())
+    stored = _filled(rebuild(learner["structure"]), directory.initial())
+    # in a sweep the seeds of every setting begin from the same policies
+    return jax.tree.map(lambda leaf: leaf[: len(run["seeds"])], stored)
 
 
 def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") -> Policy:
@@ -232,6 +245,44 @@ def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") 
 
 
 def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state, by name, that are the task's memory, by their names within it."""
+    """The arrays of a state that are the task's memory, by their paths within it."""
     place = "cycle.memory"
     return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}
+
+
+class Records:
+    """The records since the last checkpoint: rows of a table, one per window, lane and setting.
+
+    `docs/training.md` lists the columns.
+    """
+
+    def __init__(self, seeds: np.ndarray, period: float, settings: int = 0):
+        self.seeds, self.period = seeds, period
+        self._setting = np.repeat(np.arange(settings), len(seeds) // settings) if settings else None
+        self._tables: list[pa.Table] = []
+
+    def add(self, record: Record, decision: int, since: int, wall: float) -> float:
+        """Add the record of the window from `since` to `decision`. Returns its mean reward over the lanes."""
+        count = len(self.seeds)
+        lost = record.get("diverged", 0)
+        reward = record["reward"] / np.maximum(decision - since - lost, 1)
+        columns = {
+            **({} if self._setting is None else {"setting": self._setting}),
+            "seed": self.seeds,
+            "decision": np.full(count, decision, np.int64),
+            "simulated_time": np.full(count, decision * self.period),
+            "wall_time": np.full(count, wall),
+            "reward": reward.astype(np.float32),
+            **{name: values for name, values in record.items() if name not in ("reward", "parameters")},
+        }
+        parameters = pa.FixedSizeListArray.from_arrays(
+            pa.array(record["parameters"].ravel().astype(np.float32)), record["parameters"].shape[1]
+        )
+        self._tables.append(pa.table({**columns, "parameters": parameters}))
+        return float(np.mean(reward))
+
+    def take(self) -> pa.Table | None:
+        """Remove and return all rows."""
+        table = pa.concat_tables(self._tables) if self._tables else None
+        self._tables = []
+        return table

@@ -1,4 +1,4 @@
-"""Sweeps: several settings of a learner's numbers, learnt in one compiled call."""
+"""Sweeps: several settings of a learner's numbers in one compiled call."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -7,23 +7,22 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check, unknown
+from motorgrad._settings import full_path
 from motorgrad._tree import Part, check_rounded, fields_of, numbers_of, with_number
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training.engines import validate_episodes
 
 Setting = dict[str, float]
-MOST = 1_000_000
-"""Settings times seeds of one run."""
 
 
-def settings_of(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
-    """The settings of a sweep, each a mapping from paths to numbers, in the order in which they are run.
+def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
+    """The settings of a sweep, each a mapping from paths to numbers, in the order of the lanes.
 
     **Arguments:** `sweep`: a mapping from paths to lists of numbers, which combine as a product, the last path changing
     fastest; or a list of mappings from paths to numbers, all with the same paths.
 
-    **Raises** `ValueError` for an unknown path, for one that is static, and for numbers that are impossible.
+    **Raises** `ValueError` for an unknown path, a static one, and for impossible numbers.
     """
     wanted = 'paths and lists of numbers, such as {"optimizer.learning_rate": [1e-3, 1e-2]}, or a list of settings'
     if isinstance(sweep, Mapping):
@@ -33,10 +32,10 @@ def settings_of(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
         paths = [_path(name, agent) for name in sweep]
         found = [dict(zip(paths, values, strict=True)) for values in itertools.product(*sweep.values())]
     else:
-        right = (
+        valid = (
             isinstance(sweep, Sequence) and not isinstance(sweep, str) and all(isinstance(s, Mapping) for s in sweep)
         )
-        check(right, "sweep", sweep, wanted)
+        check(valid, "sweep", sweep, wanted)
         given: Any = sweep
         found = [{_path(name, agent): value for name, value in setting.items()} for setting in given]
     check(found and all(found), "sweep", sweep, wanted)
@@ -57,7 +56,7 @@ def settings_of(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
 
 
 def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.ndarray]:
-    """The numbers of every lane of a run by path: all seeds of the first setting, then those of the second …"""
+    """The numbers of every lane, by path: all seeds of the first setting, then those of the second …"""
     if not settings:
         return {}
     return {path: np.repeat([setting[path] for setting in settings], seeds) for path in settings[0]}
@@ -65,7 +64,7 @@ def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.nda
 
 def _path(name: str, agent: Agent) -> str:
     """The path of a number, which may be given by its short name."""
-    path = agent.aliases.get(name, name)
+    path = full_path(type(agent), name)
     tree = agent.hyperparameters
     known = {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
     if path in known:
@@ -73,7 +72,8 @@ def _path(name: str, agent: Agent) -> str:
     node: Any = tree
     for part in path.split("."):
         if not isinstance(node, Part) or part not in fields_of(type(node)):
-            raise unknown("number in the sweep", name, known)
+            short = [short for short, path in agent.aliases.items() if path in known]
+            raise unknown("number in the sweep", name, [*known, *short])
         node = getattr(node, part)
     if node is None:
         raise ValueError(f"sweep: {name!r} is absent in this agent: give it a value first")

@@ -1,4 +1,4 @@
-"""The loop over decisions: advance, record, commit; the same for every task and engine."""
+"""The training loop: advance, record, commit; the same for every task and engine."""
 
 import time
 import warnings
@@ -12,23 +12,21 @@ import numpy as np
 import pyarrow as pa
 
 from motorgrad._errors import check
+from motorgrad._progress import Progress
 from motorgrad._settings import table
 from motorgrad._signals import stop_when_asked
 from motorgrad.learning import Agent, RunningMean
 from motorgrad.policies import Policy, describe
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
-from motorgrad.training._arguments import Asked, check_training
-from motorgrad.training._progress import Report
-from motorgrad.training._run import Run, memory_in
+from motorgrad.training._arguments import TrainingArguments, check_training
+from motorgrad.training._run import Records, Run, given_initial, memory_in, saved_agent, saved_task
 from motorgrad.training._sweep import numbers_by_lane
 from motorgrad.training.engines import training_stepper_for
-from motorgrad.training.plots._tensorboard import EventFiles, began, check_tensorboard
-from motorgrad.training.store._checkpoint import by_name, fingerprint, into
-from motorgrad.training.store._directory import RunDirectory, RunDirectoryError, RunWarning
-from motorgrad.training.store._records import Records
+from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
+from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, by_name, fill_tree, fingerprint
 
-SLICE = 0.2  # seconds of work between two looks at the clock and at Ctrl-C
+SLICE = 0.2  # seconds of work between two checks of the clock and of Ctrl-C
 
 
 def train(
@@ -51,24 +49,24 @@ def train(
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `agent`: the learner; or changes of the learner that goes with the task, as `agent_for` takes them; by default
-      that learner itself. A run whose parts are all registered can be resumed from its directory alone (`resume`).
-    - `steps`: decisions per seed. Where the directory holds a run that has made more, that run is returned.
-    - `seeds`: how many (0, 1, 2 …), or which.
+    - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner.
+      A run whose parts are all registered can be resumed from its directory alone (`resume`).
+    - `steps`: decisions per seed. If the directory holds a run with more decisions, that run is returned.
+    - `seeds`: their number (0, 1, 2 …), or a list of them.
     - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
-      for bit; if it is finished, it is returned; with more `steps` than before, it is continued.
-    - `sweep`: several settings of the agent's numbers, learnt side by side in one compiled call: a mapping from paths
-      to lists of numbers, which combine as a product, or a list of mappings. Seed k has the same random numbers under
-      every setting. `Run.split` gives the run of each setting.
+      for bit; if it is finished, it is returned, or continued where `steps` are more than before.
+    - `sweep`: several settings of the agent's numbers, which learn side by side in one compiled call: a mapping from
+      paths to lists of numbers, which combine as a product, or a list of mappings. Seed k has the same
+      random numbers under every setting. `Run.split` gives the run of each setting.
     - `window`: decisions per record of the metrics, by default a two-hundredth of the steps, or what the run in the
       directory has.
     - `checkpoint_every`: seconds of wall time between checkpoints.
-    - `threads`: for bodies, used by physics and learning; 0 for one per processor.
+    - `threads`: for bodies, the threads of physics and learning; 0 for one per processor.
     - `progress`: whether to show progress.
-    - `tensorboard`: whether to keep TensorBoard event files in `tensorboard/` of the run directory. They hold every
-      record up to the newest checkpoint, once, also where the run was killed and has gone on.
-    - `initial`: the policies that the seeds begin from, along a leading axis, such as the `policies` of a run, changed
-      or not; by default the agent's own. They have the structure of the agent's policy, whose numbers they replace.
+    - `tensorboard`: whether to write TensorBoard event files to `tensorboard/` of the run directory. They hold every
+      record up to the newest checkpoint exactly once, also after a kill.
+    - `initial`: the policies from which the seeds start, along a leading axis, such as the `policies` of a run; by
+      default the agent's own. They must have the structure of the agent's policy.
 
     **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
 
@@ -81,13 +79,52 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
-    asked = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep)
+    arguments = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep)
     if tensorboard:
-        check(not asked.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
-        check(out is not None, "tensorboard", tensorboard, "False for a run in memory, or the run needs a directory")
+        check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
+        check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
         check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
-        return _Training(asked, directory, window, checkpoint_every, threads, tensorboard).run(progress)
+        return _Training(arguments, directory, window, checkpoint_every, threads, tensorboard).run(progress)
+
+
+def resume(
+    path: Path | str,
+    steps: int | None = None,
+    *,
+    checkpoint_every: float = 30.0,
+    threads: int = 0,
+    progress: bool = True,
+) -> Run:
+    """Resume the run in a directory, with its own task, learner, seeds and sweep.
+
+    **Arguments:**
+
+    - `path`: the run directory.
+    - `steps`: decisions per seed, by default those of the run.
+    - the others as in `train`; they do not change any number.
+
+    **Returns** the `Run`; a finished one is returned as it is.
+
+    **Raises** `RunDirectoryError` where there is no run, or one whose task or agent was made in Python: pass
+    these to `train` with `out=path`.
+    """
+    config = RunDirectory(path).read_config()
+    task, run = saved_task(config), config["run"]
+    agent = saved_agent(task, config["agent"], f"{path}: agent")
+    total = run["steps"] if steps is None else steps
+    return train(
+        task,
+        agent,
+        total,
+        run["seeds"],
+        path,
+        checkpoint_every=checkpoint_every,
+        threads=threads,
+        progress=progress,
+        initial=given_initial(path),
+        sweep=config.get("sweep"),
+    )
 
 
 class _Training:
@@ -95,17 +132,18 @@ class _Training:
 
     def __init__(
         self,
-        asked: Asked,
+        arguments: TrainingArguments,
         directory: RunDirectory | None,
         window: int | None,
         checkpoint_every: float,
         threads: int,
         tensorboard: bool,
     ):
-        task, agent, steps, seeds, initial, settings = asked
+        task, agent, steps, seeds, initial, settings = arguments
         self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
+        mark = None if initial is None else fingerprint(initial)
         if initial is not None and settings:
             initial = jax.tree.map(lambda leaf: np.concatenate([leaf] * len(settings)), initial)
         self.stepper = training_stepper_for(task, agent, lanes, threads, initial, numbers)
@@ -116,11 +154,11 @@ class _Training:
         }
         if settings:
             self.config["sweep"] = settings
-        if initial is not None:
-            self.config["run"]["initial"] = fingerprint(initial)
+        if mark is not None:
+            self.config["run"]["initial"] = mark
         start = self.stepper.state["cycle"].agent
-        mark = fingerprint((start.policy, start.chain))
-        self.learner = {**self.config["agent"], "structure": describe(self.stepper.policy), "initial": mark}
+        begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
+        self.learner = {**self.config["agent"], **begins}
         self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
@@ -129,40 +167,40 @@ class _Training:
             self._open(directory, window)
             if tensorboard or (directory.path / "tensorboard").is_dir():
                 check_tensorboard()
-                self.events = EventFiles(directory.path / "tensorboard", seeds, began(directory.path))
+                self.events = EventFiles(directory.path / "tensorboard", seeds, start_time(directory.path))
                 self.events.add(directory.metrics())
 
     def _open(self, directory: RunDirectory, window: int | None) -> None:
-        """Resume the run that the directory holds, or begin one."""
-        learner, found = None, directory.latest() if directory.started else None
-        if directory.started:
+        """Resume the run in the directory, or start one."""
+        learner, found = None, directory.latest() if directory.is_run else None
+        if directory.is_run:
             before = directory.read_config()
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
             learner = directory.learner()
             now = self.config if learner is None else {**self.config, "agent": self.learner}
-            _same(before if learner is None else {**before, "agent": learner}, now, directory.path)
+            _check_same_configuration(before if learner is None else {**before, "agent": learner}, now, directory.path)
             if found is not None:
-                _refuse_less(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
-        self._refuse_or_warn(directory.path, found is not None and found[1]["decision"])
+                _check_steps(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
+        self._check_resumable(directory.path, found is not None and found[1]["decision"])
         directory.write_config(self.config)
-        if learner is None or not directory.begun:
+        if learner is None or not directory.has_initial_policies:
             directory.save_initial(self.initial, self.learner)
         if found is None:
             directory.roll_back(0)
         else:
             arrays, about = found
             directory.roll_back(about["decision"], about["recorded"])
-            self.stepper.restore(into(self.stepper.state, arrays))
+            self.stepper.restore(fill_tree(self.stepper.state, arrays))
             self.recorded, self.wall = about["recorded"], about["wall"]
             if about["decision"] > self.config["run"]["steps"]:
                 self.config["run"]["steps"] = about["decision"]
                 directory.write_config(self.config)
-        going_on = found is not None and found[1]["decision"] < self.config["run"]["steps"]
-        directory.note_session(self.config["run"]["seeds"], going_on)
+        continues = found is not None and found[1]["decision"] < self.config["run"]["steps"]
+        directory.add_session(self.config["run"]["seeds"], continues)
 
-    def _refuse_or_warn(self, path: Path, made: int | bool) -> None:
-        """Warn before any work where dynamics cannot be saved; refuse to resume such a run."""
+    def _check_resumable(self, path: Path, made: int | bool) -> None:
+        """Warn where the dynamics cannot be saved; refuse to resume such a run."""
         why = self.task.no_resume if isinstance(self.task, HostTask) else None
         if why is None:
             return
@@ -170,7 +208,7 @@ class _Training:
             warnings.warn(f"{path}: this run cannot be resumed if it is stopped: {why}", RunWarning, stacklevel=2)
         elif made < self.config["run"]["steps"]:
             raise RunDirectoryError(
-                f"{path} holds a run stopped after {made:,} decisions, which cannot go on: {why}; "
+                f"{path} holds a run stopped after {made:,} decisions, which cannot be resumed: {why}; "
                 "choose another directory, or delete this one"
             )
 
@@ -179,7 +217,7 @@ class _Training:
         stepper, saved, count = self.stepper, time.monotonic(), 1
         with (
             stop_when_asked() as stopped,
-            Report(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
+            _TrainingProgress(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
         ):
             while stepper.decision < steps and not stopped():
                 due = min((stepper.decision // window + 1) * window, steps)
@@ -187,7 +225,7 @@ class _Training:
                 stepper.advance(made)
                 took = max(time.perf_counter() - start, 1e-6)
                 self.wall += took
-                # The slice grows to the time wanted; the first, which compiles, says nothing about speed.
+                # slices grow up to the time wanted; the time of the first includes compiling
                 count = max(1, min(2 * count, round(made * SLICE / took)))
                 latest = {} if stepper.decision % window else self._record()
                 report.report(stepper.decision, made / took, latest)
@@ -213,7 +251,7 @@ class _Training:
         )
 
     def _record(self) -> dict[str, float]:
-        """Add a record; its means over the seeds: of the reward, and of the first of the task's readings."""
+        """Add a record. Returns the means over the seeds of the reward and of the task's first reading."""
         record = self.stepper.harvest()
         latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall)}
         for name in self.task.reports[:1]:
@@ -225,7 +263,7 @@ class _Training:
     def _commit(self) -> None:
         """Save everything, where there is a directory.
 
-        At the end the window under way has a record too, which is no part of the state: with more steps it goes on.
+        At the end, the unfinished window has a record, too. It is not part of the state, so more steps complete it.
         """
         about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
         short = self.recorded < self.stepper.decision == self.config["run"]["steps"]
@@ -243,16 +281,16 @@ class _Training:
                 self.events.add(part)
 
 
-def _refuse_less(path: Path, asked: int, before: int, made: int) -> None:
-    """Refuse fewer steps than an unfinished run has: its goal would be lost silently. A finished run is returned."""
+def _check_steps(path: Path, asked: int, before: int, made: int) -> None:
+    """Refuse fewer steps than an unfinished run has. (A finished run is returned.)"""
     if asked < before and made < before:
         raise RunDirectoryError(
-            f"{path} holds a run of {before:,} decisions, of which {made:,} are made; {asked:,} were asked for now: "
-            f"ask for {before:,} or more, or choose another directory"
+            f"{path} holds a run of {before:,} decisions, of which {made:,} are made, but steps = {asked:,}: "
+            f"give {before:,} or more, or choose another directory"
         )
 
 
-def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
+def _check_same_configuration(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
     """Refuse to resume a run of another configuration, naming the first difference."""
 
     def differ(old: Any, new: Any, where: str) -> Iterator[str]:
@@ -262,10 +300,29 @@ def _same(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
         elif old != new and where != "run.steps":
             yield f"{where} was {old!r} and is now {new!r}"
 
-    # A number says more than the fingerprint of the initial learner, which changes with it.
+    # name a number rather than the fingerprint of the initial learner, which changes with it
     differences = sorted(differ(before, now, ""), key=lambda difference: difference.startswith("agent.initial"))
     if differences:
         raise RunDirectoryError(
             f"{path} holds a run of another configuration: {differences[0]}; "
             "choose another directory, or the same settings"
         )
+
+
+class _TrainingProgress(Progress):
+    """Progress of a training: decisions per second, simulated time, the latest means, the time left."""
+
+    def __init__(self, task: Task, seeds: int, steps: int, start: int, shown: bool):
+        super().__init__(task.name, "decisions", steps, start, shown)
+        self.task, self.seeds = task, seeds
+        self._latest: dict[str, float] = {}
+
+    def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
+        """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""
+        self._latest |= latest
+        facts = [f"{name} {value:.4g}" for name, value in reversed(self._latest.items())]
+        facts += [f"{rate * self.seeds:,.0f} decisions/s"]
+        facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
+        left = (self.total - decision) / rate if rate else 0
+        said = " · ".join([*facts, f"{self.seeds} seed{'s' * (self.seeds > 1)}"])
+        self.update(decision, said, without_bar=f"{left:.0f} s left")

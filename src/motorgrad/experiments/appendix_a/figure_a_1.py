@@ -68,7 +68,6 @@ class Wrapping(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9.5, 7.2)
         halves: Any = figure.subfigures(2, 1, height_ratios=[1.35, 1])
         above, below = halves

@@ -70,7 +70,6 @@ class Circular(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(11, 3.9)
         axes = figure.subplots(1, 3, width_ratios=[1, 1, 1.15])
         physics = self.physics(self.tangential, self.radial)

@@ -38,7 +38,6 @@ class Process(Experiment):
         return {}
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(7, 5)
         axes = figure.subplots()
         for place, formula, colour in NODES.values():

@@ -123,7 +123,6 @@ class Learner(Experiment):
 
     def figure(self, values: Values) -> Figure:
         """The listing and four panels: bias, error against the length of the run and against the decay, learning."""
-
         figure = new_figure(12.5, 7)
         panels = figure.subplot_mosaic(
             [["listing", "bias", "length"], ["listing", "decay", "learning"]], width_ratios=[1, 1, 1]

@@ -211,7 +211,6 @@ def _growth_claim(values: Values, learner: str, power: float, most: int, least: 
 def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> Figure:
     """Three panels: error over time, time against size, and learners of `dissected` units by the names of `parts`;
     `equal` is the error that counts as equally spaced."""
-
     figure = new_figure(11, 4.4)
     over, against, without = figure.subplots(1, 3)
     for name, (label, colour, _) in LEARNERS.items():

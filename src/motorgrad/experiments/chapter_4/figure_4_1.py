@@ -52,7 +52,6 @@ class ForceGrading(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(8, 5.6)
         ((single, total), (steep, others)) = figure.subplots(2, 2)
         force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units

@@ -39,7 +39,6 @@ class LinearPerformance(LinearStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(8, 6)
         error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
         numbers, decision = values["units"].tolist(), values["decision"] / 1e6

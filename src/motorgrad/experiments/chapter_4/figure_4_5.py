@@ -47,7 +47,6 @@ class ArmBody(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure, body = new_figure(8, 4.9), self.body
         grid = figure.add_gridspec(2, 6, height_ratios=[1.1, 1])
         for place, share in enumerate((0.0, 0.5, 1.0)):

@@ -38,7 +38,6 @@ class RewardSurface(Experiment):
         return {"load": loads, "activation": active, "reward": paid, "best": active[paid.argmax(0)]}
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(7, 4.6)
         axes = figure.subplots()
         load, active = values["load"], values["activation"]

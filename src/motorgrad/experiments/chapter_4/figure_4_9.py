@@ -65,7 +65,6 @@ class ChainExploration(Experiment):
         return first_reward_times(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(7, 5.6)
         drawing, axes = figure.subplots(2, 1, height_ratios=[1, 3.2])
         _chain(drawing)

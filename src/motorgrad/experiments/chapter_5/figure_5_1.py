@@ -59,7 +59,6 @@ class MusclePair(Experiment):
         return {"angle": degrees, **_simulated(body, np.radians(degrees)), **_computed(body, np.radians(degrees))}
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 6.6)
         halves: Any = figure.subfigures(2, 1, height_ratios=[1.15, 1])
         above, below = halves

@@ -36,7 +36,6 @@ class HopperBody(Experiment):
         return {}
 
     def figure(self, values: Values) -> Figure:
-
         body, figure = Hopper(), new_figure(9.5, 5.6)
         panels = figure.subplot_mosaic([["large", "first"], ["large", "second"]], width_ratios=[2.05, 1])
         _hopper(panels["large"], body, self.angle)

@@ -104,7 +104,6 @@ def behaviour_of(
 
 def draw_behaviour(shown: dict[str, np.ndarray]) -> Figure:
     """Knee angle, foot height and muscle activity, before (left) and after (right)."""
-
     figure = new_figure(9, 5.4)
     axes = figure.subplots(3, 2, sharex="col", sharey="row", height_ratios=[3, 3, 1.2])
     groups, period = shown["groups"].tolist(), float(shown["period"])

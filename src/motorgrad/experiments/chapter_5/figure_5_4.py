@@ -151,7 +151,6 @@ def _span(values: np.ndarray) -> tuple[float, float]:
 
 def draw_portrait(values: dict[str, np.ndarray], task: Hopper) -> Figure:
     """Trajectory and probabilities above, the numbered postures of one hop below."""
-
     figure = new_figure(9, 8.6)
     halves: Any = figure.subfigures(2, 1, height_ratios=[5.4, 3.2])
     above, below = halves

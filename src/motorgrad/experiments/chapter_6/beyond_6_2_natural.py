@@ -41,7 +41,6 @@ class NaturalStep(LayoutStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 3.6)
         smooth = min(SMOOTH, len(values["decision"]))
         thousand = values["decision"] / 1000

@@ -36,7 +36,6 @@ class Approximators(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 4.4)
         x, y = np.meshgrid(values["side"], values["side"])
         titles = {"global": "global: a hyperplane", "local": "local: an axis-aligned Gaussian"}

@@ -70,7 +70,6 @@ class Partition(Experiment):
         return int(np.abs(values["distance"] - self.brake).argmin())
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9.4, 4.2)
         row = self._boundary(values)
         kinds = (

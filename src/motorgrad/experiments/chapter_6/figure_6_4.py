@@ -71,7 +71,6 @@ class InitialPolicy(Experiment):
         return np.array([len(path) - 1 for path in trajectories(task, policy, self.episodes, self.seed)])
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 4.6)
         policy, stationary = figure.subplots(1, 2)
         draw_regions(policy, ())

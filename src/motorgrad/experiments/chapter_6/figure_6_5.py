@@ -104,7 +104,6 @@ class LocalPolicies(LocalStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(8.4, 8.6)
         for axes, layout in zip(figure.subplots(2, 2), LAYOUTS, strict=True):
             task, row = FallingParticle(layout=layout), int(values[f"{layout} row"])  # type: ignore[arg-type]

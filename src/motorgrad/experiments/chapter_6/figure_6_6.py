@@ -60,7 +60,6 @@ class AnyUnitFires(LocalStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9.4, 4.6)
         x, y = np.meshgrid(values["sides"], values["sides"])
         before, learnt = values["any before learning"], values["any"][int(values["row"])]

@@ -140,7 +140,6 @@ class Forgetting(LocalStudy):
         """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learnt, and
         reward of the learner on B."""
         words = {name: KINDS[name].words for name in self.kinds}
-
         figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(self.gaps))
         grid = figure.subplots(len(self.gaps), len(words), sharex=True, sharey=True, squeeze=False)
         for number, (row, gap) in enumerate(zip(grid, self.gaps, strict=True)):

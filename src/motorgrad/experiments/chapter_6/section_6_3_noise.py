@@ -69,7 +69,6 @@ class Noise(LayoutStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 3 * len(self.layouts))
         thousand = values["decision"] / 1000
         look: dict[str, Any] = {"records": min(SMOOTH, len(thousand)), "mean": True}

@@ -51,7 +51,7 @@ class Clock(Criterion):
 
     def check(self, adding: int) -> None:
         wanted = f"at least the {adding:,} decisions of the adding phase"
-        check(self.interval >= adding, "interval", self.interval, wanted)
+        check(self.interval >= adding, "criterion.interval", self.interval, wanted)
 
     def init(self, dtype: Any) -> None:
         return None

@@ -100,9 +100,14 @@ class Growth(Part):
         """The state before the first decision, and the policy with its first unit."""
         pool = _masked(policy)
         size = pool.outputs
-        check((self.units or 1) <= size, "units", self.units, f"at most the pool's, {size}")
+        check((self.units or 1) <= size, "growth.units", self.units, f"at most the pool's, {size}")
         shape = np.shape(self.centre)
-        check(shape in ((), (pool.inputs,)), "centre", self.centre, f"one number or {pool.inputs} of them")
+        check(
+            shape in ((), (pool.inputs,)),
+            "growth.centre",
+            np.asarray(self.centre).tolist(),
+            f"one number or {pool.inputs} of them",
+        )
         dtype = _size(pool)[1].dtype
         state = GrowthState(
             unit=jnp.int32(-1),

@@ -11,7 +11,7 @@ from motorgrad.training.engines._host import BodyStepper, HostStepper
 from motorgrad.training.engines._programs import clear_programs
 from motorgrad.training.engines._side_by_side import MOST, SideBySide
 from motorgrad.training.engines._sparse import SparseStepper
-from motorgrad.training.engines._stepper import Stepper, validate, validate_episodes
+from motorgrad.training.engines._stepper import Record, Stepper, validate, validate_episodes
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "CycleState",
     "HostStepper",
     "Mode",
+    "Record",
     "SideBySide",
     "SparseStepper",
     "Stepper",

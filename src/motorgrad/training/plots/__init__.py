@@ -1,1 +1,18 @@
-"""Learning curves as figures, and as TensorBoard event files."""
+"""Learning curves as figures, and as TensorBoard event files. Drawing loads matplotlib when it is first used."""
+
+from motorgrad.training.plots._plot import Format, learning_curves
+from motorgrad.training.plots._plot_curves import Axis, Curve
+from motorgrad.training.plots._plot_labels import folders_of
+from motorgrad.training.plots._tensorboard import EventFiles, check_tensorboard, start_time, write_tensorboard
+
+__all__ = [
+    "Axis",
+    "Curve",
+    "EventFiles",
+    "Format",
+    "check_tensorboard",
+    "folders_of",
+    "learning_curves",
+    "start_time",
+    "write_tensorboard",
+]

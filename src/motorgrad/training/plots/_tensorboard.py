@@ -39,7 +39,7 @@ def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
     """
     check_tensorboard()
     run.curve("reward")  # refuses a run without records
-    EventFiles(folder, run.seeds, _beginning(run)).add(run.metrics)
+    EventFiles(folder, run.seeds, _run_start_time(run)).add(run.metrics)
     return Path(folder)
 
 
@@ -55,9 +55,9 @@ class EventFiles:
     **Arguments:** the folder; the run's seeds; when it began, in seconds since 1970.
     """
 
-    def __init__(self, folder: Path | str, seeds: Sequence[int], began: float):
+    def __init__(self, folder: Path | str, seeds: Sequence[int], start: float):
         self.files = [Path(folder) / f"seed-{seed}" / FILE for seed in seeds]
-        self.began = began
+        self.start = start
         self._mended = False
 
     def add(self, records: pa.Table | None) -> None:
@@ -65,7 +65,7 @@ class EventFiles:
         new = [b""] * len(self.files) if records is None else self._encoded(records)
         for file, content in zip(self.files, new, strict=True):
             if not self._mended:
-                content = self._missing(file, _event(self.began, file_version="brain.Event:2") + content)
+                content = self._missing(file, _event(self.start, file_version="brain.Event:2") + content)
             if content:
                 with file.open("ab") as end:
                     end.write(content)
@@ -79,7 +79,7 @@ class EventFiles:
         for row in range(records.num_rows):  # records are ordered by decision, then as the seeds are
             found = {name: columns[name][row] for name in names}
             event = _event(
-                self.began + columns["wall_time"][row],
+                self.start + columns["wall_time"][row],
                 step=columns["decision"][row],
                 summary={"value": [{"tag": n, "simple_value": v} for n, v in found.items() if math.isfinite(v)]},
             )
@@ -105,14 +105,14 @@ def _event(wall_time: float, **parts: Any) -> bytes:
     return content.getvalue()
 
 
-def _beginning(run: Plotted) -> float:
+def _run_start_time(run: Plotted) -> float:
     """When the run's first session began; a run in memory is taken to have ended just now."""
     if run.path is None:
         return time.time() - run.metrics["wall_time"][-1].as_py()
-    return began(run.path)
+    return start_time(run.path)
 
 
-def began(path: Path) -> float:
+def start_time(path: Path) -> float:
     """When the first session in a run directory began, in seconds since 1970."""
     first = read_json(path / "provenance.json")["sessions"][0]
     return datetime.fromisoformat(first["started"]).timestamp()

@@ -1,4 +1,4 @@
-"""Checkpoints: a stepper's complete state in a file that is either whole or recognisably not."""
+"""Checkpoints: the complete state of an engine in a file with a checksum."""
 
 import hashlib
 import io
@@ -21,17 +21,17 @@ class CorruptCheckpoint(ValueError):
 
 
 def name_of(path: tuple[Any, ...]) -> str:
-    """A leaf's place in the state, as text."""
+    """The path of a leaf of a state, as text."""
     return jax.tree_util.keystr(path, simple=True, separator=".")
 
 
 def by_name(state: PyTree[np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state by their names, as `load` gives them."""
+    """The arrays of a state by path, as `load` returns them."""
     return {name_of(path): leaf for path, leaf in jax.tree_util.tree_leaves_with_path(state)}
 
 
 def fingerprint(tree: PyTree[np.ndarray]) -> str:
-    """A short name for exactly these numbers, to tell two initial learners apart."""
+    """A hash of all numbers of a tree, to compare the initial learners of two runs."""
     digest = hashlib.sha256()
     for place, leaf in jax.tree_util.tree_leaves_with_path(tree):
         digest.update(name_of(place).encode() + np.ascontiguousarray(leaf).tobytes())
@@ -39,7 +39,7 @@ def fingerprint(tree: PyTree[np.ndarray]) -> str:
 
 
 def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> None:
-    """Write `state` and the facts `about` it. The first line holds the checksum of all that follows."""
+    """Write a `state` and facts `about` it. The first line is the checksum of what follows."""
     leaves = jax.tree_util.tree_leaves_with_path(state)
     buffer = io.BytesIO()
     np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, (_, leaf) in enumerate(leaves)})  # type: ignore[arg-type]
@@ -49,7 +49,7 @@ def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> None:
 
 
 def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays by name, and the facts about them. **Raises** `CorruptCheckpoint` unless every byte is as written."""
+    """The arrays by path, and the facts about them. **Raises** `CorruptCheckpoint` unless the checksum matches."""
     checksum, _, body = path.read_bytes().partition(b"\n")
     if hashlib.sha256(body).hexdigest().encode() != checksum:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
@@ -61,16 +61,16 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         return {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}, about
 
 
-def into(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.ndarray]:
-    """The arrays in the template's structure. **Raises** `ValueError` where name or shape differ from it."""
+def fill_tree(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.ndarray]:
+    """Stored arrays in the structure of a template. **Raises** `ValueError` where a path, shape or dtype differs."""
 
     def find(path: tuple[Any, ...], leaf: np.ndarray) -> np.ndarray:
         name = name_of(path)
-        # strings of bytes, such as environments, have the length that they need
-        alike = name in arrays and (
+        # pickled environments are byte strings of different lengths
+        compatible = name in arrays and (
             arrays[name].dtype == leaf.dtype or arrays[name].dtype.kind == leaf.dtype.kind == "S"
         )
-        if not alike or arrays[name].shape != leaf.shape:
+        if not compatible or arrays[name].shape != leaf.shape:
             found = f"{arrays[name].dtype}{arrays[name].shape}" if name in arrays else "nothing"
             raise ValueError(f"checkpoint: {name}: found {found}, but this run needs {leaf.dtype}{leaf.shape}")
         return arrays[name]

@@ -1,19 +1,23 @@
-"""The run directory: what training leaves behind, safe against being killed at any instant.
+"""The run directory, which survives a kill at any instant.
 
     config.toml        the effective configuration
-    provenance.json    versions, processor, command and seeds of every session
-    metrics/*.parquet  records, one file per stretch between two checkpoints
+    provenance.json    versions, processor and command of every session
+    metrics/*.parquet  records, one file for the time between two checkpoints
     checkpoint/*       the last two complete states, and the initial policies
-    figures/           pictures
+    figures/           figures and films
 
-The newest whole checkpoint is the commit point: metrics beyond it are discarded on resume and made again.
+The newest whole checkpoint is the commit point: on resume, later metrics are discarded and recomputed.
 """
 
 import dataclasses
+import datetime
+import importlib.metadata
 import json
 import os
+import platform
+import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -28,15 +32,16 @@ from motorgrad._errors import check
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, load, save
-from motorgrad.training.store._provenance import provenance, what_changed
+
+LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle numpy scipy numba pyarrow"
 
 
 class RunDirectoryError(RuntimeError):
-    """A run directory that cannot be used: held by another process, of another configuration, or not a run at all."""
+    """A run directory that cannot be used: locked by another process, of another configuration, or not a run at all."""
 
 
 class RunWarning(UserWarning):
-    """Something about a run directory that the user should know, such as a damaged checkpoint."""
+    """A warning about a run directory, such as a damaged checkpoint."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +55,7 @@ class _Run:
 
 
 class RunDirectory:
-    """A run's folder. As a context manager it is locked against other processes."""
+    """The directory of a run. As a context manager, it is locked against other processes."""
 
     def __init__(self, path: Path | str):
         self.path = Path(path)
@@ -59,8 +64,8 @@ class RunDirectory:
     def __enter__(self) -> Self:
         if self.path.exists() and not self.path.is_dir():
             raise RunDirectoryError(f"{self.path} is a file, not a run directory")
-        if self.path.is_dir() and not self.started:
-            # Empty folders and hidden files are what a run leaves that was killed before it had written anything.
+        if self.path.is_dir() and not self.is_run:
+            # a run killed before it wrote anything leaves empty folders and hidden files
             files = (p for p in self.path.rglob("*") if p.is_file() and not p.name.startswith("."))
             if (found := next(files, None)) is not None:
                 raise RunDirectoryError(f"{self.path} holds other files ({found.name}) and no config.toml: not a run")
@@ -79,13 +84,13 @@ class RunDirectory:
         self._lock.release()
 
     @property
-    def started(self) -> bool:
-        """Whether a run has been configured here."""
+    def is_run(self) -> bool:
+        """Whether the directory has a configuration."""
         return (self.path / "config.toml").is_file()
 
     def read_config(self) -> dict[str, Any]:
         """The configuration. **Raises** `RunDirectoryError` where there is none."""
-        if not self.started:
+        if not self.is_run:
             raise RunDirectoryError(f"{self.path} is not a run directory: it has no config.toml")
         config = read_toml(self.path / "config.toml")
         try:
@@ -98,23 +103,23 @@ class RunDirectory:
         return config
 
     def write_config(self, config: dict[str, Any]) -> None:
-        """Make the folder a run's; nothing else may be put there before."""
+        """Write the configuration, which makes the folder a run directory. Call it before any other write."""
         write_atomically(self.path / "config.toml", tomli_w.dumps(config).encode())
         for name in ("metrics", "checkpoint", "figures"):
             (self.path / name).mkdir(exist_ok=True)
 
-    def note_session(self, seeds: list[int], going_on: bool = False) -> None:
-        """Add the present process to the run's provenance; where it goes on, say what is not as it was before."""
+    def add_session(self, seeds: list[int], continues: bool = False) -> None:
+        """Add this process to the run's provenance. Warn of changes where it `continues` a run."""
         file = self.path / "provenance.json"
         sessions = read_json(file)["sessions"] if file.exists() else []
         sessions.append(provenance())
-        changes = list(what_changed(*sessions[-2:])) if going_on and len(sessions) > 1 else []
+        changes = list(provenance_changes(*sessions[-2:])) if continues and len(sessions) > 1 else []
         if changes:
-            warnings.warn(f"{self.path} goes on, but not bit for bit: {'; '.join(changes)}", RunWarning, stacklevel=2)
+            warnings.warn(f"{self.path} continues, but not bit for bit: {'; '.join(changes)}", RunWarning, stacklevel=2)
         write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())
 
     def save(self, state: PyTree[np.ndarray], about: dict[str, Any], tables: Iterable[pa.Table | None]) -> None:
-        """Commit: the records since the last checkpoint, then the state, then let go of the oldest state."""
+        """Commit the records since the last checkpoint, then the state, and delete the oldest state."""
         for records in filter(None, tables):
             first, last = (records["decision"][i].as_py() for i in (0, -1))
             sink = pa.BufferOutputStream()
@@ -125,12 +130,12 @@ class RunDirectory:
             old.unlink()
 
     @property
-    def begun(self) -> bool:
-        """Whether the policies before learning are kept here."""
+    def has_initial_policies(self) -> bool:
+        """Whether the policies before learning are stored."""
         return self._initial.is_file()
 
     def save_initial(self, policies: PyTree[np.ndarray], learner: dict[str, Any]) -> None:
-        """Keep the policies before learning, and the learner as a table."""
+        """Store the policies before learning, and the learner as a table."""
         save(self._initial, policies, {"decision": 0, "learner": learner})
 
     def initial(self) -> dict[str, np.ndarray]:
@@ -138,15 +143,15 @@ class RunDirectory:
         return load(self._initial)[0]
 
     def learner(self) -> dict[str, Any] | None:
-        """The learner as a table, with the structure of its policy; `None` for a run stopped before it had begun."""
+        """The learner as a table, with the structure of its policy; `None` before the first decision."""
         about = load(self._initial)[1] if self._initial.exists() else {}
         return about.get("learner")
 
     def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
         """The newest whole checkpoint, `None` before the first.
 
-        A damaged one is said (`RunWarning`) and the one before it used. **Raises** `RunDirectoryError` if all are
-        damaged: nothing is thrown away unasked.
+        For a damaged checkpoint it warns (`RunWarning`) and uses the one before. **Raises** `RunDirectoryError` if all
+        are damaged, so that nothing is discarded silently.
         """
         for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
@@ -154,13 +159,13 @@ class RunDirectory:
             except CorruptCheckpoint as error:
                 if not before:
                     raise RunDirectoryError(
-                        f"{error}; there is none before it. Delete the folder {path.parent} to train from the beginning"
+                        f"{error}; there is none before it. Delete the folder {path.parent} to train from the start"
                     ) from None
                 warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
         return None
 
     def roll_back(self, decision: int, recorded: int = 0) -> None:
-        """Discard checkpoints beyond `decision` and metrics beyond `recorded`: they will be made again."""
+        """Discard checkpoints after `decision` and metrics after `recorded`, which will be recomputed."""
         for part in self._parts():
             if int(part.stem.split("-")[1]) > recorded:
                 part.unlink()
@@ -185,3 +190,40 @@ class RunDirectory:
 
     def _checkpoints(self) -> list[Path]:
         return sorted((self.path / "checkpoint").glob("*.state"))
+
+
+def provenance() -> dict[str, Any]:
+    """Versions, processor, command and time of this process.
+
+    Runs are reproducible bit for bit where `versions`, `compiler` and `processor` are equal.
+    """
+    return {
+        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES.split()}
+        | {"python": platform.python_version()},
+        "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")},
+        "processor": _processor(),
+        "system": platform.platform(),
+        "cores": os.cpu_count(),
+        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def provenance_changes(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
+    """The differences between two sessions on which bit-for-bit reproducibility depends, in words."""
+    were, are = (
+        {"processor": each["processor"], **each["versions"], **each.get("compiler", {})} for each in (before, now)
+    )
+    for name in were.keys() & are.keys():
+        if were[name] != are[name]:
+            yield f"{name} was {were[name]} and is now {are[name]}"
+
+
+def _processor() -> str:
+    """The processor's model: `platform.processor()` is empty on many Linux systems."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

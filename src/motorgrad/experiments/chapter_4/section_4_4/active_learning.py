@@ -115,7 +115,6 @@ class ActiveLearning(Experiment):
 
 def draw_active(values: Values, words: Mapping[str, str]) -> Figure:
     """For every learner: spacing and error over decisions, and the time at which each pool becomes equally spaced."""
-
     figure = new_figure(9, 6)
     axes = figure.subplots(len(words), 3, width_ratios=[1.3, 1.3, 1])
     kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "queried loads"))

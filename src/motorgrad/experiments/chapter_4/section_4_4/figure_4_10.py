@@ -61,7 +61,6 @@ class LocalEffect(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 3.6)
         without, where, width = figure.subplots(1, 3, width_ratios=[1, 1.5, 1])
         load = values["load"]

@@ -150,7 +150,6 @@ class ForgettingBaseline(Experiment):
 def draw_baselines(values: Values, of: Sequence[str]) -> Figure:
     """One column per kind of change: the lag of the baselines, the error of the force, and the error minus that with
     the mean of all rewards."""
-
     figure = new_figure(10, 7.6)
     axes = figure.subplots(3, len(of), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
     for column, each in zip(axes.T, of, strict=True):

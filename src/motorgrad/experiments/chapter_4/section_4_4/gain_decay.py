@@ -88,7 +88,6 @@ class GainDecay(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 6)
         axes = figure.subplots(2, 3, sharex="col", sharey="row")
         labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]

@@ -116,7 +116,6 @@ class Growth(Experiment):
     def figure(self, values: Values) -> Figure:
         """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
         words = {name: way.words for name, way in self.ways.items()}
-
         figure = new_figure(9, 6)
         axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
         for column, (name, title) in enumerate(words.items()):

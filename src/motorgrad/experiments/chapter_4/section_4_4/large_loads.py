@@ -77,7 +77,6 @@ class LargeLoads(Experiment):
     def figure(self, values: Values) -> Figure:
         """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and
         the number of silent pools."""
-
         figure = new_figure(8, 6.4)
         axes = figure.subplots(2, 2, sharex="row", sharey="row")
         for column, (paid, title) in enumerate(TITLES.items()):

@@ -82,7 +82,6 @@ class NegativeInputs(Experiment):
     def figure(self, values: Values) -> Figure:
         """Shares of affected pools; parameters of their units; and activation of the pools over the loads."""
         caught = always_firing(values)
-
         figure = new_figure(8.6, 6.6)
         top, bottom = figure.add_gridspec(2, 1)
         words = [WORDS.get(state, f"the same, gains\ndecay {state[6:]}") for state in map(str, values["state"])]

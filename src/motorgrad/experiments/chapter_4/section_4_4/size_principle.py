@@ -86,7 +86,6 @@ class SizePrinciple(Experiment):
         """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
         grey line joins the units of a pool; units of negative gain are hollow."""
         orders = {name: order(values, name) for name in WORDS}
-
         figure = new_figure(8, 6.8)
         axes = figure.subplots(2, 2, sharex=True)
         size = values["size"]

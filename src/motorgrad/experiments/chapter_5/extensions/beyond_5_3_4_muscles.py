@@ -69,7 +69,6 @@ class Muscles(MuscleStudy):
 
     def figure(self, values: Values) -> Figure:
         """Speed during learning; and speed and net displacement of every frozen policy."""
-
         figure = new_figure(9.8, 7.2)
         panels: Any = figure.subplot_mosaic([["practice", "practice"], ["mode", "sample"]], height_ratios=[1, 1.15])
         names = [FULL, *(str(name) for name in values["variants"])]

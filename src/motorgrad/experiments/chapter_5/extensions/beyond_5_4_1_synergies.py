@@ -72,7 +72,6 @@ class FoundSynergies(MuscleStudy):
 
     def figure(self, values: Values) -> Figure:
         """Synergies of the gait that gets farthest, synergies made by hand, and what is learnt on them."""
-
         figure = new_figure(9.8, 7.6)
         panels: Any = figure.subplot_mosaic(
             [["found", "found"], ["hand", "hand"], ["practice", "frozen"]],

@@ -175,7 +175,6 @@ def _medians(values: Values, way: str) -> str:
 def draw_forces(values: Values, usual: Mapping[str, float]) -> Figure:
     """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
     standard value of each."""
-
     figure = new_figure(9, 9.8)
     axes = figure.subplots(len(ROWS), 2, sharex="col", sharey="row")
     levels = values["levels"]

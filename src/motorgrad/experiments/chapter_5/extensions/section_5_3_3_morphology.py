@@ -163,7 +163,6 @@ class Morphology(Experiment):
     def figure(self, values: Values) -> Figure:
         """The searches and the bodies (above), the numbers found and their effect (middle), the thesis's observations
         (below)."""
-
         figure = new_figure(10.5, 13.5)
         parts: Any = figure.subfigures(3, 1, height_ratios=[3.6, 4.8, 3.2])
         above = parts[0].subplots(2, 3, width_ratios=[2.6, 1.2, 1.2], height_ratios=[1, 1.6])

@@ -113,7 +113,6 @@ class LearntPrimitives(Experiment):
     def figure(self, values: Values) -> Figure:
         """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
         start = (self.task.swing, self.task.stance)
-
         figure = new_figure(10, 7.6)
         panels: Any = figure.subplots(2, 2)
         records = max(1, len(values["time"]) // 20)

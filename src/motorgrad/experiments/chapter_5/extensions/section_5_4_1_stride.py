@@ -101,7 +101,6 @@ class StridePeriod(Experiment):
 
     def figure(self, values: Values) -> Figure:
         """Learning curves; speed and period over the slope; and speed over fixed periods."""
-
         figure = new_figure(10, 7)
         panels: Any = figure.subplots(2, 2)
         _learning(panels[0, 0], values)

@@ -65,7 +65,6 @@ class StateMachine(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-
         controller, figure = TripodController(), new_figure(10.4, 4.8)
         sides: Any = figure.subfigures(1, 2, width_ratios=[1, 1.05])
         draw_machine(sides[0].subplots(), controller)

@@ -79,7 +79,6 @@ class BiomimeticHexapod(Experiment):
     def figure(self, values: Values) -> Figure:
         """Side and top view; speed and slip over the friction of the feet; clear and low front legs."""
         body = biomimetic_hexapod()
-
         figure = new_figure(10.2, 8.8)
         panels: Any = figure.subplot_mosaic(
             [["side"] * 3, ["above"] * 3, ["speed", "slip", "clear"]], height_ratios=[0.75, 1.6, 1.1]

@@ -99,7 +99,6 @@ class RoughGround(Experiment):
     def figure(self, values: Values) -> Figure:
         """Speed, phase, and the shares of grounds with a tripod gait and of those on which it stands still, over the
         height of each kind of ground; means and shares with their intervals."""
-
         figure = new_figure(9.8, 8.6)
         panels: Any = figure.subplots(4, len(KINDS), sharex=True, sharey="row")
         for column, kind in zip(panels.T, KINDS, strict=True):

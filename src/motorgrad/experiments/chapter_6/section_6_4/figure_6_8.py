@@ -146,7 +146,6 @@ class GrowingReward(GrowingStudy):
 
 def draw_growing_reward(values: Values, units: int, independent: Mapping[int, float], within: float) -> Figure:
     """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
-
     figure = new_figure(9.4, 6.6)
     panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
     _one_seed(panels["one"], values, units)

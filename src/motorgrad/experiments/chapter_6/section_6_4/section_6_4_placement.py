@@ -60,7 +60,6 @@ class Placement(GrowingStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(10, 6.4)
         axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
         span = max(1, round(INTERVAL / values["decision"][0]))

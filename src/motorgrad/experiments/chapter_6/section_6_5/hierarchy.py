@@ -115,7 +115,6 @@ class Hierarchy(Experiment):
         """For each hierarchy: its gates with paths, and activity and push of each pool at its end; learning curves of
         all policies."""
         tasks = {name: self.learner(name)[0] for name in GATES}
-
         figure = new_figure(11, 7.2)
         halves: Any = figure.subfigures(2, 1, height_ratios=[1.65, 1])
         above, below = halves

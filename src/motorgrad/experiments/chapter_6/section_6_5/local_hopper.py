@@ -195,7 +195,6 @@ def draw_local_hoppers(
 ) -> Figure:
     """Heights over practice; and for the policies in `pictured`, activity of each pair of muscles over angle and
     velocity, with visited states."""
-
     figure = new_figure(10.4, 13.4)
     halves: Any = figure.subfigures(2, 1, height_ratios=[1, 3.2])
     above, below = halves

@@ -100,7 +100,6 @@ class Mixtures(LayoutStudy):
         return FallingParticle(layout=layout, **KINDS[name].task)  # type: ignore[arg-type]
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(10.5, 3.0 * len(self.layouts))
         smooth = min(SMOOTH, len(values["decision"]))
         thousand = values["decision"] / 1000

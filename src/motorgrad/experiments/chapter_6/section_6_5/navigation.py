@@ -82,7 +82,6 @@ class Navigation(Experiment):
     def figure(self, values: Values) -> Figure:
         """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
         task = ParticleNavigation()
-
         figure = new_figure(11, 4.1)
         axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
         for panel, when in zip(axes, ("before", "after"), strict=False):

@@ -80,7 +80,6 @@ class Pruning(LayoutStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-
         figure = new_figure(9, 3.8)
         units, kept = figure.subplots(1, 2)
         for colour, layout in zip(("C0", "C1", "C2"), self.layouts, strict=False):

@@ -1,4 +1,4 @@
-"""What several commands need."""
+"""Results of commands: summaries over seeds, as text and as JSON."""
 
 import json
 import sys
@@ -11,7 +11,7 @@ from motorgrad._files import write_atomically
 
 
 def summary(values: Any) -> dict[str, Any]:
-    """One number per seed as its median, its quartiles and itself; what never occurred is left out."""
+    """The median and quartiles of one number per seed, and the numbers themselves. NaN means never occurred."""
     values = np.asarray(values, float)
     seen = values[np.isfinite(values)]
     if not len(seen):
@@ -21,18 +21,20 @@ def summary(values: Any) -> dict[str, Any]:
     return {"median": float(median), "quartiles": [float(low), float(high)], "per_seed": each}
 
 
-def in_words(name: str, found: dict[str, Any]) -> str:
-    """A summary as a line of text."""
+def summary_text(name: str, found: dict[str, Any]) -> str:
+    """A summary as one line."""
     if found["median"] is None:
         return f"{name}: never occurred"
     low, high = found["quartiles"]
     seeds, seen = len(found["per_seed"]), sum(value is not None for value in found["per_seed"])
     over = f"{seeds}" if seen == seeds else f"{seen} of {seeds}"
-    return f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {over} seeds"
+    return (
+        f"{name}: median {found['median']:.4g} [quartiles {low:.4g} … {high:.4g}] over {over} seed{'s' * (seeds > 1)}"
+    )
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
-    """Write a command's result for machines; `-` for the standard output."""
+    """Write a command's result as JSON; the path `-` is the standard output."""
     if path is None:
         return
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
