@@ -103,7 +103,7 @@ class Clock:
         while len(self._marks) > 2 and now - self._marks[1][0] > self.SPAN:
             self._marks.pop(0)
         then, before = self._marks[0]
-        return (tick - before) * self.period / (now - then) if now > then else 0.0
+        return (tick - before) * self.period / (now - then) if now - then > 0.1 else 0.0
 
 
 class Kept(NamedTuple):

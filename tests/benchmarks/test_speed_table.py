@@ -94,7 +94,7 @@ def test_bench_measures_every_row(tmp_path, capsys):
     for wanted in (
         "hopper, learning ÷ bare physics, 16 seeds",
         "three-state OLGARB ÷ compiled loop, 1 seed",
-        "three-state OLGARB, sweep of 10 settings × 16 seeds ÷ 160 seeds",
+        "three-state OLGARB, sweep of 10 settings × 16 seeds ÷ one setting, 160 seeds",
         "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
         "natural ÷ plain step",
         "particle with 8 local units, OLGARB ÷ compiled loop, 1 seed",

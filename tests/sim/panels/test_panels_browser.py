@@ -153,7 +153,7 @@ def test_push(seen, hopping):
 @pytest.mark.journey
 def test_settings_are_edited_by_enter_and_nonsense_is_told(seen, hopping):
     press(seen, "Learning")
-    rate = beside(seen, "step size α")
+    rate = beside(seen, "learning rate")
     rate.fill("1.5e-4")
     rate.press("Enter")
     assert until(lambda: hopping.settings["agent.optimizer.learning_rate"] == pytest.approx(1.5e-4))

@@ -60,8 +60,8 @@ def test_running_means_are_of_what_is_there():
 
 @pytest.mark.parametrize("text", ["", "fast", "1,5", "0x10", "5e"])
 def test_what_is_no_number_is_refused_by_name(text):
-    with pytest.raises(ValueError, match="step size") as refused:
-        number_of("step size α", text)
+    with pytest.raises(ValueError, match="learning rate") as refused:
+        number_of("learning rate", text)
     assert "\n" not in str(refused.value)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.lab.diagram import Record
-from motorgrad.lab.editor._program import Program, Values, digest, size_of
+from motorgrad.lab.editor._program import Program, Values, digest
 from motorgrad.lab.editor._traces import Traces
 from motorgrad.lab.engine import MOST_TICKS, Change, Run, Timeline
 
@@ -148,12 +148,10 @@ class Branch:
 
 
 def _timeline(program: Program) -> Any:
-    """The timeline of a program's run. The larger the states, the fewer snapshots are kept; the slower they are to
-    take, the farther apart they are.
-    """
+    """The timeline of a program's run. The slower snapshots are to take, the farther apart they are."""
     if program.fixed is not None:
         return ForwardOnly(program.run)
     start = time.perf_counter()
-    state = program.run.state
+    _ = program.run.state
     every = EVERY * max(1, round((time.perf_counter() - start) / COST))
-    return Timeline(program.run, every, max(4, min(KEPT, LARGEST // max(1, size_of(state)))))
+    return Timeline(program.run, every, KEPT, LARGEST)

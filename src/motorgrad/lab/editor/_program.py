@@ -81,8 +81,3 @@ def digest(state: State) -> str:
         known.update(f"{jax.tree_util.keystr(path)} {array.dtype} {array.shape}".encode())
         known.update(array.tobytes())
     return known.hexdigest()
-
-
-def size_of(state: State) -> int:
-    """The size of a state in bytes."""
-    return sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(state))

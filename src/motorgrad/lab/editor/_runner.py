@@ -7,6 +7,7 @@ structure of the diagram changed since it was compiled, and the run will continu
 `fresh`: blocks that started anew at the last compilation. Missing fields have not changed.
 """
 
+import math
 import queue
 import threading
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from motorgrad._errors import check
+from motorgrad._playback import Clock
 from motorgrad.lab.diagram import Diagram, DiagramError
 from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._program import parameters, signature
@@ -36,11 +38,10 @@ class Runner:
         self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
         self._newest: ask.RunOperation | None = None
         self._tree = Tree(diagram, self._emit, self._report, self._commands.empty)
-        self._playing, self._until = False, None
+        self._clock = Clock(diagram.tick, slice=FRAME)
+        self._until: int | None = None
         self._finish: list[Done] = []
-        self._speed: float | None = 1.0
-        self._rate, self._since, self._begun = 0.0, 0.0, 0
-        self._next, self._span = 0.0, (0.0, 0)
+        self._next = 0.0
         self.status: Event = {"event": "run"}
         """The last complete `run` event."""
         self._report(whole=True)
@@ -93,7 +94,7 @@ class Runner:
 
     def _next_command(self) -> Command | None:
         """The next command, or a frame if none arrives in time."""
-        if not self._playing:
+        if not self._clock.playing:
             return self._commands.get()
         try:
             return self._commands.get(timeout=max(0.0, self._next - time.monotonic()))
@@ -117,8 +118,7 @@ class Runner:
                 self._frame()  # at once, so that the next operation finds these ticks made
                 return False
             case ask.Speed():
-                self._speed = _checked_speed(operation.speed)
-                self._restart_clock()
+                self._clock.speed = _checked_speed(operation.speed)
             case ask.Pause():
                 self._pause()
             case ask.Reset():
@@ -135,7 +135,7 @@ class Runner:
                     tree.seek(operation.branch, operation.tick)
             case ask.Fork():
                 tree.fork(operation.branch, operation.tick, operation.name)
-                self._restart_clock()
+                self._clock.restart()
             case ask.Prune():
                 tree.prune(operation.branch)
             case ask.Log():
@@ -148,16 +148,17 @@ class Runner:
 
     def _start(self, speed: float | None, ticks: int | None = None) -> None:
         """Start playing, for a number of ticks or until paused."""
-        speed = _checked_speed(speed)
+        wanted = _checked_speed(speed)
         self._pause()
         self._tree.ensure_compiled()
-        self._speed = speed
-        self._playing, self._until = True, None if ticks is None else self._tree.tick + ticks
-        self._restart_clock()
+        self._until = None if ticks is None else self._tree.tick + ticks
+        self._clock.period, self._clock.speed = self._tree.step, wanted
+        self._clock.play()
         self._report(whole=True)
 
     def _pause(self) -> None:
-        self._playing, self._until = False, None
+        self._clock.pause()
+        self._until = None
         finished, self._finish = self._finish, []
         self._report(whole=True)
         for done in finished:
@@ -165,16 +166,9 @@ class Runner:
 
     def _frame(self) -> None:
         """Run the ticks that are due, but no more than leave the thread responsive."""
-        now, tree = time.monotonic(), self._tree
-        self._next = now + (FRAME if self._speed else 0.0)
-        most = max(1, int(self._rate * FRAME))
-        due = most
-        if self._speed:
-            wanted = self._begun + (now - self._since) * self._speed / tree.step
-            due = int(wanted) - tree.tick
-            if due > 3 * most:  # too slow to keep up: missed ticks are not made up for
-                self._restart_clock()
-        ticks = min(due, most)
+        tree, clock = self._tree, self._clock
+        self._next = time.monotonic() + (0.0 if math.isinf(clock.speed) else FRAME)
+        ticks = clock.due()
         if self._until is not None:
             ticks = min(ticks, self._until - tree.tick)
         try:
@@ -182,8 +176,7 @@ class Runner:
                 warm, start = tree.warm, time.perf_counter()
                 tree.advance(ticks)
                 if warm:
-                    rate = ticks / max(1e-6, time.perf_counter() - start)
-                    self._rate = min(rate, 4 * self._rate) if self._rate else min(rate, 1000.0)
+                    clock.made(ticks, time.perf_counter() - start)
         except Exception as error:
             self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
@@ -192,11 +185,6 @@ class Runner:
             self._pause()
         else:
             self._report()
-
-    def _restart_clock(self) -> None:
-        """Count due ticks from now."""
-        self._since, self._begun = time.monotonic(), self._tree.tick
-        self._span = self._since, self._begun
 
     def _apply_edit(self, diagram: Diagram) -> None:
         """Apply a changed diagram: new parameters at once; a new structure when it next runs, or at once while it
@@ -210,42 +198,34 @@ class Runner:
             same = signature(diagram) == tree.signature
         except DiagramError:
             same = False
-            if self._playing:
+            if self._clock.playing:
                 self._pause()
         stale, tree.stale = tree.stale, not same
         try:
             if same:
                 tree.update_parameters(parameters(diagram))
-            elif self._playing:
+            elif self._clock.playing:
                 tree.ensure_compiled()
-                self._restart_clock()
+                self._clock.period = tree.step
+                self._clock.restart()
         except Exception as error:
             self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
-        if same or stale != tree.stale or self._playing:
+        if same or stale != tree.stale or self._clock.playing:
             self._report(whole=True)
 
     def _report(self, whole: bool = False, compiling: bool = False) -> None:
         """Report the state of the run."""
-        tree = self._tree
-        state = "compiling" if compiling else "playing" if self._playing else "paused" if tree.running else "empty"
-        event: Event = {"event": "run", "state": state, **tree.place, "achieved": self._achieved()}
+        tree, clock = self._tree, self._clock
+        state = "compiling" if compiling else "playing" if clock.playing else "paused" if tree.running else "empty"
+        event: Event = {"event": "run", "state": state, **tree.place, "achieved": clock.achieved(tree.tick) or None}
         if whole:
-            event |= {"speed": self._speed, **tree.summary()}
+            event |= {"speed": None if math.isinf(clock.speed) else clock.speed, **tree.summary()}
         self.status = self.status | event
         self._emit(event)
 
-    def _achieved(self) -> float | None:
-        """The speed over the last second or so."""
-        if not self._playing:
-            return None
-        now, (since, begun) = time.monotonic(), self._span
-        seconds = now - since
-        if seconds > 2:
-            self._span = now, self._tree.tick
-        return None if seconds < 0.2 else (self._tree.tick - begun) * self._tree.step / seconds
 
-
-def _checked_speed(speed: float | None) -> float | None:
+def _checked_speed(speed: float | None) -> float:
+    """The speed in simulated seconds per second; infinite for None."""
     check(speed is None or 0 < speed <= 1e9, "speed", speed, "a number above 0, or null for the highest speed")
-    return speed
+    return math.inf if speed is None else speed
