@@ -195,7 +195,12 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
         return None
     base = default if isinstance(default, kinds) else None
     if name in presets:
-        return _part(kinds, hint, {**presets[name], **settings}, where, default)
+        implied = dict(presets[name])
+        for key, value in settings.items():
+            # settings of a part that the preset names change that part
+            named = isinstance(value, Mapping) and "kind" not in value and isinstance(implied.get(key), str)
+            implied[key] = {"kind": implied[key], **value} if named else value
+        return _part(kinds, hint, implied, where, default)
     if name is None:
         cls = type(base) if base is not None else next(iter(known.values())) if len(known) == 1 else None
         if cls is None:
