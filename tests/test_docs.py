@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from motorgrad._tree import KINDS
 from motorgrad.tasks import TASKS
 
 ROOT = Path(__file__).parents[1]
@@ -49,10 +50,12 @@ def _left_as_found(tmp_path, monkeypatch):
     (tmp_path / "tests").symlink_to(ROOT / "tests")  # a page may use a model from there
     monkeypatch.chdir(tmp_path)
     callback, tasks = mujoco.get_mjcb_act_gain(), dict(TASKS)
+    kinds = {base: dict(parts) for base, parts in KINDS.items()}
     yield
     mujoco.set_mjcb_act_gain(callback)
     TASKS.clear()
     TASKS.update(tasks)
+    KINDS.update(kinds)
 
 
 def check_bodies(names):

@@ -310,7 +310,7 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
         (lambda: Visited(slots=0), "slots = 0"),
         (lambda: Visited(every=0), "every = 0"),
         (lambda: learner(Growth(units=5)).init(jax.random.key(0)), "growth.units = 5: must be at most the pool's, 4"),
-        (lambda: learner(Growth(centre=(0.5,) * 3)).init(jax.random.key(0)), "growth.centre = [0.5, 0.5, 0.5]"),
+        (lambda: learner(Growth(centre=(0.5,) * 3)).init(jax.random.key(0)), "growth.centre = array([0.5, 0.5, 0.5])"),
         (lambda: Agent(Hyperplanes([[1.0]], [0.0]), growth=QUICK).init(jax.random.key(0)), "'Hyperplanes': must be a"),
         (
             lambda: Agent(Masked(FreeGaussians([[0.0]], [[0.0]], [0.0])), growth=QUICK).init(jax.random.key(0)),

@@ -21,6 +21,7 @@ from motorgrad.learning import (
     FisherMetric,
     FixedStep,
     Part,
+    Plateau,
     PolyakAveraging,
     RootMeanSquare,
     Trace,
@@ -265,3 +266,9 @@ def test_parts_are_checked_before_they_are_put_together():
     ):
         with pytest.raises(ValueError, match=said):
             mg.Agent(POINT, **parts)
+
+
+def test_settings_of_a_named_growth_change_the_criterion_that_it_names():
+    changes = {"policy": "growing", "growth": "plateau", "growth.criterion.window": 6_000, "growth.units": 3}
+    growth = agent_for("particle", changes).growth
+    assert (growth.criterion, growth.units) == (Plateau(6_000), 3)

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from motorgrad.lab._verify import _look
-from motorgrad.lab.editor._declarations import declaration
+from motorgrad.lab.diagram._verify import _look
+from motorgrad.lab.diagram._declarations import declaration
 
 import motorgrad as mg
 from motorgrad import lab, learning

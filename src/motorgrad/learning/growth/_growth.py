@@ -105,7 +105,7 @@ class Growth(Part):
         check(
             shape in ((), (pool.inputs,)),
             "growth.centre",
-            np.asarray(self.centre).tolist(),
+            self.centre,
             f"one number or {pool.inputs} of them",
         )
         dtype = _size(pool)[1].dtype

@@ -1,0 +1,232 @@
+"""Every registered part: it is documented, saved, checked, learns, resumes, and one program serves all its numbers."""
+
+import dataclasses
+import json
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from motorgrad._docstrings import descriptions
+from motorgrad._tree import KINDS, Numbers, fields_of, numbers_of, range_at, with_number
+from motorgrad.learning import (
+    Agent,
+    Annealed,
+    Baseline,
+    Criterion,
+    CriticFit,
+    Estimator,
+    Features,
+    Growth,
+    LinearCritic,
+    Metric,
+    Optimizer,
+    PolyakAveraging,
+    RootMeanSquare,
+    SparseAgent,
+    SpatialIndex,
+    Trace,
+    Visited,
+    number,
+    register,
+)
+from motorgrad.tasks import LinearRecruitment, ThreeState
+from motorgrad.training import NamedPolicy, agent_from_table, agent_table, clear_programs, stepper_for
+
+DECISIONS = 8
+
+
+class Accumulating(Trace):
+    r"""An exponential trace that adds each score in part, $z \leftarrow \beta z + (1 - \beta)\nabla\log\pi$.
+
+    **Arguments:**
+
+    - `decay`: $\beta \in [0, 1)$.
+    """
+
+    decay: float = number(0.9, 0, 1, open_high=True)
+
+    def init(self, parameters):
+        return jax.tree.map(jnp.zeros_like, parameters)
+
+    def update(self, state, score):
+        return jax.tree.map(lambda z, s: self.decay * z + (1 - self.decay) * s, state, score)
+
+    def value(self, state):
+        return state
+
+
+# a part of one's own is tested as ours are
+PARTS = [*((base, name) for base, parts in KINDS.items() for name in parts), (Trace, "test-accumulating")]
+FEW = ("Trace-test-accumulating", "Baseline-critic", "Metric-fisher", "Growth-constructive", "Agent-sparse")
+every_part = pytest.mark.parametrize(("base", "name"), PARTS, ids=[f"{base.__name__}-{name}" for base, name in PARTS])
+# those that compile; the others are slow
+some_parts = pytest.mark.representatives(*FEW)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered():
+    register(Trace, "test-accumulating", Accumulating)
+    yield
+    del KINDS[Trace]["test-accumulating"]
+    clear_programs()
+
+
+def made(cls):
+    """The part with its defaults; a number that has none is ½."""
+    missing = (f.name for f in dataclasses.fields(cls) if f.init and f.default is dataclasses.MISSING)
+    return cls(**{name: 0.5 for name in missing if name != "policy"})
+
+
+def agent_with(base, name):
+    """A learner that has the part in its place, and a task for it."""
+    cls = KINDS[base][name]
+    recruitment = LinearRecruitment(units=3)
+    if base in (Growth, Criterion, Visited):
+        policy = NamedPolicy(recruitment, "growing", {"units": 3})
+        field = {Growth: None, Criterion: "criterion", Visited: "placement"}[base]
+        growth = made(cls) if field is None else Growth(**{field: made(cls)})
+        return recruitment, Agent(policy, growth=growth)
+    if base is SpatialIndex or cls is SparseAgent:
+        return recruitment, SparseAgent(NamedPolicy(recruitment, "gaussians"))
+    inner = {
+        Trace: lambda: {"estimator": Estimator(trace=made(cls))},
+        Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
+        CriticFit: lambda: {"estimator": Estimator(baseline=LinearCritic(fit=made(cls)))},
+        Features: lambda: {"estimator": Estimator(baseline=LinearCritic(made(cls)))},
+        RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
+        Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
+        Estimator: lambda: {"estimator": made(cls)},
+        Optimizer: lambda: {"optimizer": made(cls)},
+        Metric: lambda: {"metric": made(cls)},
+        PolyakAveraging: lambda: {"averaging": made(cls)},
+        Agent: dict,
+    }[base]()
+    task = ThreeState()
+    agent = Agent(NamedPolicy(task, "softmax"), **inner)
+    if agent.estimator.needs_episodes():
+        task = ThreeState(time_limit=5)
+        agent = Agent(NamedPolicy(task, "softmax"), **inner)
+    return task, agent
+
+
+def nudged(agent):
+    """The learner with every number elsewhere in its range."""
+    for path, value in numbers_of(agent.hyperparameters).items():
+        low, high, *_ = range_at(agent.hyperparameters, path)
+        if np.ndim(value):
+            continue
+        far = high if value - low < high - value else low
+        value = value + 0.25 * (far - value) if math.isfinite(far) else 1.5 * value + 0.1
+        agent = with_number(agent, path, value)
+    return agent
+
+
+@every_part
+def test_every_field_is_documented(base, name):
+    cls = KINDS[base][name]
+    said = descriptions(cls)
+    assert [field for field in fields_of(cls) if not said.get(field)] == []
+    assert (cls.__doc__ or "").strip()
+
+
+@every_part
+def test_a_saved_learner_is_the_same(base, name):
+    task, agent = agent_with(base, name)
+    for each in (agent, nudged(agent)):
+        saved = json.loads(json.dumps(agent_table(each)))
+        assert agent_from_table(task, saved) == each
+    text = json.dumps(agent_table(agent))
+    assert f'"{name}"' in text or cls_is_plain(base, name)
+
+
+def cls_is_plain(base, name):
+    return (base, name) == (Agent, "dense")  # a table without a kind is of a dense learner
+
+
+@every_part
+def test_a_value_outside_its_range_is_refused(base, name):
+    cls = KINDS[base][name]
+    part = None if base is Agent else made(cls)
+    for field, declared in fields_of(cls).items():
+        bad = []
+        if "range" in declared.metadata:
+            low, high, open_low, open_high = declared.metadata["range"]
+            bad = [math.nan, math.inf, True, "1"]
+            bad += [low if open_low else low - 1] if math.isfinite(low) else []
+            bad += [high if open_high else high + 1] if math.isfinite(high) else []
+        elif "whole" in declared.metadata:
+            low, high = declared.metadata["whole"]
+            bad = [low - 1, high + 1, low + 0.5, True, "1"]
+        for value in bad:
+            with pytest.raises(ValueError, match=f"^{field} = "):
+                dataclasses.replace(part, **{field: value})
+
+
+@some_parts
+@every_part
+def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
+    _, agent = agent_with(base, name)
+    other, order, traces = nudged(agent), Numbers(agent.hyperparameters), 0
+    assert Numbers(other.hyperparameters).key == order.key
+    policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
+    rng = np.random.default_rng(0)
+    looks = rng.uniform(size=(DECISIONS + 1, policy.inputs)).astype(np.float32)
+    uniforms = rng.uniform(size=(DECISIONS, policy.uniforms)).astype(np.float32)
+    rewards, ends = rng.normal(size=DECISIONS).astype(np.float32), np.arange(DECISIONS) % 4 == 3
+
+    def live(learner, state):
+        def decide(state, now):
+            look, after, number, reward, ended = now
+            state, _ = learner.act(state, look, number)
+            state = learner.reinforce(state, reward, after, terminated=ended)
+            return learner.improve(state, ended), None
+
+        room = uniforms if state.index is None else uniforms[:, : state.index.table.shape[-1]]
+        state = jax.lax.scan(decide, state, (looks[:-1], looks[1:], room, rewards, ends))[0]
+        return learner.publish(state) if isinstance(learner, SparseAgent) else state
+
+    def start(learner):
+        state = learner.init(jax.random.key(0))
+        if state.index is None:
+            return state
+        lead = jax.tree.map(lambda leaf: jnp.array(leaf)[None], (state.index, state.policy))
+        return state._replace(index=jax.tree.map(lambda leaf: leaf[0], agent.refresh(*lead)))
+
+    @jax.jit
+    def by_vector(vector, state):
+        nonlocal traces
+        traces += 1
+        return live(agent.with_numbers(order, vector), state)
+
+    found = [by_vector(order.vector(each.hyperparameters), start(each)) for each in (agent, other)]
+    assert traces == 1
+    constant = jax.jit(lambda state: live(other, state))(start(other))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), found[1], constant)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found[0].policy))
+
+
+@some_parts
+@every_part
+def test_a_learner_resumes_from_its_state_and_its_seeds_do_not_touch(base, name):
+    task, agent = agent_with(base, name)
+    whole, parts, again, more = (stepper_for(task, agent, seeds) for seeds in ([0, 1], [0, 1], [0, 1], [0, 1, 2]))
+    for stepper in (whole, more):
+        stepper.advance(12)
+    parts.advance(5)
+    again.restore(parts.state)
+    again.advance(7)
+    jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
+    first = jax.tree.map(lambda leaf: leaf[:2], more.policies())
+    jax.tree.map(np.testing.assert_array_equal, first, whole.policies())
+    other = nudged(agent)
+    after = numbers_of(other.hyperparameters)
+    lanes = {path: [value, after[path]] for path, value in numbers_of(agent.hyperparameters).items()}
+    swept = stepper_for(task, agent, [0, 1], numbers=lanes)
+    swept.advance(12)
+    plain = stepper_for(task, other, [0, 1])
+    plain.advance(12)
+    mixed = jax.tree.map(lambda a, b: np.stack([a[0], b[1]]), whole.policies(), plain.policies())
+    jax.tree.map(np.testing.assert_array_equal, swept.policies(), mixed)
