@@ -53,6 +53,13 @@ class _Changes(dict[str, Any]):
     """A table that changes some entries of the one it takes the place of."""
 
 
+class _PartTable(dict[str, Any]):
+    """The table of a part that was given whole, whose settings may still be changed."""
+
+    def __init__(self, part: Mapping[str, Any]):
+        super().__init__((name, _PartTable(v) if isinstance(v, Mapping) else v) for name, v in part.items())
+
+
 def full_path(cls: type, key: str) -> str:
     """The path that a key stands for, whose first name may be short (`cls.aliases`): `trace.decay`, `decay`."""
     first, dot, rest = key.partition(".")
@@ -73,20 +80,17 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
         for name in outer:
             inner = node.setdefault(name, _Changes())
             if not isinstance(inner, dict):  # a part by its kind, or given whole
-                inner = (
-                    table(inner)
-                    if isinstance(inner, Part)
-                    else dict(inner)
-                    if isinstance(inner, Mapping)
-                    else {"kind": inner}
-                )
+                if isinstance(inner, Part):
+                    inner = _PartTable(table(inner))
+                else:
+                    inner = dict(inner) if isinstance(inner, Mapping) else {"kind": inner}
                 node[name] = inner
             node = inner
         value = values[key]
         if isinstance(value, Mapping) and isinstance(node.get(last), dict):
             value = {**node[last], **value}
-        elif last in node and outer:
-            check(last in node and node[last] == value, key, value, "given once")
+        elif last in node and outer and not isinstance(node, _PartTable):
+            check(node[last] == value, key, value, "given once")
         node[last] = value
     return found
 
@@ -99,7 +103,8 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
         if dataclasses.is_dataclass(inner):
             found += [f"{name}.{key}"] if key in fields_of(inner) else []
-            found += [f"{name}.{deeper}" for deeper in _deeper(typing.cast(type, inner), key)]
+            made = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
+            found += [f"{name}.{deeper}" for deeper in _deeper(typing.cast(type, inner), key, made)]
     return found
 
 
@@ -170,7 +175,7 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         text = str(value) if isinstance(value, str | Path) else ""
         check(text and "\0" not in text, where, value, "a path")
         return Path(text)
-    check(isinstance(value, hint), where, value, _name(hint))
+    check(isinstance(value, origin or hint), where, value, _name(hint))
     return value
 
 

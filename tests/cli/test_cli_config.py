@@ -178,7 +178,7 @@ REFUSED = [
     (
         "train hopper",
         "[task]\nname = 'chain'\nlength = 5",
-        "a.toml: task: has settings of 'chain' (length), but 'hopper' is to be learnt",
+        "a.toml: task: has settings of 'chain' (length), but the command names 'hopper'",
     ),
     ("train chain", "[task]\nlenght = 5", "a.toml: unknown setting of task 'lenght': did you mean 'length'?"),
     ("train chain", "[task]\nlength = 1", "a.toml: task.length = 1: must be from 2 to 2000"),
@@ -292,7 +292,8 @@ def test_every_setting_of_an_initial_policy_is_explained(kind):
     assert [name for name in policy_settings(kind) if len(helps.get(name, "")) <= 10] == []
 
 
-def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys):
+def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")  # one column of boxes
     assert status("train", "hopper", "--help") == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "Cost of an active muscle per decision. (default: 0.1)" in said

@@ -11,7 +11,7 @@ from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED
 from motorgrad.tasks import TASKS, Task
-from motorgrad.training import RunDirectoryError, agent_for, agent_table, saved_agent
+from motorgrad.training import RunDirectoryError, agent_for, agent_table
 
 
 def command_with_learner(base: type, name: str, does: str, task_name: str, given: Arguments) -> tuple[Any, Arguments]:
@@ -85,8 +85,11 @@ def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     if named is not None:
         choice("task", named, TASKS)
     agent = values.get("agent")
-    if isinstance(agent, dict) and isinstance(agent.get("policy"), dict) and agent["policy"].get("kind") == "given":
-        saved_agent(as_hinted(TASKS[str(named)], settings, "task"), agent, "agent")  # refuses it by name
+    policy = agent.get("policy") if isinstance(agent, dict) else None
+    if isinstance(policy, dict) and policy.get("kind") == "given":
+        raise RunDirectoryError(
+            "agent.policy was made in Python and is not registered: give the agent again, in Python"
+        )
     return named, values | ({"task": settings} if settings else {})
 
 
