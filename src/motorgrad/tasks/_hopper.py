@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import (
     check,
-    check_fields,
     check_not_negative,
     check_positive,
 )
