@@ -1,6 +1,5 @@
 """Checks of arguments. Every message names the argument, the value given and what is allowed."""
 
-import dataclasses
 import difflib
 import math
 import numbers
@@ -45,19 +44,6 @@ def check_positive(name: str, value: Any) -> None:
 def check_not_negative(name: str, value: Any) -> None:
     """Raise `ValueError` unless `value` is a finite number of at least 0."""
     check(_is_number(value) and 0.0 <= value < math.inf, name, value, "a finite number >= 0")
-
-
-def check_fields(instance: Any) -> None:
-    """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
-
-    Call this first in `__post_init__`, so that an instance made in Python has the types of one made from TOML.
-
-    **Raises:** `ValueError` for a field of the wrong type, or not among the options of its `Literal`.
-    """
-    from motorgrad._settings import as_hinted  # `_settings` imports this module
-
-    for field in dataclasses.fields(instance):
-        object.__setattr__(instance, field.name, as_hinted(field.type, getattr(instance, field.name), field.name))
 
 
 def shown(value: Any) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 import motorgrad
 from motorgrad import _gymnasium_ids
+from motorgrad._task_table import TASK_TABLE
 from motorgrad.tasks import TASKS
 
 KNOWN = "; import sys, gymnasium; assert 'motorgrad/Hopper-v0' in gymnasium.registry"
@@ -21,6 +22,11 @@ def run(code, environment):
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
+
+
+def test_the_table_has_the_names_of_the_classes():
+    assert {name: TASKS[name].name for name in TASK_TABLE} == {name: name for name in TASK_TABLE}
+    assert set(TASKS) == set(TASK_TABLE)
 
 
 def test_every_task_has_an_id():

@@ -11,10 +11,10 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import (
     check,
-    check_fields,
     check_not_negative,
     check_positive,
 )
+from motorgrad._fields import check_fields
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._host_task import BodyTask

@@ -10,7 +10,8 @@ from typing import Any, ClassVar, Literal
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check, check_fields, check_integer
+from motorgrad._errors import check, check_integer
+from motorgrad._fields import check_fields
 from motorgrad._random import normals
 from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls

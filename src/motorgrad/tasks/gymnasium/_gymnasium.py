@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, check_fields, check_integer
+from motorgrad._errors import check, check_integer
+from motorgrad._fields import check_fields
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
