@@ -11,7 +11,6 @@ from PIL import Image
 
 from motorgrad import bodies, learning, policies
 from motorgrad.tasks import TASKS
-from motorgrad.training import ESTIMATORS
 
 ROOT = Path(__file__).parents[1]
 KINDS = ("units", "estimators", "bodies", "tasks")
@@ -77,7 +76,7 @@ def public(room, kind):
 def test_every_unit_and_every_part_of_an_estimator_is_on_a_page():
     for folder, found in (
         ("units", public(policies, policies.Policy)),
-        ("estimators", [*public(learning, (learning.Trace, learning.Baseline)), "sgd", "adam"]),
+        ("estimators", [*public(learning, (learning.Trace, learning.Baseline)), "SGD", "Adam"]),
     ):
         text = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / folder).glob("*.md"))
         assert len(found) >= 6
@@ -86,7 +85,7 @@ def test_every_unit_and_every_part_of_an_estimator_is_on_a_page():
 
 def test_every_estimator_body_and_task_has_its_page():
     stems = {kind: {page.stem for page in (ROOT / "docs" / kind).glob("*.md")} for kind in KINDS}
-    assert set(ESTIMATORS) <= stems["estimators"]
+    assert set(learning.Estimator.presets) <= stems["estimators"]
     described = [
         name
         for name in bodies.__all__

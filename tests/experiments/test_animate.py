@@ -25,15 +25,12 @@ from motorgrad.experiments import (
 from motorgrad.policies import Masked, tiles
 from motorgrad.sim import Course, film_learning
 from motorgrad.tasks import FallingParticle, ParticleOrbit
-from motorgrad.training import settings_for, train
+from motorgrad.training import train
 
 GROWING = {
     "policy": "growing",
-    "policy_settings": {},
-    "growth": "clock",
-    "growth_interval": 400,
-    "growth_shrink": 0.99,
-    "rates": {"centre": 1e-4, "log_width": 5e-4},
+    "growth": {"kind": "clock", "criterion": {"interval": 400}, "shrink": 0.99},
+    "learning_rate": {"centre": 1e-4, "log_width": 5e-4},
 }
 
 
@@ -58,7 +55,7 @@ def falling(tmp_path_factory):
 def growing(tmp_path_factory):
     """Two learners that get a unit every 400 decisions, seven records."""
     task, path = ParticleOrbit(units=5), tmp_path_factory.mktemp("growing") / "run"
-    return train(task, settings_for(task, **GROWING), 1_750, [4, 7], path, window=250, progress=False)
+    return train(task, GROWING, 1_750, [4, 7], path, window=250, progress=False)
 
 
 # what is recorded
@@ -74,7 +71,7 @@ def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
 
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
-    shorter = train(task, settings_for(task, **GROWING), 1_000, [4, 7], window=250, progress=False)
+    shorter = train(task, GROWING, 1_000, [4, 7], window=250, progress=False)
     found = recorded_policies(growing, [0, 3], seed=7)
     for stored, learnt in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
         np.testing.assert_allclose(stored[1], learnt, atol=1e-6)
@@ -84,12 +81,12 @@ def test_records_in_between_are_those_of_shorter_runs(growing):
 @pytest.mark.slow
 def test_units_are_switched_on_after_those_that_were_there():
     """Of a pool of which a unit in the middle is there from the start, the others come from the first on."""
-    from motorgrad.learning import Agent, Clock, Growth, Olgarb, sgd
+    from motorgrad.learning import SGD, Agent, Clock, Growth, olgarb
 
     task = ParticleOrbit(units=4)
     pool = Masked(tiles(task), [False, False, True, False])
     growth = Growth(Clock(400), shrink=0.99)
-    agent = Agent(pool, Olgarb(0.9), sgd(1e-4), growth=growth)
+    agent = Agent(pool, olgarb(0.9), SGD(1e-4), growth=growth)
     run = train(task, agent, 1_000, 1, window=100, progress=False)
     found = recorded_policies(run, [0, 4, 9], seed=0)
     assert found.active.astype(int).tolist() == [[1, 0, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]]
@@ -205,8 +202,7 @@ def test_runs_that_cannot_be_filmed(tmp_path):
     known = "particle, particle-navigation, particle-orbit"
     with pytest.raises(ValueError, match=f"task 'chain' cannot be filmed: it must be a task on a particle: {known}$"):
         animate(chain, tmp_path / "a.mp4")
-    plain = train("particle", settings_for(FallingParticle(), policy="hyperplanes", policy_settings=None, rates=None),
-                  40, window=20, progress=False)  # fmt: skip
+    plain = train("particle", {"policy": "hyperplanes", "learning_rate": 1e-3}, 40, window=20, progress=False)
     with pytest.raises(ValueError, match="policy = 'Hyperplanes': must be made of local units"):
         animate(plain, tmp_path / "a.mp4")
     done = train("particle", None, 40, window=20, progress=False)
@@ -296,7 +292,7 @@ class Falling(Experiment):
     decisions: int = 2_000
 
     def learnt(self, work):
-        return work.train(FallingParticle(), settings_for("particle"), self.decisions, 2)
+        return work.train(FallingParticle(), None, self.decisions, 2)
 
     def run(self, work):
         return {"reward": self.learnt(work).curve()[1]}

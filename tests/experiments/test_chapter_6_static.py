@@ -29,7 +29,6 @@ from motorgrad.experiments.chapter_6.section_6_5.mixtures import Mixtures
 from motorgrad.experiments.chapter_6.section_6_5.pruning import Pruning
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.tasks import FallingParticle, region_reward
-from motorgrad.training import settings_for
 from motorgrad.worlds import ParticleState
 
 CLAIMS = {
@@ -126,7 +125,7 @@ def held(experiment, values):
 @pytest.mark.slow
 def test_late_is_the_last_tenth_of_the_episodes():
     task = FallingParticle()
-    run = mg.train(task, settings_for(task), 10_000, 3, progress=False)
+    run = mg.train(task, None, 10_000, 3, progress=False)
     episodes, reward = run.curve("episodes")[1].cumsum(1), run.curve()[1]
     expected = [row[(count > 360) & (count <= 400)].mean() for row, count in zip(reward, episodes, strict=True)]
     np.testing.assert_allclose(late_reward(run, 400), expected, rtol=1e-6)
@@ -375,7 +374,7 @@ def test_claims_about_mixtures(share, sides, holds):
 @pytest.mark.parametrize(("layout", "expected", "deviation"), [("R1", 0.283, 0.024), ("R2", 0.329, 0.008)])
 def test_local_units_come_as_far_as_those_of_an_independent_model(layout, expected, deviation):
     task = FallingParticle(layout=layout)
-    reward = late_reward(mg.train(task, settings_for(task), 50_000, 24, progress=False))
+    reward = late_reward(mg.train(task, None, 50_000, 24, progress=False))
     error = np.hypot(reward.std(ddof=1) / np.sqrt(24), deviation / np.sqrt(20))
     assert abs(reward.mean() - expected) < 3.5 * error
 

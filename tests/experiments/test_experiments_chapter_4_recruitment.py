@@ -17,7 +17,7 @@ from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.experiments.chapter_4.figure_4_8 import pool_rewards, threshold_shifts
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
-from motorgrad.training import settings_for, train
+from motorgrad.training import agent_for, train
 from motorgrad.worlds import immediate_reward
 
 LONG = ("fig-4.3", "fig-4.8")  # to compile
@@ -69,10 +69,11 @@ def test_the_learners_are_the_thesis_s():
         study = EXPERIMENTS[name]()
         task = study.task(4)
         assert (study.rate, study.seeds, task.slope, task.intercept) == (2e-4, 24, 1.2, -0.1)
-        assert settings_for(task).decay == 0
+        assert agent_for(task).estimator.trace.decay == 0
     arm = EXPERIMENTS["fig-4.8"]()
-    settings = settings_for(arm.task(3))
-    assert (settings.rates, settings.improve, settings.batch) == ({"gain": 2e-4, "threshold": 4e-4}, "episode", "sum")
+    agent = agent_for(arm.task(3))
+    assert agent.optimizer.learning_rate == {"gain": 2e-4, "threshold": 4e-4}
+    assert (agent.estimator.improve, agent.estimator.batch) == ("episode", "sum")
     assert (arm.seeds, arm.units) == (32, (2, 3, 4))
 
 

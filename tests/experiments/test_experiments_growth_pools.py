@@ -19,10 +19,9 @@ from motorgrad.experiments.chapter_4._pools import (
 from motorgrad.experiments.chapter_4.section_4_4.active_learning import ActiveLearning
 from motorgrad.experiments.chapter_4.section_4_4.figure_4_10 import LocalEffect, spread
 from motorgrad.experiments.chapter_4.section_4_4.growth import Growth, ideal_move, new_thresholds
-from motorgrad.experiments.chapter_4.section_4_4.rate_modulation import DAMPINGS, RateModulation
+from motorgrad.experiments.chapter_4.section_4_4.rate_modulation import DAMPING, RateModulation
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import LinearRecruitment
-from motorgrad.training import settings_for
 
 NAMES = ["sec-4.4-growth", "fig-4.10", "sec-4.4.1-active-learning", "sec-4.4.1-rate-modulation"]
 CLAIMS = {"sec-4.4-growth": 14, "fig-4.10": 5, "sec-4.4.1-active-learning": 4, "sec-4.4.1-rate-modulation": 9}
@@ -297,9 +296,13 @@ def test_graded_pools_keep_above_their_floor(done):
 def test_the_logarithm_of_the_deviation_runs_away_without_damping():
     task = LinearRecruitment(units=1)
     least = {}
-    for name, dampings in (("damped", DAMPINGS), ("not", NATURAL["dampings"])):
-        changes = NATURAL | {"policy": "graded-motoneurons", "rate": 1e-2, "dampings": dampings}
-        run = mg.train(task, settings_for(task, **changes), steps=300_000, seeds=4, progress=False)
+    for name, damping in (("damped", DAMPING), ("not", NATURAL["metric"]["damping"])):
+        changes = NATURAL | {
+            "policy": "graded-motoneurons",
+            "learning_rate": 1e-2,
+            "metric": {**NATURAL["metric"], "damping": damping},
+        }
+        run = mg.train(task, changes, steps=300_000, seeds=4, progress=False)
         least[name] = history(run, 3)[2]
         np.testing.assert_allclose(run.policies.threshold, 0.5, atol=0.01)  # the rest has learnt all the same
     assert least["damped"].min() > -10
@@ -310,5 +313,5 @@ def test_the_logarithm_of_the_deviation_runs_away_without_damping():
 def test_only_graded_units_are_given_the_damping_of_the_deviation(done, out):
     done("sec-4.4.1-rate-modulation")
     found = [mg.load(path).config["agent"] for path in (out / "trained").iterdir()]
-    graded = [agent["dampings"] for agent in found if agent["policy"] == "graded-motoneurons"]
-    assert graded == [DAMPINGS] * 3
+    graded = [agent["metric"]["damping"] for agent in found if agent["policy"]["kind"] == "graded-motoneurons"]
+    assert graded == [DAMPING] * 3

@@ -29,7 +29,6 @@ from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines, surprise
 from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState
-from motorgrad.training import settings_for
 from motorgrad.training import train as train_run
 from motorgrad.worlds import FiniteMDP, chain, oracle
 
@@ -140,7 +139,7 @@ def test_the_mixing_time_and_the_bias_of_a_trace():
 
 def test_surprise_is_the_mean_distance_of_rewards_from_the_baseline():
     task = ThreeState()
-    run = train_run(task, settings_for(task, estimator="olpomdp").agent(task), 400, 2, window=100, progress=False)
+    run = train_run(task, {"estimator": "olpomdp"}, 400, 2, window=100, progress=False)
     decision, found = surprise(run)
     assert list(decision) == [100, 200, 300, 400]
     np.testing.assert_allclose(found, run.curve("reward")[1])  # compared with nothing

@@ -10,7 +10,6 @@ from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.chapter_4._pools import NORMAL, equally_spaced_from, parameter_history, spacing_deviation
 from motorgrad.experiments.chapter_4.beyond_4_3_1_pools import WITHOUT, LargePools
 from motorgrad.tasks import LinearRecruitment
-from motorgrad.training import settings_for
 
 SEEDS = 20
 
@@ -94,14 +93,14 @@ def test_the_figure_is_drawn_where_some_got_there_and_some_did_not():
 
 def test_a_pool_of_sixteen_is_equally_spaced_soon_and_stays_so():
     task = LinearRecruitment(units=16)
-    run = mg.train(task, settings_for(task, **NORMAL), 150_000, 3, progress=False)
+    run = mg.train(task, NORMAL, 150_000, 3, progress=False)
     assert (equally_spaced_from(run.curve()[0], spacing_deviation(*parameter_history(run), task)) <= 100_000).all()
 
 
 @pytest.mark.slow
 def test_a_pool_of_sixty_four_is_equally_spaced_in_a_few_hundred_thousand():
     task = LinearRecruitment(units=64)
-    run = mg.train(task, settings_for(task, **NORMAL), 400_000, 20, progress=False)
+    run = mg.train(task, NORMAL, 400_000, 20, progress=False)
     assert (
         np.isfinite(equally_spaced_from(run.curve()[0], spacing_deviation(*parameter_history(run), task))).mean() > 0.85
     )

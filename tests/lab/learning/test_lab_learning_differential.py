@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 from learning_diagrams import diagram_of, flat, learnt, stepper
-from motorgrad.lab.blocks.worlds._body import BODIES
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
+from motorgrad.lab.blocks.worlds._tasks import BODIES
 from motorgrad.lab.gallery import learner
 
 

@@ -4,16 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from motorgrad.lab.diagram._verify import _look
-from motorgrad.lab.diagram._declarations import declaration
 
 import motorgrad as mg
 from motorgrad import lab, learning
 from motorgrad._tree import KINDS
 from motorgrad.lab.blocks.learning import PART_BLOCKS
-from motorgrad.lab.editor._edits import retuned
+from motorgrad.lab.diagram._verify import function_problems
+from motorgrad.lab.editor._edits import SetParameter
 from motorgrad.lab.editor._program import leaves, signature
-from motorgrad.lab.editor._views import view_of_node
+from motorgrad.lab.editor._views import declaration, view_of_node
 
 SIZE = 3
 
@@ -104,13 +103,13 @@ def test_every_part_block_keeps_what_it_declares(name):
     assert kind.name == name
     assert getattr(lab, kind.__name__) is kind
     block = kind()
-    assert list(_look(block)) == []
+    assert list(function_problems(block)) == []
     declared = {**lab.parameters_of(kind), **lab.settings_of(kind)}
     assert all(part.help for part in declared.values())
     for field, part in lab.parameters_of(kind).items():
         if part.optional:
             present = block.retuned({field: 0.5})
-            assert list(_look(present)) == []
+            assert list(function_problems(present)) == []
             assert field in present.parameters
             assert field not in block.parameters
 
@@ -130,9 +129,9 @@ def test_presence_does_not_change_while_it_runs():
     run = lab.Run(made, 1)
     with pytest.raises(ValueError, match="unknown parameter of optimizer: 'weight_decay'"):
         run["optimizer.weight_decay"] = 0.1
-    present = retuned(made, "optimizer.weight_decay", 0.1)
+    present = SetParameter("optimizer.weight_decay", 0.1).apply(made)
     assert leaves(present)["optimizer"].weight_decay == 0.1
-    assert leaves(retuned(present, "optimizer.weight_decay", None))["optimizer"].weight_decay is None
+    assert leaves(SetParameter("optimizer.weight_decay", None).apply(present))["optimizer"].weight_decay is None
 
 
 SETTINGS = "policy = 'softmax'\nlearning_rate = 0.01\ndecay = 0.8\nmetric = 'fisher'\n"
@@ -194,7 +193,7 @@ def test_learners_of_one_structure_are_compiled_as_one_and_swept():
     moved = np.ptp(run.advance(60)["policy.parameters"], axis=1).max(axis=1)
     assert moved[0] == 0
     assert moved[1] > 0
-    again = retuned(made, "policy.optimizer.learning_rate", 0.5)
+    again = SetParameter("policy.optimizer.learning_rate", 0.5).apply(made)
     assert signature(again) == signature(made)
     assert "learning_rate = 0.5" in leaves(again)["policy"].settings
 
