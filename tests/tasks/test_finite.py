@@ -87,7 +87,7 @@ def test_a_truncated_episode_begins_anew_with_an_empty_trace():
     np.testing.assert_array_equal(state["world"], task.dynamics.start)
     np.testing.assert_array_equal(state["cycle"].elapsed, 0)
     np.testing.assert_array_equal(state["cycle"].observation, np.eye(6)[[0] * 4])
-    for leaf in jax.tree.leaves(state["cycle"].agent.trace):
+    for leaf in jax.tree.leaves(state["cycle"].agent.estimator.trace):
         np.testing.assert_array_equal(leaf, 0)
 
 

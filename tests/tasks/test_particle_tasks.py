@@ -34,6 +34,10 @@ def stepped(task, decisions, seeds=3, **changes):
     return stepper
 
 
+def first_policy(task):
+    return agent_for(task).init(jax.random.key(0)).policy
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(("x", "y"), [(0.25, 0.55), (0.5, 0.3), (0.9, 0.1), (0.0, 1.0)])
 def test_the_reward_is_the_sum_of_the_regions(layout, x, y):
@@ -175,12 +179,12 @@ def test_a_run_goes_on_where_it_was_put_back(name):
 
 def test_the_first_policy_tiles_the_box_with_both_directions_at_each_place():
     task = FallingParticle()
-    policy = agent_for(task).policy
+    policy = first_policy(task)
     places = [(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)]
     np.testing.assert_allclose(policy.centre, np.repeat(places, 2, axis=0))
     np.testing.assert_allclose(np.exp(policy.log_width), 0.16, rtol=1e-6)
     wide = make("particle", physics={"walls": {"left": -1.0, "right": 3.0}}, start={"x": [-1.0, 3.0]})
-    policy = agent_for(wide).policy
+    policy = first_policy(wide)
     assert sorted(set(map(float, policy.centre[:, 0]))) == [0.0, 2.0]
     np.testing.assert_allclose(np.exp(policy.log_width[0]), [0.64, 0.16], rtol=1e-6)
 
@@ -189,8 +193,8 @@ def test_the_first_policy_tiles_the_box_with_both_directions_at_each_place():
 @pytest.mark.parametrize("change", [{"learning_rate": {"centre": 2e-4, "log_width": 10.0}}, {"improve": 7}])
 def test_learning_keeps_widths_within_their_limits(change):
     limits = {"copies": 2, "least_log_width": -1.9, "most_log_width": -1.8}
-    rates = change.get("rates", {"centre": 0.0, "log_width": 10.0})
-    stepper = stepped(make("particle"), 500, policy_settings=limits, **{**change, "rates": rates})
+    rates = {"centre": 0.0, "log_width": 10.0}
+    stepper = stepped(make("particle"), 500, policy=limits, **{"learning_rate": rates, **change})
     widths = stepper.policies().log_width
     assert widths.min() == np.float32(-1.9)
     assert widths.max() == np.float32(-1.8)
