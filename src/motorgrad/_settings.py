@@ -101,8 +101,8 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
     for name, field in fields_of(cls).items():
         default = default_of(field) if base is None else getattr(base, name)
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
-        if hasattr(default, "with_setting"):
-            found += [f"{name}.{key}"] if key in default.setting_names else []
+        if (names := getattr(default, "setting_names", None)) is not None:
+            found += [f"{name}.{key}"] if key in names else []
         elif dataclasses.is_dataclass(inner):
             found += [f"{name}.{key}"] if key in fields_of(inner) else []
             made = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
