@@ -101,7 +101,9 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
     for name, field in fields_of(cls).items():
         default = default_of(field) if base is None else getattr(base, name)
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
-        if dataclasses.is_dataclass(inner):
+        if (names := getattr(default, "setting_names", None)) is not None:
+            found += [f"{name}.{key}"] if key in names else []
+        elif dataclasses.is_dataclass(inner):
             found += [f"{name}.{key}"] if key in fields_of(inner) else []
             made = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
             found += [f"{name}.{deeper}" for deeper in _deeper(typing.cast(type, inner), key, made)]

@@ -1,4 +1,4 @@
-"""The command line. Thin: every command is a typed dataclass and one call of the library."""
+"""The command line. Every command is a typed dataclass and one call of the library."""
 
 import os
 import sys
@@ -8,20 +8,20 @@ from typing import NoReturn
 from motorgrad._signals import asked, interrupt_when_asked
 
 COMMANDS = {
-    "list": "every task, policy, estimator and experiment",
-    "train": "learn; progress bar; a run directory; goes on where it stopped",
-    "evaluate": "a learnt policy without learning: its numbers and a video",
-    "plot": "learning curves of one run or of several",
-    "reproduce": "figures and claims of the thesis, measured again; a report",
-    "sim": "see a body, its muscles and its learner live in the browser",
-    "demo": "a body learns to hop in about two minutes",
+    "list": "list every task, policy, estimator and experiment",
+    "train": "train a learner, into a run directory that can be resumed",
+    "evaluate": "evaluate a learnt policy: its numbers and a video",
+    "plot": "plot learning curves of one run or of several",
+    "reproduce": "measure figures and claims of the thesis again; write a report",
+    "sim": "watch a body, its muscles and its learner live in the browser",
+    "demo": "train a body to hop, in about two minutes",
     "lab": "TimLab: build diagrams of blocks, run and retune them, in a browser",
-    "bench": "the speed table: this library beside bare physics and hand-written loops",
+    "bench": "measure the speed table: this library, bare physics, hand-written loops",
 }
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit status: 0 done, 2 refused what was asked, 130 stopped by Ctrl-C or SIGTERM."""
+    """Run a command. Returns the exit status: 0 done, 2 bad input, 130 stopped by Ctrl-C or SIGTERM."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help())
@@ -45,13 +45,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _answer(name: str, error: BaseException) -> int:
-    """The exit status for what ended a command early, and a line about it."""
-    # a library that is interrupted while it is loaded may raise an error of its own
+    """Report the error that ended a command, on one line. Returns the exit status."""
+    # a library that is interrupted while it loads may raise another error
     if isinstance(error, KeyboardInterrupt) or asked():
         print(f"motorgrad {name}: stopped", file=sys.stderr)
         return 130
     if isinstance(error, BrokenPipeError):
-        # whoever was reading, such as head, has enough; the interpreter's last flush must not fail
+        # the reader, such as head, has closed the pipe; the last flush of the interpreter must not fail
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     if isinstance(error, ValueError | OSError | RuntimeError):
@@ -61,7 +61,7 @@ def _answer(name: str, error: BaseException) -> int:
 
 
 def _command(name: str) -> Callable[[list[str]], int]:
-    """Each command lives in a module of its own, so that help and one command do not load what another needs."""
+    """The function of a command. Each is a module, so that one command does not load what another needs."""
     import importlib
 
     return importlib.import_module(f"motorgrad._commands.{name}").run
@@ -77,16 +77,16 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "motorgrad COMMAND --help says more; motorgrad --version names the version.",
+            "motorgrad COMMAND --help shows the options of a command; motorgrad --version the version.",
         ]
     )
 
 
 def run() -> NoReturn:
-    """The command line as a process of its own."""
+    """Run the command line as a process."""
     status = main()
     if status == 130:
-        # all is saved, and libraries that were stopped half loaded may crash where they are taken down
+        # everything is saved, and libraries interrupted while loading may crash at exit
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)

@@ -119,6 +119,7 @@ def test_a_setting_at_the_wrong_level_of_a_file_is_shown_its_place(capsys, tmp_p
         ("load_mass = 3", "'task.body.load_mass'"),
         ("[task]\nload_mass = 3", "'body.load_mass'"),
         ("decay = 0.5", "'agent.estimator.trace.decay'"),
+        ("units = 4", "'task.units' or 'agent.policy.units'"),
     ):
         file.write_text(line, encoding="utf-8")
         status, text = said(capsys, "train", "hopper", "--config", str(file))

@@ -98,7 +98,7 @@ def test_event_files_are_written_into_each_run_or_together(folder, runs, capsys)
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (["--x", "simulated"], "the task chain knows no simulated time"),
+        (["--x", "simulated"], "the task chain has no simulated time"),
         (["--x", "days"], "--x"),
         (["--smooth", 20], "smooth = 20.0: must be more than a record, which is 20 decisions"),
         (["--smooth", "nan"], "smooth = nan"),

@@ -333,9 +333,9 @@ REFUSED = [
     (
         ["chain"],
         {"x": "simulated"},
-        "x = 'simulated': must be decisions or wall: the task chain knows no simulated time",
+        "x = 'simulated': must be decisions or wall: the task chain has no simulated time",
     ),
-    (["hopper", "chain"], {"x": "simulated"}, "the task chain knows no simulated time"),
+    (["hopper", "chain"], {"x": "simulated"}, "the task chain has no simulated time"),
     (["chain"], {"x": "wal"}, "unknown x 'wal': did you mean 'wall'"),
     (["chain"], {"smooth": 0}, "smooth = 0: must be a positive number"),
     (["chain"], {"smooth": float("nan")}, "smooth = nan"),

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -36,9 +37,12 @@ def begun(engine):
 @pytest.mark.parametrize(("seeds", "shares"), [(1, [1]), (8, [8]), (9, [5, 4]), (24, [6] * 4), (65, [5] + [4] * 15)])
 def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds(monkeypatch, seeds, shares):
     made = []
-    monkeypatch.setattr(
-        "motorgrad.training.engines._side_by_side.BodyStepper", lambda *given, room: made.append(len(given[2])) or given
-    )
+
+    def engine(*given, room):
+        made.append(len(given[2]))
+        return SimpleNamespace(cycle=None)
+
+    monkeypatch.setattr("motorgrad.training.engines._side_by_side.BodyStepper", engine)
     for threads in (0, 1, 7):
         made.clear()
         SideBySide(TASK, AGENT, range(seeds), threads)

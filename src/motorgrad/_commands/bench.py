@@ -15,12 +15,12 @@ from motorgrad.training import provenance
 
 @dataclasses.dataclass(frozen=True)
 class Bench:
-    """Measure this library beside bare physics and hand-written loops, in one run on this machine."""
+    """Compare the speed of this library with bare physics and hand-written loops, on this machine."""
 
     quick: bool = False
     """A smoke test: small sizes, meaningless numbers."""
     json: Path | None = None
-    """Also write the table to this file, for machines; - for the standard output."""
+    """Also write the table to this file, as JSON; - for the standard output."""
 
 
 def run(arguments: list[str]) -> int:
@@ -33,14 +33,14 @@ def run(arguments: list[str]) -> int:
     rows = []
     for row in speed_table(options.quick):
         rows.append(row)
-        console.print(in_words(row), highlight=False, soft_wrap=True)
+        console.print(row_text(row), highlight=False, soft_wrap=True)
     table = [{key: _finite(value) for key, value in dataclasses.asdict(row).items()} for row in rows]
     write_json(options.json, {"machine": where, "rows": table})
     return 0
 
 
-def in_words(row: Row) -> str:
-    """A row as text."""
+def row_text(row: Row) -> str:
+    """A row of the table as text."""
     text = f"{row.name:<56} {row.ours:>14,.4g}"
     text += "" if row.other is None else f" {'÷' if row.ratio else '|'} {row.other:>12,.4g}"
     text += f" {row.unit}"

@@ -1,4 +1,4 @@
-"""`motorgrad demo`: a body learns to hop."""
+"""`motorgrad demo`: train hoppers, and show what they learnt."""
 
 import dataclasses
 import os
@@ -20,18 +20,18 @@ LONGEST = 3600.0  # seconds of film
 
 @dataclasses.dataclass(frozen=True)
 class Demo:
-    """Eight hoppers learn to hop: a learning curve, the behaviour before and after, and a film."""
+    """Train eight hoppers, and show a learning curve, the behaviour before and after, and a film."""
 
     out: Path = Path("runs/demo")
-    """The run directory. An unfinished run found there goes on."""
+    """The run directory. An unfinished run found there is continued."""
     seconds: float = 1200.0
     """Simulated seconds of practice for each hopper."""
     seeds: int = 8
-    """How many hoppers."""
+    """The number of hoppers."""
     film_seconds: float = 8.0
     """Length of the film, in seconds."""
     json: Path | None = None
-    """Also write the result to this file, for machines; - for the standard output."""
+    """Also write the result to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
         task = Hopper()
@@ -50,14 +50,14 @@ def run(arguments: list[str]) -> int:
         print(f"stopped; everything is saved in {options.out}, and the same command continues", file=sys.stderr)
         return 130
     if str(options.json) != "-":
-        _say(shown, options.out)
+        _print(shown, options.out)
     files = {name: str(path) for name, path in shown.files.items()}
     heights = {"before": summary(shown.before.readings["apex"]), "after": summary(shown.after.readings["apex"])}
     write_json(options.json, {"files": files, "apex": heights, "seconds": shown.seconds, "run": str(options.out)})
     return 0
 
 
-def _say(shown: demo.Demonstration, out: Path) -> None:
+def _print(shown: demo.Demonstration, out: Path) -> None:
     program = "motorgrad" if shutil.which("motorgrad") else os.path.relpath(sys.argv[0])
     print("\n" + "\n".join(demo.in_words(shown)))
     print(f"\nIt took {shown.seconds:.0f} s. Look at:")
@@ -66,7 +66,7 @@ def _say(shown: demo.Demonstration, out: Path) -> None:
     for note in shown.notes:
         print(note)
     print("\nTry next:")
-    print(f"  {program} evaluate {out} --mode mode        the most probable actions only")
+    print(f"  {program} evaluate {out} --mode mode        most probable actions only")
     print(f"  {program} train hopper --task.penalty 0.3 --seeds 4 --out runs/lazy")
     print(f"  {program} plot {out} runs/lazy --quantity apex")
-    print(f"  {program} list                              what else there is")
+    print(f"  {program} list                              tasks, policies and experiments")

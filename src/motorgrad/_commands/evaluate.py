@@ -1,4 +1,4 @@
-"""`motorgrad evaluate RUN`: a learnt policy, frozen."""
+"""`motorgrad evaluate RUN`: evaluate the policies of a run."""
 
 import dataclasses
 import math
@@ -17,31 +17,31 @@ from motorgrad.training import Evaluation, evaluate, load
 
 Mode = Literal["sample", "mode"]
 MOST = 10_000_000
-"""Decisions of an evaluation, which keeps every motion."""
+"""Limit of the decisions of an evaluation, which keeps the whole motion."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Evaluate:
-    """Let the learnt policies of a run act without learning, from a fresh start; film one of them."""
+    """Evaluate the policies of a run without learning, from a fresh start, and film one of them."""
 
     run: tyro.conf.Positional[Path]
     """The run directory."""
     steps: int = 2000
     """Decisions per seed."""
     mode: Literal["sample", "mode", "both"] = "sample"
-    """Draw every action from the policy, always take the most probable one, or do each in turn, and film the first."""
+    """sample draws every action, mode takes the most probable one; both does each in turn and films the first."""
     untrained: bool = False
-    """Judge the policies as they were before learning."""
+    """Evaluate the policies as they were before learning."""
     seed: int | None = None
     """The seed to film; by default the first."""
     video: Path | None = None
-    """Where the film goes, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 and the like."""
+    """The file of the film, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 and the like."""
     film: bool = True
     """Whether to film."""
     seconds: float = 10.0
     """Length of the film."""
     json: Path | None = None
-    """Also write the result to this file, for machines; - for the standard output."""
+    """Also write the result to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
         trained = load(self.run)
@@ -66,20 +66,20 @@ def run(arguments: list[str]) -> int:
     trained = load(options.run)
     modes: tuple[Mode, ...] = ("sample", "mode") if options.mode == "both" else (options.mode,)
     outcomes = {mode: evaluate(trained, options.steps, mode=mode, untrained=options.untrained) for mode in modes}
-    judged = {mode: _judged(outcome) for mode, outcome in outcomes.items()}
+    summaries = {mode: _summaries(outcome) for mode, outcome in outcomes.items()}
     found: dict[str, Any] = {
         "run": str(options.run),
         "task": trained.task.name,
         "steps": options.steps,
         "mode": options.mode,
-        **({"modes": judged} if options.mode == "both" else judged[options.mode]),
+        **({"modes": summaries} if options.mode == "both" else summaries[options.mode]),
     }
     quiet = str(options.json) == "-"
-    for mode, values in judged.items() if not quiet else ():
-        if len(judged) > 1:
+    for mode, values in summaries.items() if not quiet else ():
+        if len(summaries) > 1:
             print(f"{mode}:")
         for name, value in values.items():
-            print(_said(name, value))
+            print(_text(name, value))
     outcome = outcomes[modes[0]]
     if outcome.position is not None and options.film:
         from motorgrad.sim import write_film
@@ -100,13 +100,13 @@ def run(arguments: list[str]) -> int:
     return 0
 
 
-def _judged(outcome: Evaluation) -> dict[str, Any]:
+def _summaries(outcome: Evaluation) -> dict[str, Any]:
     """An evaluation as a plain table: numbers as their summary, words as they are."""
     values = {"reward": outcome.reward, **outcome.readings, **outcome.measures}
     return {name: each.tolist() if each.dtype.kind == "U" else summary(each) for name, each in values.items()}
 
 
-def _said(name: str, value: Any) -> str:
+def _text(name: str, value: Any) -> str:
     if isinstance(value, dict):
         return summary_text(name, value)
     return f"{name}: {', '.join(f'{value.count(kind)} {kind}' for kind in dict.fromkeys(value))}"

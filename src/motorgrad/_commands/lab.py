@@ -17,13 +17,13 @@ class Lab:
     """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
 
     file: tyro.conf.Positional[Path | None] = None
-    """A diagram to work on; it is made when first saved. Without one, an empty diagram in the present folder."""
+    """A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder."""
     gallery: str | None = None
-    """Begin with a ready diagram, such as chain or hopper, in place of a file."""
+    """Open a diagram of the gallery, such as chain or hopper, in place of a file."""
     port: int = 0
-    """Where to serve, on 127.0.0.1; 0 for a free port."""
+    """The port on 127.0.0.1; 0 for a free port."""
     browser: bool = True
-    """Open the browser; otherwise only the address is printed."""
+    """Open the browser; otherwise only print the address."""
 
     def validate(self) -> None:
         check(0 <= self.port < 2**16, "port", self.port, "a whole number in 0 … 65535, 0 for a free one")
@@ -33,7 +33,7 @@ class Lab:
         if self.file is not None:
             check(not self.file.is_dir(), "file", str(self.file), "a file, not a folder")
             folder = self.file.absolute().parent
-            check(folder.is_dir(), "file", str(self.file), "in a folder that is there")
+            check(folder.is_dir(), "file", str(self.file), "in an existing folder")
 
 
 def run(arguments: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""`motorgrad list`: what there is."""
+"""`motorgrad list`: tasks, policies, estimators and experiments."""
 
 import dataclasses
 import inspect
@@ -15,10 +15,10 @@ from motorgrad.tasks import TASKS
 
 @dataclasses.dataclass(frozen=True)
 class List:
-    """Every task, policy, estimator and experiment, by the names that configurations and commands take."""
+    """List every task, policy, estimator and experiment by the name that configurations and commands take."""
 
     json: Path | None = None
-    """Also write the list to this file, for machines; - for the standard output."""
+    """Also write the list to this file, as JSON; - for the standard output."""
 
 
 def run(arguments: list[str]) -> int:

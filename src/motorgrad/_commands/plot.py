@@ -25,24 +25,24 @@ class Plot:
     x: Literal["decisions", "simulated", "wall"] | None = None
     """Over decisions, simulated or wall seconds; by default simulated seconds where the task has them."""
     smooth: float | None = None
-    """Each point is the mean over so many of the units of x before it; by default over one record."""
+    """Each point is the mean over this many units of x before it; by default over one record."""
     labels: tuple[str, ...] | None = None
-    """What to call the runs; by default the settings in which they differ, or their folders."""
+    """Names of the runs; by default the settings in which they differ, or their folders."""
     out: Path | None = None
-    """Where to draw to (.png, .svg, .pdf); by default figures/QUANTITY.png of the first run."""
+    """The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png of the first run."""
     format: Literal["svg", "png", "pdf"] | None = None
-    """The figure's format, where --out does not say it."""
+    """The figure's format, where --out has no suffix."""
     tensorboard: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[DIR]")] = None
-    """Also write TensorBoard event files: into this folder, or without one into tensorboard/ of each run."""
+    """Also write TensorBoard event files to this folder, by default to tensorboard/ of each run."""
     animate: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[FILE]")] = None
-    """Also film how one run of a task on a particle was learnt: into this file (.mp4, .gif), or without one into
-    figures/learning.mp4 of the run."""
+    """Also film the learning of a run of a particle task: to this file (.mp4, .gif), by default figures/learning.mp4 of
+    the run."""
     seed: int | None = None
     """The seed to film; by default the one in the middle, by its reward in the last quarter."""
     seconds: float = 12.0
-    """How long the film is."""
+    """Length of the film."""
     json: Path | None = None
-    """Also write where the figure is and the numbers drawn to this file, for machines; - for the standard output."""
+    """Also write the path of the figure and the numbers drawn to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
         check(self.runs, "runs", self.runs, "one run directory at least")
@@ -64,7 +64,7 @@ def run(arguments: list[str]) -> int:
     options = parse(Plot, arguments, "plot")
     runs = [load(path) for path in options.runs]
     if options.animate is not None:
-        course_of(runs[0], options.seed)  # refuses at once what cannot be filmed
+        course_of(runs[0], options.seed)  # raises at once for a run that cannot be filmed
     out = options.out or options.runs[0] / "figures"
     figure = learning_curves(
         runs,
@@ -98,7 +98,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _folders(runs: tuple[Path, ...], together: Path | None = None) -> list[Path]:
-    """Where each run's event files go: into a folder of its own in the one they share, or into the run."""
+    """The folder for the event files of each run: its own in a shared folder, or in the run directory."""
     if together is None:
         return [run / "tensorboard" for run in runs]
     return [together / name for name in folders_of(runs)]

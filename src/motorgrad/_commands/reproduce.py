@@ -1,4 +1,4 @@
-"""`motorgrad reproduce NAME…`: figures and claims of the thesis, measured again."""
+"""`motorgrad reproduce NAME…`: measure figures and claims of the thesis again."""
 
 import dataclasses
 import sys
@@ -16,24 +16,24 @@ from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce, select_e
 
 @dataclasses.dataclass(frozen=True)
 class Reproduce:
-    """Run experiments, draw their figures and judge their claims; then write a report of one page about all that the
-    folder holds. What is finished there is not run again; what was interrupted goes on. motorgrad reproduce NAME --help
-    shows the settings of one experiment."""
+    """Run experiments, draw their figures and check their claims; then write a report of one page on everything in the
+    folder. Finished experiments are not run again; interrupted ones continue. motorgrad reproduce NAME --help shows the
+    settings of one experiment."""
 
     experiments: tyro.conf.Positional[tuple[str, ...]]
     """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
     out: Path | None = None
     """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke size."""
     quick: bool = False
-    """A smoke size: everything happens, in a minute or two for all, and the numbers mean nothing."""
+    """A smoke test: small sizes, a minute or two for all experiments, meaningless numbers."""
     strict: bool = False
     """Exit with status 1 where a claim does not hold."""
     animate: bool = False
-    """Also film how it is learnt, where an experiment has learners in a plane: animation.mp4 in its folder."""
+    """Also film the learning of particles, where an experiment has them: animation.mp4 in its folder."""
     threads: int = 0
-    """Threads that work on bodies; 0 for one per processor."""
+    """Threads for the physics of bodies; 0 for one per processor."""
     json: Path | None = None
-    """Also write claims, numbers and versions to this file, for machines; - for the standard output."""
+    """Also write claims, numbers and versions to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
         allowed = "the names of experiments, or all; motorgrad list has them"
@@ -49,7 +49,7 @@ class Reproduce:
 def run(arguments: list[str]) -> int:
     given = read_arguments(arguments)
     options = resolve(_command(given), given, "reproduce")
-    names, out, settings = _possible(options.experiments), options.folder, getattr(options, "settings", None)
+    names, out, settings = _available(options.experiments), options.folder, getattr(options, "settings", None)
     done: list[Reproduction] = []
     try:
         for name in names:
@@ -62,25 +62,27 @@ def run(arguments: list[str]) -> int:
         return 130
     report = write_report(out, EXPERIMENTS)
     if str(options.json) != "-":
-        _say(done, report)
+        _print(done, report)
     write_json(options.json, {"report": str(report), "experiments": [each.record() for each in done]})
     return 1 if options.strict and not all(claim.holds for each in done for claim in each.claims) else 0
 
 
-def _possible(experiments: Sequence[str]) -> list[str]:
-    """The experiments that are meant, but for those that need a package which is missing: of a chapter or of all these
-    are left out aloud; one that is named is refused."""
+def _available(experiments: Sequence[str]) -> list[str]:
+    """The chosen experiments, without those that need a missing package.
+
+    Of a chapter or of all, these are skipped with a message. **Raises** `RuntimeError` for one that is named.
+    """
     names = select_experiments(experiments, EXPERIMENTS)
     lacking = {name: lacks for name in names if (lacks := EXPERIMENTS[name].lacks())}
     for name, lacks in lacking.items():
         if name in map(str.lower, experiments):
             raise RuntimeError(lacks)
-        print(f"left out: {lacks}", file=sys.stderr)
+        print(f"skipped: {lacks}", file=sys.stderr)
     return [name for name in names if name not in lacking]
 
 
 def _command(given: Arguments) -> type[Reproduce]:
-    """The options; where a single experiment is named, with its settings (`--settings.seeds 32`)."""
+    """The options, with the settings of the experiment where a single one is named (`--settings.seeds 32`)."""
     named = [word for word in given.rest if word.lower() in EXPERIMENTS]
     names = named or given.table.get("experiments", [])
     if not isinstance(names, list) or len(names) != 1 or str(names[0]).lower() not in EXPERIMENTS:
@@ -98,9 +100,9 @@ def _command(given: Arguments) -> type[Reproduce]:
     )
 
 
-def _say(done: list[Reproduction], report: Path) -> None:
+def _print(done: list[Reproduction], report: Path) -> None:
     if any(each.quick for each in done):
-        print("A smoke size: everything has run, and its numbers and verdicts mean nothing.")
+        print("A smoke test: everything has run, but the numbers and verdicts mean nothing.")
     for each in done:
         held = sum(claim.holds for claim in each.claims)
         judged = f": {held} of {len(each.claims)} claims hold" if each.claims else ""

@@ -1,4 +1,4 @@
-"""`motorgrad sim SUBJECT`: see a body, its muscles and its learner, live."""
+"""`motorgrad sim SUBJECT`: watch a body, its muscles and its learner live."""
 
 import dataclasses
 import math
@@ -22,8 +22,8 @@ from motorgrad.training import RunDirectoryError, agent_table, load
 
 USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
 
-See a body, its muscles and its learner live in the browser, in a process of their own. A task learns, a body or any
-MJCF file is simulated without a learner, a run goes on from what it has learnt.
+Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns, a body
+or an MJCF file is simulated without a learner, and a run continues from its learnt policy.
 """
 
 
@@ -32,28 +32,28 @@ class Options:
     """Options of `motorgrad sim`, beside those of the task and of the agent."""
 
     run: Path | None = None
-    """Begin with the policy of a run of the task, in this directory; TASK may then be left out."""
+    """Start with the policy of the run in this directory; TASK may then be left out."""
     seed: int | None = None
     """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
     frozen: bool = False
-    """Begin without learning."""
+    """Start without learning."""
     paused: bool = False
-    """Begin paused."""
+    """Start paused."""
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
     host: str = HERE
-    """Where the page listens. Whoever reaches another host than 127.0.0.1 can drive the simulation."""
+    """The address of the page. Everyone who can reach a host other than 127.0.0.1 can control the simulation."""
     port: int | None = None
-    """The page's port; by default 8080, or the next that is free."""
+    """The page's port; by default 8080, or the next free one."""
     browser: bool = True
     """Open the page in the browser, where there is a screen."""
     record: Path | None = None
-    """Film the simulation from its beginning into this file (.mp4), whether or not a browser watches."""
+    """Film the simulation from its start to this file (.mp4), with or without a browser."""
     seconds: float | None = None
-    """End after so many seconds of wall time; by default with Ctrl-C."""
+    """End after this many seconds of wall time; by default with Ctrl-C."""
     task: ClassVar[Any] = None
     scene: ClassVar[Mapping[str, Any]] = {}
-    """What the file says that no option stands for, in plain values."""
+    """The tables of the file for which there is no option."""
 
     def validate(self: Any) -> None:
         live.Speed(self.pace)
@@ -76,7 +76,7 @@ class Options:
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """The tables of a scene file that no option of the command line stands for."""
+    """The tables of a scene file for which the command line has no option."""
 
     stage: live.Stage = dataclasses.field(default_factory=live.Stage)
     planet: Planet | None = None
@@ -86,24 +86,24 @@ def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {"-h", "--help"}:
         return _usage(0 if arguments else 2)
     given = read_arguments(arguments)
-    place, model, scene, given = _parts(given)
+    place, model, scene, given = _scene_parts(given)
     given = _with_run(given)
     if model is not None:
         kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
         options = resolve(kind, given, "sim MODEL")
         check(options.run is None, "run", str(options.run), "left out with a model, which has no learner")
-        setup = _named(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
+        setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
     else:
         options = _learner_options(given, scene)
-        setup = _named(given, lambda: _setup(options, place))
+        setup = _with_file_name(given, lambda: _setup(options, place))
     return _show(setup, options)
 
 
 def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
-    """The options with those of the task and its learner, whose defaults depend on each other."""
+    """The options with those of the task and of its learner."""
     name, given = split_task(given)
     check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
-    kind, given = command_with_learner(Options, "Sim", "See it learn", str(name), given)
+    kind, given = command_with_learner(Options, "Sim", "Watch it learn", str(name), given)
     kind.scene = scene
     return resolve(kind, given, f"sim {name}")
 
@@ -147,9 +147,8 @@ def _show(setup: Any, options: Options) -> int:
     return 0
 
 
-def _parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:
-    """The stage and the planet of a scene file; the model or the body, if that is what is shown; both in plain values;
-    and the rest."""
+def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:
+    """The stage and planet of a scene file, the model or body to show, both as plain values, and the rest."""
     values, rest, model, scene = dict(given.table), list(given.rest), None, {}
     try:
         place = build(Place, {name: values.pop(name) for name in ("stage", "planet") if name in values})
@@ -182,7 +181,7 @@ def _body(word: str) -> str:
 
 
 def _with_run(given: Arguments) -> Arguments:
-    """What a run's own configuration says of its task and learner, below what else is given."""
+    """The arguments with the task and learner of a run as defaults."""
     word, _ = pop_option("run", given.rest)
     word = word or given.table.get("run")
     if not isinstance(word, str):
@@ -194,22 +193,22 @@ def _with_run(given: Arguments) -> Arguments:
     try:
         own_name, settings = config["task"]["name"], config["agent"]["policy"]
     except (KeyError, TypeError):
-        raise RunDirectoryError(f"{file}: damaged: it does not say which task was learnt, and how") from None
+        raise RunDirectoryError(f"{file}: damaged: it lacks the task's name or the policy") from None
     if settings.get("kind") == "given":  # made in Python
         config["agent"] = {}
     asked = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None
     if asked is None and isinstance(values.get("task"), Mapping):
         asked = values["task"].get("name")
     if asked not in (None, own_name):
-        raise ValueError(f"{word}: a run of the task {own_name!r}, but this is {asked!r}")
+        raise ValueError(f"{word}: a run of the task {own_name!r}, not {asked!r}")
     for part in ("task", "agent"):
         own = values.get(part, {})
         values[part] = {**config[part], **own} if isinstance(own, Mapping) else own
     return given._replace(table=values, file=given.file or file)
 
 
-def _named(given: Arguments, make: Any) -> Any:
-    """What is refused of a scene file is refused by its name."""
+def _with_file_name(given: Arguments, make: Any) -> Any:
+    """Call `make`; its errors name the scene file."""
     try:
         return make()
     except ValueError as error:
@@ -219,5 +218,5 @@ def _named(given: Arguments, make: Any) -> Any:
 
 def _usage(status: int) -> int:
     print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(BODIES)}\n")
-    print("motorgrad sim TASK --help lists the options, with those of a task and of its learner.")
+    print("motorgrad sim TASK --help lists the options, with those of the task and its learner.")
     return status

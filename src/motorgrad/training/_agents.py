@@ -20,9 +20,9 @@ LARGEST = 100_000_000  # weights of a policy
 
 @dataclasses.dataclass(frozen=True)
 class NamedPolicy:
-    """An initial policy by its name and its settings, for a task: what configurations and the command line know.
+    """An initial policy by its name and settings, as configurations and the command line give it.
 
-    It is called with a seed's key, as every initial policy may be.
+    Call it with the key of a seed to make the policy.
 
     **Arguments:** the `task`; the `kind`, a name in `motorgrad.policies.INITIAL`; `settings`, the keyword arguments of
     its function, of which defaults are dropped.
@@ -68,9 +68,9 @@ class NamedPolicy:
         return hash((self.kind, repr(sorted(self.settings.items()))))
 
     def with_setting(self, value: str | Mapping[str, Any], where: str = "policy") -> "NamedPolicy":
-        """The policy that a setting asks for: another kind by its name, or a table that changes some settings.
+        """The policy with a setting applied: the name of another kind, or a table of changes.
 
-        Settings that the table leaves out stay, unless it names another kind.
+        Settings that the table leaves out are kept, unless it names another kind.
         """
         settings = {"kind": value} if isinstance(value, str) else dict(value)
         kind = settings.pop("kind", self.kind)
@@ -81,6 +81,11 @@ class NamedPolicy:
         except ValueError as error:
             outer = where.removesuffix("policy") if str(error).startswith("policy.") else ""
             raise ValueError(f"{outer}{error}") from None
+
+    @property
+    def setting_names(self) -> list[str]:
+        """The names of the settings of this kind of policy."""
+        return list(policy_settings(self.kind))
 
     def as_setting(self) -> dict[str, Any]:
         """The inverse of `with_setting`."""
@@ -125,8 +130,8 @@ def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more
 
 def _built(task: Task, given: Mapping[str, Any]) -> Agent:
     own = dict(task.learner)
-    asked = given.get("policy", given.get("policy.kind"))
-    kind = asked.get("kind") if isinstance(asked, Mapping) else asked
+    changed = given.get("policy", given.get("policy.kind"))
+    kind = changed.get("kind") if isinstance(changed, Mapping) else changed
     own_policy = own.pop("policy", "hyperplanes")
     named = NamedPolicy(task, "hyperplanes").with_setting(own_policy)
     wanted = kind if isinstance(kind, str) else named.kind
@@ -174,7 +179,7 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
 
 
 def _unregistered(settings: Any, where: str) -> list[str]:
-    """The parts in a saved table that cannot be made again, by path."""
+    """The parts of a saved table that are not registered, by path."""
     known = {name for kinds in KINDS.values() for name in kinds} | set(policies.INITIAL)
     if isinstance(settings, Mapping):
         found = [where] if settings.get("kind", "dense") not in known else []
@@ -185,18 +190,18 @@ def _unregistered(settings: Any, where: str) -> list[str]:
 
 
 def _first_steps(part: Optax, agent: Agent) -> list[str]:
-    """What an optax transformation makes of a few gradients: it hides its constants, but most of them show here."""
+    """The first steps of an optax transformation, which identify most of its hidden constants."""
     policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
 
     def fill(value: float) -> Any:
         return policies.trainable(jax.tree.map(lambda leaf: jnp.full(leaf.shape, value, leaf.dtype), policy))
 
-    parameters, said = fill(1.0), []
+    parameters, sums = fill(1.0), []
     state = part.transformation.init(parameters)
     for gradient in (1.0, -0.5, 30.0):
         step, state = part.transformation.update(fill(gradient), state, parameters)
-        said.append(f"{sum(float(jnp.sum(leaf)) for leaf in jax.tree.leaves(step)):.5g}")
-    return said
+        sums.append(f"{sum(float(jnp.sum(leaf)) for leaf in jax.tree.leaves(step)):.5g}")
+    return sums
 
 
 def kind_names(agent: Agent) -> dict[str, str]:

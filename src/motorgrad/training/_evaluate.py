@@ -14,18 +14,18 @@ from motorgrad.training._run import Records, Run, load
 from motorgrad.training.engines import BodyStepper, stepper_for
 
 FRESH = 1_000_000_000
-"""Added to a seed for its evaluation, so that a policy is not judged on the random numbers that it learnt from."""
+"""Added to seeds, so that a policy is not evaluated on the random numbers it learnt from."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evaluation:
-    """How the policies of a run behave without learning.
+    """The behaviour of the policies of a run without learning.
 
     - `metrics`: records as in a run, one row per window and seed.
     - `reward`: mean reward per decision of each seed, `(seeds,)`.
     - `readings`: mean of each of the task's readings, per seed; NaN where it never occurred.
-    - `measures`: what the task measures of the recorded motion besides, a number or a word per seed, such as the class
-      of a gait; nothing without a body.
+    - `measures`: further measures of the motion, a number or a word per seed, such as the class of a gait; empty
+      without a body.
     - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
     """
@@ -41,9 +41,9 @@ class Evaluation:
 
     def __repr__(self) -> str:
         means = {"reward": self.reward, **self.readings}
-        seen = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
-        said = [f"median {name} {np.median(values):.4g}" for name, values in seen.items() if len(values)]
-        return f"Evaluation({len(self.reward)} seeds, {len(self.time):,} decisions, {', '.join(said)})"
+        finite = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
+        medians = [f"median {name} {np.median(values):.4g}" for name, values in finite.items() if len(values)]
+        return f"Evaluation({len(self.reward)} seeds, {len(self.time):,} decisions, {', '.join(medians)})"
 
 
 def evaluate(
@@ -54,14 +54,14 @@ def evaluate(
     untrained: bool = False,
     threads: int = 0,
 ) -> Evaluation:
-    """Let the policies of all seeds of a run act from a fresh start, without learning.
+    """Evaluate the policies of all seeds of a run from a fresh start, without learning.
 
     **Arguments:**
 
     - `run`: a run, or the directory of one.
     - `steps`: decisions per seed.
     - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
-    - `untrained`: judge the policies as they were before learning.
+    - `untrained`: evaluate the policies as they were before learning.
     - `threads`: as in `train`.
     """
     run = run if isinstance(run, Run) else load(run)
@@ -72,12 +72,12 @@ def evaluate(
     lanes = run.seeds * max(1, len(run.settings))
     stepper = stepper_for(run.task, agent, [(seed + FRESH) % 2**31 for seed in lanes], mode, threads)
     stepper.use(policies, run.memory)
-    moved: list[tuple[np.ndarray, np.ndarray]] = []
+    motion: list[tuple[np.ndarray, np.ndarray]] = []
     if isinstance(stepper, BodyStepper):
         for _ in range(steps):
             action = np.array(stepper.activation)
             stepper.advance(1)
-            moved.append((stepper.batch.packed.copy() if stepper.ended is None else stepper.ended, action))
+            motion.append((stepper.batch.packed.copy() if stepper.ended is None else stepper.ended, action))
     else:
         stepper.advance(steps)
     record = stepper.harvest()
@@ -91,7 +91,7 @@ def evaluate(
     reward = metrics["reward"].to_numpy()
     if not isinstance(stepper, BodyStepper):
         return Evaluation(metrics, reward, readings, time)
-    state = stepper.batch.unpack(np.stack([packed for packed, _ in moved], axis=1))
-    activation = np.stack([a for _, a in moved], axis=1)
+    state = stepper.batch.unpack(np.stack([packed for packed, _ in motion], axis=1))
+    activation = np.stack([a for _, a in motion], axis=1)
     measures = run.task.measures(state)
     return Evaluation(metrics, reward, readings, time, state.position, state.sensors, activation, measures)

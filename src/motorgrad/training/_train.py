@@ -281,11 +281,11 @@ class _Training:
                 self.events.add(part)
 
 
-def _check_steps(path: Path, asked: int, before: int, made: int) -> None:
+def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
     """Refuse fewer steps than an unfinished run has. (A finished run is returned.)"""
-    if asked < before and made < before:
+    if steps < before and made < before:
         raise RunDirectoryError(
-            f"{path} holds a run of {before:,} decisions, of which {made:,} are made, but steps = {asked:,}: "
+            f"{path} holds a run of {before:,} decisions, of which {made:,} are made, but steps = {steps:,}: "
             f"give {before:,} or more, or choose another directory"
         )
 
@@ -324,5 +324,5 @@ class _TrainingProgress(Progress):
         facts += [f"{rate * self.seeds:,.0f} decisions/s"]
         facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
         left = (self.total - decision) / rate if rate else 0
-        said = " · ".join([*facts, f"{self.seeds} seed{'s' * (self.seeds > 1)}"])
-        self.update(decision, said, without_bar=f"{left:.0f} s left")
+        facts_text = " · ".join([*facts, f"{self.seeds} seed{'s' * (self.seeds > 1)}"])
+        self.update(decision, facts_text, without_bar=f"{left:.0f} s left")

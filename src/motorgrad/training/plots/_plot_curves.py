@@ -1,4 +1,4 @@
-"""The numbers of learning curves: what is plotted, over what, smoothed how, and its quartiles over seeds."""
+"""The numbers of learning curves: quantities over an axis, smoothing, quartiles over seeds."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ UNITS = {"decisions": "decisions", "simulated": "s of simulated time", "wall": "
 
 
 class Plotted(Protocol):
-    """What is plotted of a run."""
+    """The attributes of a run that plots use."""
 
     @property
     def config(self) -> dict[str, Any]: ...
@@ -42,12 +42,12 @@ class Plotted(Protocol):
 class Curve:
     """One quantity of one run, as it is drawn.
 
-    - `label`: what the run is called.
-    - `quantity`: the column of its metrics.
+    - `label`: the name of the run.
+    - `quantity`: a column of its metrics.
     - `x`: where each record ends, in the units of the figure's x axis.
     - `values`: each seed's, after smoothing; NaN where nothing occurred.
     - `window`: decisions per record.
-    - `done`: the share of the decisions asked for that the run has made.
+    - `done`: the share of its decisions that the run has made.
     """
 
     label: str
@@ -59,7 +59,7 @@ class Curve:
 
     @property
     def seen(self) -> Int[np.ndarray, " records"]:
-        """Over how many seeds median and quartiles are taken: those in which the quantity occurred."""
+        """The number of seeds in which the quantity occurred, of which median and quartiles are taken."""
         return np.isfinite(self.values).sum(axis=0)
 
     @property
@@ -87,7 +87,7 @@ class Curve:
 
 
 def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, label: str) -> Curve:
-    """A quantity of a run over an axis, each point the mean over the last `smooth` of the axis' units."""
+    """A quantity of a run over an axis. Each point is the mean over the last `smooth` units of the axis."""
     decision, values = run.curve(quantity)
     values = np.where(np.isfinite(values), values, np.nan)
     x = _positions(run, axis)
@@ -117,19 +117,19 @@ def trailing_mean(
 
 
 def axis_for(runs: Sequence[Plotted], x: Axis | None) -> Axis:
-    """The axis asked for, by default simulated time where all runs are of one task that knows it, else decisions."""
+    """The given axis; by default simulated time where all runs are of one task that has it, else decisions."""
     timeless = [run.config["task"]["name"] for run in runs if not _timed(run)]
     if x is None:
         tasks = {run.config["task"]["name"] for run in runs}
         return "simulated" if len(tasks) == 1 and not timeless else "decisions"
     choice("x", x, AXES)
-    allowed = "decisions or wall: the task " + f"{timeless[0] if timeless else ''} knows no simulated time"
+    allowed = "decisions or wall: the task " + f"{timeless[0] if timeless else ''} has no simulated time"
     check(x != "simulated" or not timeless, "x", x, allowed)
     return x
 
 
 def check_smooth(smooth: float | None, axis: Axis, curves: Sequence[Curve]) -> None:
-    """Refuse a smoothing that would do nothing, and so would be stated wrongly."""
+    """Refuse a smoothing of at most one record, which would have no effect."""
     if smooth is None:
         return
     record = min(float(np.diff(curve.x, prepend=0.0)[1:].min(initial=curve.x[0])) for curve in curves)
@@ -143,18 +143,18 @@ def _positions(run: Plotted, axis: Axis) -> Float[np.ndarray, " records"]:
 
 
 def _timed(run: Plotted) -> bool:
-    """Whether the task knows simulated time: where it does not, a decision stands for a second."""
+    """Whether the task has simulated time; without it, its period is one second."""
     metrics = run.metrics
     return metrics.num_rows > 0 and metrics["simulated_time"][0].as_py() != metrics["decision"][0].as_py()
 
 
 def is_total(quantity: str) -> bool:
-    """Whether records hold the quantity's sum over their decisions, not a mean or a state."""
+    """Whether records hold the sum of the quantity over their decisions, not a mean or a state."""
     return quantity in ("episodes", "diverged") or quantity.endswith("_count")
 
 
 def _weights(run: Plotted, quantity: str, decision: np.ndarray) -> Float[np.ndarray, "seeds records"]:
-    """What each record's value is a mean over, so that the mean of several records is that of their decisions."""
+    """The weight of each record, such that the weighted mean of records is the mean over their decisions."""
     names = run.metrics.column_names
     if f"{quantity}_count" in names:
         return run.curve(f"{quantity}_count")[1]

@@ -1,4 +1,4 @@
-"""What to call each of several runs, so that they can be told apart."""
+"""Labels that distinguish several runs."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ LONGEST = 24  # characters of a setting's value
 def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]) -> list[str]:
     """A different label for each run: the settings in which they differ, where that is enough; else their folders.
 
-    A single run is called by its folder. Of paths the shortest end that tells them apart is used.
+    A single run has the name of its folder. Paths are shortened to the ends that distinguish them.
     """
     folders = _folders(configs, paths)
     if len(configs) == 1:
@@ -21,14 +21,14 @@ def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]
     keys = _differing(settings)
     if not keys or len(keys) > MOST:
         return folders
-    words = [", ".join(_say(key, keys, each[key]) for key in keys if key in each) for each in settings]
-    if len(set(words)) == len(words) and all(words):
-        return words
-    return [f"{folder} ({said})" if said else folder for folder, said in zip(folders, words, strict=True)]
+    texts = [", ".join(_setting_text(key, keys, each[key]) for key in keys if key in each) for each in settings]
+    if len(set(texts)) == len(texts) and all(texts):
+        return texts
+    return [f"{folder} ({text})" if text else folder for folder, text in zip(folders, texts, strict=True)]
 
 
 def folders_of(paths: Sequence[Path]) -> list[str]:
-    """The shortest end of each path that tells it from the others; the same path twice is numbered."""
+    """The shortest end of each path that distinguishes it from the others; equal paths are numbered."""
     parts = [Path(os.path.abspath(path)).parts[1:] for path in paths]
 
     def end(mine: tuple[str, ...]) -> str:
@@ -50,7 +50,7 @@ def _folders(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None])
 
 
 def _numbered(names: list[str]) -> list[str]:
-    """The names, those that occur more than once with their number."""
+    """The names, numbered where they occur more than once."""
     return [
         name if names.count(name) == 1 else f"{name} {names[: place + 1].count(name)}"
         for place, name in enumerate(names)
@@ -72,10 +72,10 @@ def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _differing(settings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The settings whose values differ between runs in which they mean the same.
+    """The settings whose values differ among runs with the same kinds of parts around them.
 
-    Runs of two tasks differ in the task's name, and not also in all that goes with it. In the same way learners differ
-    in the kind of their trace or baseline, and not also in its settings.
+    Runs of two tasks differ in the task's name, but not in every setting of the tasks. In the same way, learners differ
+    in the kind of their trace or baseline, but not in its settings.
     """
     differing = []
     for key in dict.fromkeys(key for each in settings for key in each):
@@ -88,7 +88,7 @@ def _differing(settings: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _kinds(key: str, settings: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Of what kinds the tables are that a setting is in."""
+    """The kinds of the tables that contain a setting."""
     parts = key.split(".")
     depth = len(parts) - 1 if _is_kind(key) else len(parts)
     places = [".".join(parts[:length]) for length in range(1, depth)]
@@ -100,8 +100,8 @@ def _is_kind(key: str) -> bool:
     return key == "task.name" or key.endswith(".kind")
 
 
-def _say(key: str, keys: Sequence[str], value: Any) -> str:
-    """A setting in words: `penalty 0.3`; of a kind, its name alone. A name that two settings have gets its table's."""
+def _setting_text(key: str, keys: Sequence[str], value: Any) -> str:
+    """A setting as text: `penalty 0.3`; for a kind, its name. Equal names are preceded by that of their table."""
     text = str(value) if len(str(value)) <= LONGEST else f"{str(value)[: LONGEST - 1]}…"
     if _is_kind(key):
         return text.rpartition(".")[2]

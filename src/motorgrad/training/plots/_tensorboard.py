@@ -1,8 +1,8 @@
 """Runs as TensorBoard event files.
 
-What a file holds follows from the run's records alone, so that its bytes for the first records begin those for more of
-them. A file is therefore brought up to date by adding what is missing, whatever a killed process has left of it; and
-as it is added to, not replaced, a TensorBoard that is open follows.
+The bytes of a file are a function of the records of the run, and those for the first records are a prefix of those for
+all. So a file is updated by appending what is missing, whatever a killed process left of it, and an open TensorBoard
+follows.
 """
 
 import importlib.util
@@ -20,17 +20,16 @@ from motorgrad._files import read_json, write_atomically
 from motorgrad.training.plots._plot_curves import Plotted
 
 FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
-# TensorBoard has axes of its own for the first ones; parameters are no scalars.
+# TensorBoard has its own axes for the first ones; parameters are not scalars
 SKIPPED = ("seed", "decision", "simulated_time", "wall_time", "parameters")
 
 
 def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
     """Write a run's records as TensorBoard event files, in a subfolder `seed-N` of `folder` for each seed.
 
-    Scalars are the columns of the metrics under their own names: `reward`, `apex` … What did not occur in a window has
-    no point there. The step is the decision. The time is when the run began, and the seconds spent on decisions since:
-    TensorBoard's relative time leaves out the pauses between sessions. Files that this function wrote before are
-    brought up to date.
+    Scalars are the columns of the metrics under their own names: `reward`, `apex` … A quantity that did not occur in a
+    window has no point there. The step is the decision. The time is the start of the run plus the seconds spent on
+    decisions, so TensorBoard's relative time excludes the pauses between sessions. Existing files are updated.
 
     **Returns** the folder.
 
@@ -50,33 +49,33 @@ def check_tensorboard() -> None:
 
 
 class EventFiles:
-    """An event file for each seed of a run, added to as records come.
+    """The event files of a run, one for each seed.
 
-    **Arguments:** the folder; the run's seeds; when it began, in seconds since 1970.
+    **Arguments:** the `folder`; the run's `seeds`; its `start` in seconds since 1970.
     """
 
     def __init__(self, folder: Path | str, seeds: Sequence[int], start: float):
         self.files = [Path(folder) / f"seed-{seed}" / FILE for seed in seeds]
         self.start = start
-        self._mended = False
+        self._complete = False
 
     def add(self, records: pa.Table | None) -> None:
-        """Add records. The first time they must be all that the run has; then those since the last time."""
+        """Append records: at the first call all of the run, later the new ones."""
         new = [b""] * len(self.files) if records is None else self._encoded(records)
         for file, content in zip(self.files, new, strict=True):
-            if not self._mended:
+            if not self._complete:
                 content = self._missing(file, _event(self.start, file_version="brain.Event:2") + content)
             if content:
                 with file.open("ab") as end:
                     end.write(content)
-        self._mended = True
+        self._complete = True
 
     def _encoded(self, records: pa.Table) -> list[bytes]:
         """Records as events, for each seed."""
         names = [name for name in records.column_names if name not in SKIPPED]
         columns = {name: records[name].to_pylist() for name in ("decision", "wall_time", *names)}
         content = [io.BytesIO() for _ in self.files]
-        for row in range(records.num_rows):  # records are ordered by decision, then as the seeds are
+        for row in range(records.num_rows):  # records are ordered by decision, then by seed
             found = {name: columns[name][row] for name in names}
             event = _event(
                 self.start + columns["wall_time"][row],
@@ -87,7 +86,7 @@ class EventFiles:
         return [each.getvalue() for each in content]
 
     def _missing(self, file: Path, whole: bytes) -> bytes:
-        """What a file lacks of its whole content; one that holds anything else is begun anew."""
+        """The part of its `whole` content that a file lacks; a file with other content is emptied."""
         file.parent.mkdir(parents=True, exist_ok=True)
         there = file.read_bytes() if file.exists() else b""
         if not whole.startswith(there):
@@ -96,7 +95,7 @@ class EventFiles:
 
 
 def _event(wall_time: float, **parts: Any) -> bytes:
-    """An event as it stands in a file: its length, its bytes, their checksums."""
+    """An event in the format of a file: its length, its bytes, their checksums."""
     from tensorboard.compat.proto.event_pb2 import Event  # type: ignore
     from tensorboard.summary.writer.record_writer import RecordWriter  # type: ignore
 
@@ -106,13 +105,13 @@ def _event(wall_time: float, **parts: Any) -> bytes:
 
 
 def _run_start_time(run: Plotted) -> float:
-    """When the run's first session began; a run in memory is taken to have ended just now."""
+    """The start of the run's first session; a run in memory is taken to have ended now."""
     if run.path is None:
         return time.time() - run.metrics["wall_time"][-1].as_py()
     return start_time(run.path)
 
 
 def start_time(path: Path) -> float:
-    """When the first session in a run directory began, in seconds since 1970."""
+    """The start of the first session in a run directory, in seconds since 1970."""
     first = read_json(path / "provenance.json")["sessions"][0]
     return datetime.fromisoformat(first["started"]).timestamp()
