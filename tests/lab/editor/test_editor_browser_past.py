@@ -57,15 +57,15 @@ def test_a_log_is_kept_and_replayed_bit_for_bit(opened, tmp_path):
     assert kept.value.suggested_filename == "main.log.json"
     replay = editor.page.get_by_label("log to replay")
     replay.set_input_files(tmp_path / "kept.json")
-    editor.told("Replayed: the same, bit for bit")
+    editor.told("Replayed: identical bit for bit")
     log = json.loads((tmp_path / "kept.json").read_text())
     log["parts"][0]["changes"][-1]["value"] = 3.5
     (tmp_path / "other.json").write_text(json.dumps(log))
     replay.set_input_files(tmp_path / "other.json")
-    editor.told("Replayed: the end is another one")
+    editor.told("Replayed: the final state differs")
     (tmp_path / "none.json").write_text("[")
     replay.set_input_files(tmp_path / "none.json")
-    editor.told("none.json: is no log")
+    editor.told("none.json: is not a log")
 
 
 def test_unsaved_work_is_offered_and_taken_up(chromium, tmp_path):

@@ -27,7 +27,7 @@ export const PortRow = memo(function PortRow({ block, port, row, side, wired, wa
   const top = portHeight(row);
   const unit = port.unit ? `, ${port.unit}` : "";
   const help = port.help ? ` — ${port.help}` : "";
-  const status = problem ?? (wanting ? "no wire leads here" : "");
+  const status = problem ?? (wanting ? "not connected" : "");
   const title = `${port.name}: ${describe(port)}${unit}${help}${status ? `\n${status}` : ""}`;
   const state = wanting ? "wanting" : problem ? "wrong" : wired ? "wired" : "";
   return (

@@ -27,7 +27,7 @@ const align =
   (place: (box: Box, all: Box[]) => [number, number]) =>
   (context: Context): unknown => {
     const all = boxes(context);
-    if (all.length < 2) return toast("Select two blocks or more", true);
+    if (all.length < 2) return toast("Select at least two blocks", true);
     return put(context, Object.fromEntries(all.map((box) => [box.name, place(box, all)])));
   };
 
@@ -39,7 +39,7 @@ const distribute =
   (from: "x" | "y", size: "width" | "height") =>
   (context: Context): unknown => {
     const all = boxes(context).sort((a, b) => a[from] - b[from]);
-    if (all.length < 3) return toast("Select three blocks or more", true);
+    if (all.length < 3) return toast("Select at least three blocks", true);
     const first = all[0]!;
     const final = all[all.length - 1]!;
     const inside = all.slice(1, -1).reduce((sum, box) => sum + box[size], 0);

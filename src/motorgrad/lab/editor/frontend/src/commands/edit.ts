@@ -18,7 +18,7 @@ export async function remove(context: Context): Promise<void> {
 
 async function group(context: Context): Promise<void> {
   const { names } = selection(context);
-  if (!names.length) return toast("Select the blocks that are to be a subsystem", true);
+  if (!names.length) return toast("Select the blocks for the subsystem", true);
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "group", at: here(), names }))) return;
   select(Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));
@@ -93,7 +93,7 @@ export const editCommands: Command[] = [
   { label: "Rename", group: "Edit", keys: ["F2"], run: rename },
   { label: "Add a comment", group: "Edit", keys: ["M"], run: comment },
   { label: "Make a subsystem", group: "Edit", keys: ["Mod+G"], run: group },
-  { label: "Take a subsystem apart", group: "Edit", keys: ["Mod+Shift+G"], run: ungroup },
+  { label: "Ungroup a subsystem", group: "Edit", keys: ["Mod+Shift+G"], run: ungroup },
   { label: "Open a subsystem, or a block's form", group: "Edit", keys: ["Enter"], run: openInner },
   { label: "Close the subsystem", group: "Edit", keys: ["Alt+ArrowUp", "U"], run: () => enter(here().slice(0, -1)) },
   ...moves,

@@ -2,7 +2,7 @@ import { useRun } from "../session/store";
 import type { Command, Context } from "./command";
 
 export const SPEEDS: [label: string, speed: number | null][] = [
-  ["as fast as it goes", null],
+  ["as fast as possible", null],
   ["10 ×", 10],
   ["2 ×", 2],
   ["real time", 1],

@@ -31,7 +31,7 @@ export function Connect() {
       id: `${source}→${target}`,
       label: `${source} → ${target}`,
       refused,
-      note: held === source ? "there already: Enter takes it out" : held ? `in place of ${held}` : "",
+      note: held === source ? "connected: Enter removes the wire" : held ? `replaces ${held}` : "",
       order: (refused ? 8 : 0) + (held ? 4 : 0) + (isOwn ? 2 : 0) + (outgoing ? 0 : 1),
       pick: () => ask(held === source ? { op: "disconnect", at, target } : { op: "connect", at, source, target }),
     };
@@ -40,7 +40,7 @@ export function Connect() {
   return (
     <Picker
       label="Connect"
-      hint={selected.length ? `From or to ${selected.join(", ")}` : "From where to where?"}
+      hint={selected.length ? `From or to ${selected.join(", ")}` : "Connect two ports"}
       choices={all}
     />
   );

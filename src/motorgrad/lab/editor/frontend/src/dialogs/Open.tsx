@@ -42,7 +42,7 @@ export function Open() {
         ))}
       </ul>
       <h3>In this folder</h3>
-      {files?.length === 0 && <p className="quiet">There are no diagrams in it.</p>}
+      {files?.length === 0 && <p className="quiet">It contains no diagrams.</p>}
       <ul className="list" aria-label="files">
         {files?.map((file) => (
           <li key={file}>

@@ -9,23 +9,23 @@ const STEPS: [title: string, text: string][] = [
   ],
   [
     "Draw a wire",
-    "Pull from the dot at the sine's right to the dot at the scope's left. What fits lights up; what does not says why. With the keyboard: select a block and press C.",
+    "Drag from the dot on the right of the sine to the dot on the left of the scope. Matching ports light up; others say why they do not match. With the keyboard: select a block and press C.",
   ],
   [
     "Press play",
-    "The space bar runs and pauses. The scope draws below the canvas. The full stop makes one tick, 0 begins again.",
+    "The space bar runs and pauses. The scope draws below the canvas. The full stop key runs one tick, 0 restarts.",
   ],
   [
-    "Turn it while it runs",
-    "Select the sine and move a slider in its form. Nothing is compiled again, and undo takes it back.",
+    "Change it during a run",
+    "Select the sine and move a slider in its form. Nothing is recompiled, and the change can be undone.",
   ],
   [
     "Go back in time",
-    "Pull the time slider to the left, change something and press Fork: a new branch begins there, and the scope shows both.",
+    "Drag the time slider to the left, change something and press Fork: a new branch begins there, and the scope shows both.",
   ],
   [
     "Take something apart",
-    "The gallery has the systems of the thesis. Each learns when you press play, and says what to try.",
+    "The gallery has the systems of the thesis. Each learns when you press play, and suggests what to try.",
   ],
 ];
 

@@ -7,7 +7,7 @@ export async function openText(ask: Ask, file: File): Promise<void> {
   try {
     text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
   } catch {
-    return toast(`${file.name}: is no text`, true);
+    return toast(`${file.name}: is not a text file`, true);
   }
   if (!(await ask({ op: "open", text }))) return;
   closeDialog("open");

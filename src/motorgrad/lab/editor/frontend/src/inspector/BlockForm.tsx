@@ -89,7 +89,7 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
       {view.category === "learning" && <Freeze path={path} view={view} />}
       {view.outputs.length > 0 && (
         <fieldset>
-          <legend>Look at</legend>
+          <legend>Watch</legend>
           {view.outputs.map((port) => (
             <label key={port.name} className="check" title={port.help}>
               <input

@@ -17,8 +17,8 @@ const field = (name: string, type: string, help: string, unit = ""): Field => ({
 
 const TEXTS = [field("title", "str", ""), field("comment", "str", "")];
 const TIMES = [
-  field("tick", "float", "from one tick to the next", "s"),
-  field("substeps", "int", "steps of Runge and Kutta's method in a tick"),
+  field("tick", "float", "length of a tick", "s"),
+  field("substeps", "int", "RK4 steps per tick"),
 ];
 
 /** The form of the diagram that is open. */

@@ -12,7 +12,7 @@ export function goTo(path: string): void {
 /** All that keeps the diagram from running. */
 export function Problems() {
   const problems = useDocument((document) => document.problems);
-  if (!problems.length) return <p className="quiet pad">Nothing is wrong: it can run.</p>;
+  if (!problems.length) return <p className="quiet pad">No problems: the diagram can run.</p>;
   return (
     <ul className="list" aria-label="problems">
       {problems.map(({ path, port, message }) => (

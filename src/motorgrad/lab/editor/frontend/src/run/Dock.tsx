@@ -49,7 +49,7 @@ export function Dock() {
       <div className="scopes">
         {sources.map(picture)}
         {sources.length === 0 && (
-          <p className="quiet pad">Nothing is looked at yet. Add a scope, or tick “Look at” in a block's form.</p>
+          <p className="quiet pad">Nothing is recorded yet. Add a scope, or tick “Watch” in a block's form.</p>
         )}
       </div>
     </section>

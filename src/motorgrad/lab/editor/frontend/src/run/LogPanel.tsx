@@ -16,7 +16,7 @@ export function LogPanel() {
     try {
       await ask({ op: "replay", log: JSON.parse(await file.text()) as object });
     } catch {
-      toast(`${file.name}: is no log`, true);
+      toast(`${file.name}: is not a log`, true);
     }
   };
   return (
@@ -40,7 +40,7 @@ export function LogPanel() {
           {branch.name} left {branch.parent} at tick {branch.start}.
         </p>
       )}
-      {!branch?.changes.length && <p className="quiet">Nothing was changed while it ran.</p>}
+      {!branch?.changes.length && <p className="quiet">No changes during this run.</p>}
       <ol className="log" aria-label="log">
         {branch?.changes.map(({ tick, address, value }, place) => (
           <li key={place}>

@@ -15,7 +15,7 @@ export function Seeds() {
     else setText(String(seeds));
   };
   return (
-    <label className="seeds" title="Seeds that run side by side; to change it is to begin again">
+    <label className="seeds" title="Seeds that run side by side; changing them restarts the run">
       seeds
       <input
         inputMode="numeric"

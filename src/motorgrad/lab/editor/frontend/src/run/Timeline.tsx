@@ -74,7 +74,7 @@ export function Timeline({ compare, onCompare, all, onAll }: Props) {
       />
       {branches.length > 1 && (
         <>
-          <IconButton icon="close" label="Forget this branch" onClick={() => ask({ op: "prune", branch })} />
+          <IconButton icon="close" label="Delete this branch" onClick={() => ask({ op: "prune", branch })} />
           <label className="check">
             <input type="checkbox" checked={compare} onChange={(event) => onCompare(event.target.checked)} />
             compare

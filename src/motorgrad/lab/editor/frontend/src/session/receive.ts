@@ -68,7 +68,7 @@ export function receive(message: Message): void {
       toast(`Saved as ${String(message.file)}`);
       break;
     case "replayed":
-      toast(message.matches ? "Replayed: the same, bit for bit" : "Replayed: the end is another one", !message.matches);
+      toast(message.matches ? "Replayed: identical bit for bit" : "Replayed: the final state differs", !message.matches);
       break;
     case "refused":
     case "error":

@@ -73,7 +73,7 @@ export function Picker({ label, choices, hint }: { label: string; choices: Choic
             <small>{choice.refused ?? choice.note}</small>
           </li>
         ))}
-        {hits.length === 0 && <li className="quiet">Nothing answers to that.</li>}
+        {hits.length === 0 && <li className="quiet">No matches.</li>}
       </ul>
     </Modal>
   );

@@ -33,7 +33,7 @@ export function Toolbar() {
               : saved
                 ? `${file}, saved`
                 : `${file}, changed`
-            : "connection lost, trying again…"}
+            : "connection lost, reconnecting…"}
         </small>
       </div>
       <div className="group">
