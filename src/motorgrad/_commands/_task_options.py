@@ -28,8 +28,8 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     settings = {key: value for key, value in given.table.items() if key == "task"}
     try:
         if any(argument.startswith("--task") for argument in rest):
-            drafted, left = _apply_kinds(agent_for(blank), rest)
-            whole = _with_fields(base, name, does, blank, drafted)
+            agent, left = _apply_kinds(agent_for(blank), rest)
+            whole = _with_fields(base, name, does, blank, agent)
             draft = given._replace(table=settings, rest=left)
             settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
         task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
