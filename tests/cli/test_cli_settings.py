@@ -191,6 +191,16 @@ def test_the_number_of_one_group_is_changed_by_its_path():
     assert changed.optimizer.learning_rate == {"gain": 0.5, "threshold": 4e-4}
 
 
+def test_kinds_of_parts_go_with_options_of_the_task(capsys):
+    options = ["--task.penalty", "0.2", "--agent.policy", "gaussians", "--agent.baseline", "fixed-step"]
+    with pytest.raises(SystemExit, match="0"):
+        main(["train", "hopper", *options, "--agent.optimizer", "adam", "--check"])
+    found = tomllib.loads(capsys.readouterr().out)
+    kinds = [found["agent"][name]["kind"] for name in ("policy", "optimizer")]
+    assert (found["task"]["penalty"], *kinds) == (0.2, "gaussians", "adam")
+    assert found["agent"]["estimator"]["baseline"]["kind"] == "fixed-step"
+
+
 def test_the_commands_rate_for_all_takes_the_place_of_the_tasks_rates(tmp_path, capsys):
     for arguments, rates in (
         ([], {"gain": 2e-4, "threshold": 4e-4}),

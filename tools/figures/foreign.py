@@ -10,7 +10,7 @@ from tools.figures._style import BLUE, level, panels
 from tools.figures._work import Work
 
 SEEDS = 10
-# id: (options, of them those of gymnasium.make, step size, decisions, the usual bar, limits of the axis)
+# id: (options, of them those of gymnasium.make, learning rate, decisions, the usual bar, limits of the axis)
 LEARNT = {
     "CartPole-v1": ({"end_reward": -20.0}, {}, 5e-3, 100_000, 475, (0, 520)),
     "MountainCar-v0": ({"end_reward": 100.0, "repeat": 4}, {"max_episode_steps": 1000}, 1e-3, 80_000, -110, (-500, 0)),

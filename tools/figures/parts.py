@@ -1,4 +1,4 @@
-"""Figures of what estimators are made of: traces, baselines, ascent rules."""
+"""Figures of what estimators are made of: traces, baselines, optimizers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -119,7 +119,7 @@ def baselines(work: Work) -> Figure:
 
 
 def ascent(work: Work) -> Figure:
-    """Learning with step sizes too small, fitting and too large, by both rules."""
+    """Learning with learning rates too small, fitting and too large, by both optimizers."""
     figure, axes = panels(2, sharey=True)
     task = Chain(length=6, variant="reset")
     rules: tuple[tuple[str, Callable[[float], Any], tuple[float, ...]], ...] = (
