@@ -104,7 +104,7 @@ def test_adam_and_sgd_move_at_the_rate_of_each_group(make):
     ("rates", "names"),
     [
         ({"weights": 0.1}, "parameters without a learning rate: 'bias'"),
-        ({"weight": 0.1, "bias": 0.1}, "parameters without a learning rate: 'weights': did you mean 'weight'"),
+        ({"weight": 0.1, "bias": 0.1}, "in the learning rates: 'weight': did you mean 'weights'"),
         ({"weights": 0.1, "bias": 0.1, "weigths": 0.1}, "in the learning rates: 'weigths': did you mean 'weights'"),
         ({"weights": [0.1, 0.2], "bias": 0.1}, r"learning rate weights = \(2,\)"),
         ({"weights": 0.1, "bias": np.ones((2, 2))}, r"learning rate bias = \(2, 2\)"),

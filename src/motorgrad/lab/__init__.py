@@ -65,7 +65,6 @@ and `Integrator` (continuous state) in `lab/blocks/_linear.py`.
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import motorgrad.lab.blocks as _blocks
 from motorgrad.lab.blocks import *  # noqa: F403  (every registered block is exported)
 from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import (
@@ -157,7 +156,7 @@ __all__ = [
     "to_python",
     "whole_ticks",
 ]
-__all__ += _blocks.__all__
+__all__ += [kind.__name__ for kind in BLOCKS.values()]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(title: str) -> Any:

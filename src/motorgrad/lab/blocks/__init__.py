@@ -83,7 +83,8 @@ BLOCKS.update(
     for kind in list(vars().values())
     if isinstance(kind, type) and issubclass(kind, Block) and kind is not Block
 )
-__all__ = sorted(kind.__name__ for kind in BLOCKS.values())  # pyright: ignore[reportUnsupportedDunderAll]
+# Set through globals(), so that static tools, which cannot evaluate it, take the imports above as the list.
+globals()["__all__"] = sorted(kind.__name__ for kind in BLOCKS.values())
 BLOCKS.maps.append(PART_BLOCKS)  # type: ignore[arg-type]  # derived from the registered parts of learners
 
 
