@@ -25,7 +25,7 @@ from motorgrad.experiments import (
 from motorgrad.policies import Masked, tiles
 from motorgrad.sim import Course, film_learning
 from motorgrad.tasks import FallingParticle, ParticleOrbit
-from motorgrad.training import train
+from motorgrad.training import agent_for, train
 
 GROWING = {
     "policy": "growing",
@@ -292,7 +292,7 @@ class Falling(Experiment):
     decisions: int = 2_000
 
     def learnt(self, work):
-        return work.train(FallingParticle(), None, self.decisions, 2)
+        return work.train(FallingParticle(), agent_for("particle"), self.decisions, 2)
 
     def run(self, work):
         return {"reward": self.learnt(work).curve()[1]}

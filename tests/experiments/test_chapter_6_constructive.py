@@ -83,7 +83,7 @@ def test_they_are_over_enough_seeds(name):
         ("sec-6.5.4-hierarchy", {"decisions": 3}, "decisions = 3"),
         ("sec-6.5.4-hopper", {"seconds": 0.5}, "seconds = 0.5"),
         ("sec-6.5.4-hopper", {"static": 1}, "units = 1"),
-        ("sec-6.5.4-hopper", {"grown": 50}, "growth_interval = 500"),
+        ("sec-6.5.4-hopper", {"grown": 50}, "growth.criterion.interval = 500"),
         ("fig-a.2", {"tangential": 1.0}, "field.radial = 1.0"),
         ("fig-a.2", {"seconds": 0.0}, "seconds = 0.0"),
     ],
@@ -265,8 +265,8 @@ def test_flat_pools_have_as_many_parameters():
 
 
 def test_gates_push_nowhere_and_what_is_behind_them_does():
-    task, settings = Hierarchy().learner("deep")
-    policy = settings.agent(task).policy
+    task, agent = Hierarchy().learner("deep")
+    policy = agent.policy(jax.random.key(0))
     forces = np.asarray(task.dynamics.forces)
     leads = np.asarray(policy.sample(jnp.full(2, 0.5), jnp.zeros(policy.uniforms)))  # all that can fire does
     assert leads.all()

@@ -141,9 +141,8 @@ def test_policies_are_judged_on_their_own_reward_by_others_numbers(work):
     left = LocalGaussians(jnp.zeros((8, 2)), jnp.where(side > 0, wide, far))
     right = LocalGaussians(jnp.zeros((8, 2)), jnp.where(side > 0, far, wide))
     both = jax.tree.map(lambda a, b: jnp.stack([a, b]), left, right)
-    plain = {"policy": "gaussians"}
     rates = {"centre": 2e-4, "log_width": 8e-4}
-    reward = frozen_reward(work, task, both, 1_000, policy_settings={}, rates=rates, **plain)
+    reward = frozen_reward(work, task, both, 1_000, policy="gaussians", learning_rate=rates)
     assert reward[0] > 3 * max(reward[1], 0.01)
 
 

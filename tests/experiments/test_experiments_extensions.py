@@ -51,13 +51,14 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
 
 def test_what_is_not_learnt_has_no_step_size():
     primitive, stride = EXPERIMENTS["sec-5.4.1-primitive"](), EXPERIMENTS["sec-5.4.1-stride"]()
-    rates = {kind: primitive.learner(kind).rates for kind in ("both", "precondition", "movement")}
-    assert rates["both"] == primitive.task.learner["rates"]
+    rates = {kind: primitive.learner(kind).optimizer.learning_rate for kind in ("both", "precondition", "movement")}
+    assert rates["both"] == primitive.task.learner["learning_rate"]
     assert (rates["precondition"]["level"], rates["precondition"]["weights"]) == (0.0, rates["both"]["weights"])
     assert (rates["movement"]["weights"], rates["movement"]["bias"]) == (0.0, 0.0)
     assert rates["movement"]["level"] == rates["both"]["level"] > 0
-    assert stride.learner("constant").rates["slope"] == 0.0 < stride.learner("slope").rates["slope"]
-    assert stride.learner("constant").rates["level"] == stride.learner("slope").rates["level"]
+    constant, slope = (stride.learner(kind).optimizer.learning_rate for kind in ("constant", "slope"))
+    assert constant["slope"] == 0.0 < slope["slope"]
+    assert constant["level"] == slope["level"]
 
 
 def strides(best, learnt, adaptive, periods):

@@ -193,7 +193,7 @@ def test_a_phase_in_which_pools_do_not_converge_counts_as_a_whole():
 def test_growth_by_the_natural_step_has_settings_that_scale_to_any_reward():
     ways = Growth().ways
     assert [dict(ways[name].changes) for name in ("ratio", "count", "plain")] == [NORMAL, NORMAL, {}]
-    assert NORMAL["advantages"] == "normalised"
+    assert NORMAL["normalization"] == "root-mean-square"
 
 
 @pytest.mark.slow

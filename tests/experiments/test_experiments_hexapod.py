@@ -25,6 +25,7 @@ from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import (
     with_friction,
     with_low_front,
 )
+from motorgrad.learning import MeanReward
 
 CLAIMED = {"fig-5.6": 0, "fig-5.7": 5, "sec-5.3.3-terrain": 16, "fig-5.8": 4, "sec-5.3.4-gaits": 18, "fig-5.9": 6}
 
@@ -58,8 +59,9 @@ def test_they_stand_in_the_order_of_the_source():
 def test_the_default_learner_is_the_thesis_s():
     for name in ("fig-5.8", "sec-5.3.4-gaits"):
         study = EXPERIMENTS[name]()
-        settings = study.learner(0)
-        assert (settings.decay, settings.rate, study.task(0).period, settings.estimator) == (0.97, 1e-3, 0.02, "olgarb")
+        agent = study.learner(0)
+        assert (agent.estimator.trace.decay, agent.optimizer.learning_rate) == (0.97, 1e-3)
+        assert (study.task(0).period, type(agent.estimator.baseline)) == (0.02, MeanReward)
         assert (study.seeds, study.seconds, study.lags) == (20, 600.0, (0, 1, 2))
         assert study.task(2).lag == 2
 

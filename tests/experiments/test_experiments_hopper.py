@@ -47,8 +47,9 @@ def test_they_stand_in_the_order_of_the_source():
 def test_the_default_learner_is_the_thesis_s():
     for name in LEARNT:
         study = EXPERIMENTS[name]()
-        settings = study.learner
-        assert (settings.decay, settings.rate, study.task.period, study.task.paid) == (0.98, 5e-4, 0.01, "apex")
+        agent = study.learner
+        assert (agent.estimator.trace.decay, agent.optimizer.learning_rate) == (0.98, 5e-4)
+        assert (study.task.period, study.task.paid) == (0.01, "apex")
         assert study.seeds == 16
 
 

@@ -182,7 +182,7 @@ def test_without_evosax_the_search_is_refused_or_left_out_aloud(monkeypatch, tmp
     assert main(["reproduce", "sec-5.3.3-morphology", "--quick", "--out", str(tmp_path)]) != 0
     assert capsys.readouterr().err.strip().endswith(needs)
     assert main(["reproduce", "all", "--quick", "--out", str(tmp_path)]) == 0
-    assert f"left out: {needs}" in capsys.readouterr().err
+    assert f"skipped: {needs}" in capsys.readouterr().err
     assert (tmp_path / "fig-5.2" / "figure.svg").exists()
 
 

@@ -1,7 +1,6 @@
 """The experiments on 24 muscles: each from end to end at its smoke size, and how claims are judged."""
 
-import dataclasses
-
+import jax
 import numpy as np
 import pytest
 
@@ -9,6 +8,7 @@ from motorgrad.experiments import EXPERIMENTS
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS
 from motorgrad.experiments.chapter_5.extensions.beyond_5_3_4_muscles import ablation_claims, muscle_claims
 from motorgrad.tasks import Hexapod, synergy_matrix
+from motorgrad.training import agent_table
 
 CLAIMED = {"beyond-5.3.4-muscles": 6, "beyond-5.4.1-synergies": 3}
 MUSCLES, SYNERGIES = (EXPERIMENTS[name] for name in CLAIMED)
@@ -64,22 +64,23 @@ def test_nothing_is_given_to_the_learner_and_one_thing_is_changed_in_each_other(
     study = MUSCLES()
     task = study.task()
     assert (task.drives, task.action_size) == (None, 24)
-    weights = study.learner().agent(task).policy.weights
+    weights = study.learner().policy(jax.random.key(0)).weights
     assert weights.shape == (24, 20)
     assert not np.any(weights)
-    assert study.updates * study.learner().improve * task.period <= 4000
+    assert study.updates * study.learner().estimator.improve * task.period <= 4000
     for variant in VARIANTS:
-        table, own = (dataclasses.asdict(study.learner(name)) for name in (variant, FULL))
-        changed = {name for name in table if table[name] != own[name]}
-        assert changed == set(VARIANTS[variant][1])
+        changes = VARIANTS[variant][1]
+        table, own = (agent_table(study.learner(name)) for name in (variant, FULL))
+        paths = {"damping": "metric", "learning_rate": "optimizer", "baseline": "estimator"}
+        assert {name for name in table if table[name] != own[name]} == {paths.get(name, name) for name in changes}
         assert (study.task(variant) != task) == bool(VARIANTS[variant][0])
 
 
 def test_schedules_end_with_the_updates():
     short, full = MUSCLES(updates=600).learner(), MUSCLES().learner()
-    assert (short.entropy_steps, short.metric_kl_steps) == (600, 600)
-    assert (full.entropy_steps, full.metric_kl_steps) == (1200, 1200)
-    assert short.average_start / 600 == full.average_start / 1200
+    assert (short.estimator.entropy.steps, short.metric.kl.steps) == (600, 600)
+    assert (full.estimator.entropy.steps, full.metric.kl.steps) == (1200, 1200)
+    assert short.averaging.start / 600 == full.averaging.start / 1200
 
 
 def made_up(net=1.9, speed=2.0, stalls=0.0, ablated=1.0, seeds=10):

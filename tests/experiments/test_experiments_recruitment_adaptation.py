@@ -375,5 +375,5 @@ def test_the_arm_s_damping_is_the_linear_one_in_its_units():
     study = EXPERIMENTS["sec-4.4.1-size-principle"]().studies()
     arm, linear = study["arm natural"][1], study["linear natural"][1]
     assert linear == NATURAL
-    assert arm["dampings"]["threshold"] * 14**2 == pytest.approx(linear["dampings"]["threshold"])
+    assert arm["metric"]["damping"]["threshold"] * 14**2 == pytest.approx(linear["metric"]["damping"]["threshold"])
     assert stats.rankdata(study["arm natural"][0].sizes).tolist() == [1, 2, 3, 4]

@@ -65,6 +65,7 @@ and `Integrator` (continuous state) in `lab/blocks/_linear.py`.
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import motorgrad.lab.blocks as _blocks
 from motorgrad.lab.blocks import *  # noqa: F403  (every registered block is exported)
 from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import (

@@ -212,7 +212,7 @@ def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
         (["--gallery", "chian"], "did you mean 'chain'"),
         (["x.json", "--gallery", "chain"], "must be given without a file"),
         ([".."], "must be a file, not a folder"),
-        (["nowhere/x.json"], "must be in a folder that is there"),
+        (["nowhere/x.json"], "must be in an existing folder"),
         (["spoilt.json"], "spoilt.json: line 1, column 1: must be JSON"),
     ],
 )

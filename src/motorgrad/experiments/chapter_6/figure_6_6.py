@@ -27,7 +27,7 @@ class AnyUnitFires(LocalStudy):
     **Arguments:**
 
     - `decisions`: of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners.
+    - `seeds`: number of learners.
     - `looks` (episodes): of every seed, for the places that its particle visits.
     - `cells`: along each side of the box.
     """
