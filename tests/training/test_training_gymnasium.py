@@ -18,7 +18,7 @@ import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, olgarb
 from motorgrad.tasks import from_gymnasium
-from motorgrad.training import HostStepper, RunDirectoryError, RunWarning, stepper_for
+from motorgrad.training import HostStepper, RunDirectoryError, RunWarning, clear_programs, stepper_for
 
 SEEDS = [3, 0, 11]
 
@@ -76,8 +76,10 @@ def flags_seen(stepper, decisions, monkeypatch):
         return reinforce(self, state, reward, observation, terminated, truncated, diverged)
 
     monkeypatch.setattr(Agent, "reinforce", watched)
+    clear_programs()  # those of an earlier test call the method that it had
     stepper().advance(decisions)
     jax.effects_barrier()
+    clear_programs()
     return seen
 
 
