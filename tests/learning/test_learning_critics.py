@@ -11,6 +11,7 @@ import pytest
 from motorgrad.learning import (
     SGD,
     Agent,
+    CriticStep,
     Estimator,
     Exponential,
     Features,
@@ -20,6 +21,7 @@ from motorgrad.learning import (
     SparseAgent,
     TemporalDifference,
     Transition,
+    TrueOnlineTemporalDifference,
     gae,
 )
 from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
@@ -335,6 +337,34 @@ def test_generalised_advantages_are_their_sum():
         for t, score in enumerate(scores):
             total += score * sum((discount * decay) ** k * error for k, error in enumerate(errors[t:]))
         np.testing.assert_allclose(state.gradient.mean.weights, total / 6, atol=1e-10)
+
+
+def test_true_online_weights_are_those_of_the_online_forward_view():
+    """After every decision each earlier state has moved to its λ-return up to now (van Seijen et al., 2016, eq. 5)."""
+    rate, discount, decay, steps = 0.3, 0.9, 0.8, 7
+    rng = np.random.default_rng(2)
+    features, rewards = rng.normal(size=(steps + 1, 3)), rng.normal(size=steps)
+    fit, forward = TrueOnlineTemporalDifference(rate), [np.zeros(3)]
+    with jax.enable_x64(True):
+        weights, state = jnp.zeros(3), fit.init(jnp.zeros(3))
+        for now in range(1, steps + 1):
+            phi, after = features[now - 1], features[now]
+            error = rewards[now - 1] + discount * weights @ after - weights @ phi
+            step = CriticStep(phi, after, rewards[now - 1], jnp.zeros(()), error, discount, decay)
+            weights, state = fit.update(weights, state, step)
+            moved = np.zeros(3)
+            for k in range(now):
+                n_step = [
+                    rewards[k : k + n] @ discount ** np.arange(n) + discount**n * forward[k + n - 1] @ features[k + n]
+                    for n in range(1, now - k + 1)
+                ]
+                target = (1 - decay) * sum(decay**n * g for n, g in enumerate(n_step[:-1]))
+                target += decay ** (len(n_step) - 1) * n_step[-1]
+                moved = moved + rate * (target - moved @ features[k]) * features[k]
+            forward.append(moved)
+            np.testing.assert_allclose(weights, moved, atol=1e-12)
+        kept = fit.update(weights, state, step, jnp.asarray(True))
+        jax.tree.map(np.testing.assert_array_equal, kept, (weights, state))
 
 
 def critic_table(**fit):

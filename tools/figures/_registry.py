@@ -66,6 +66,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "baselines": parts.baselines,
     "ascent": parts.ascent,
     "critics": critics.critics,
+    "true-online": critics.true_online,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

@@ -5,11 +5,13 @@ from matplotlib.figure import Figure
 
 from motorgrad.learning import (
     Agent,
+    CriticFit,
     Features,
     LeastSquares,
     LinearCritic,
     MeanReward,
     TemporalDifference,
+    TrueOnlineTemporalDifference,
     gae,
     gpomdp,
 )
@@ -27,14 +29,14 @@ LENGTHS = (100, 300, 1_000, 3_000, 10_000, 30_000)
 SEEDS = 40
 
 
-def critic(fit: LeastSquares | TemporalDifference = SQUARES) -> LinearCritic:
-    return LinearCritic(Features(bias=False), None, 0.5, fit)
+def critic(fit: CriticFit = SQUARES, decay: float = 0.5) -> LinearCritic:
+    return LinearCritic(Features(bias=False), None, decay, fit)
 
 
-def values(fit: LeastSquares | TemporalDifference, lengths: list[int]) -> np.ndarray:
+def values(fit: CriticFit, lengths: list[int], decay: float = 0.5) -> np.ndarray:
     """How far learnt values are from the exact differential ones, relative to their spread: `(seeds, lengths)`."""
     exact = oracle.values(TASK.dynamics, POLICY)
-    stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic(fit), 0.5, "never")), range(SEEDS)), []
+    stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic(fit, decay), 0.5, "never")), range(SEEDS)), []
     for length in lengths:
         stepper.advance(length - stepper.decision)
         learnt = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T
@@ -69,4 +71,21 @@ def critics(work: Work) -> Figure:
     right.set(xscale="log", yscale="log", title="error of the gradient estimate", xlabel="decisions")
     right.set(ylabel="relative error")
     right.legend(fontsize=7)
+    return figure
+
+
+def true_online(work: Work) -> Figure:
+    """Errors of the values after 300 decisions by learning rate, TD(λ) against true-online TD(λ), for two decays."""
+    figure, axes = panels(2, height=3.0)
+    rates = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8])
+    rules = {"TD(λ)": (TemporalDifference, RED), "true-online TD(λ)": (TrueOnlineTemporalDifference, BLUE)}
+    for decay, ax in zip((0.5, 0.9), axes, strict=True):
+        for label, (rule, colour) in rules.items():
+            found = [values(rule(float(rate)), work.lengths(300), decay)[:, -1] for rate in rates]
+            band(ax, rates, np.array(found).T, colour, label)
+        ax.set(xscale="log", yscale="log", ylim=(0.05, 20), title=f"λ = {decay}, 300 decisions")
+        ax.set(xlabel=r"learning rate $\alpha$", ylabel="relative error of the values")
+        ax.set_xticks([0.02, 0.05, 0.1, 0.2, 0.4, 0.8], ["0.02", "0.05", "0.1", "0.2", "0.4", "0.8"])
+        ax.minorticks_off()
+        ax.legend(fontsize=7)
     return figure

@@ -41,6 +41,7 @@ from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._registry import register
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
+from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
 
@@ -94,6 +95,7 @@ __all__ = [
     "Trace",
     "Transformation",
     "Transition",
+    "TrueOnlineTemporalDifference",
     "Visited",
     "Window",
     "add_sample",

@@ -12,6 +12,7 @@ from motorgrad.learning._estimator import Estimator, RootMeanSquare
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
+from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
 
@@ -28,7 +29,11 @@ KINDS.update(
             "mean": MeanReward,
         },
         Criterion: {"clock": Clock, "plateau": Plateau},
-        CriticFit: {"least-squares": LeastSquares, "td": TemporalDifference},
+        CriticFit: {
+            "least-squares": LeastSquares,
+            "td": TemporalDifference,
+            "true-online-td": TrueOnlineTemporalDifference,
+        },
         Estimator: {"estimator": Estimator},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
