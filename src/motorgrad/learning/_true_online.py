@@ -1,12 +1,13 @@
 """True-online TD(λ): a critic whose weights equal those of the online forward view after every decision."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motorgrad._tree import number
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._critics import CriticStep, TemporalDifference, Weights
+from motorgrad.learning._critics import CriticFit, CriticStep, Weights
 
 
 class TrueOnlineState(NamedTuple):
@@ -16,7 +17,7 @@ class TrueOnlineState(NamedTuple):
     value: Float[Array, ""]
 
 
-class TrueOnlineTemporalDifference(TemporalDifference):
+class TrueOnlineTemporalDifference(CriticFit):
     r"""True-online TD(λ) (van Seijen et al., 2016, algorithm 1).
 
     With $v = w \cdot \phi$, $v' = w \cdot \phi'$ and $\bar v$, the $v'$ of the previous decision (0 at the start of an
@@ -39,6 +40,13 @@ class TrueOnlineTemporalDifference(TemporalDifference):
     critic = mg.learning.LinearCritic(discount=0.9, decay=0.9, fit=mg.learning.TrueOnlineTemporalDifference(0.1))
     ```
     """
+
+    learning_rate: float = number(0.01, 0)
+    level_rate: float = number(1e-3, 0, 1)
+
+    @property
+    def mean_rate(self) -> Any:
+        return self.level_rate
 
     def init(self, weights: Weights) -> TrueOnlineState:
         return TrueOnlineState(weights, jnp.zeros((), weights.dtype))
