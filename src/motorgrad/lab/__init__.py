@@ -157,7 +157,8 @@ __all__ = [
     "to_python",
     "whole_ticks",
 ]
-__all__ += [kind.__name__ for kind in BLOCKS.values()]  # pyright: ignore[reportUnsupportedDunderAll]
+# Blocks derived from the parts of learners are reached by name, through `__getattr__`.
+__all__ += _blocks.__all__  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(title: str) -> Any:
