@@ -71,7 +71,7 @@ def test_an_unfinished_run_keeps_its_goal(tmp_path, monkeypatch):
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
-        RunDirectoryError, match=rf"run of 400 decisions, of which {run.decision} are made; 60 were asked"
+        RunDirectoryError, match=rf"run of 400 decisions, of which {run.decision} are made, but steps = 60"
     ):
         mg.train("chain", steps=60, window=20, out="run", progress=False)
     assert mg.resume("run", progress=False).decision == 400
