@@ -37,6 +37,17 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
         raise ValueError(f"{where}{'.' if named else ': '}{error}" if where else str(error)) from None
 
 
+def check_fields(instance: Any) -> None:
+    """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
+
+    Call this first in `__post_init__`, so that an instance made in Python has the types of one made from TOML.
+
+    **Raises:** `ValueError` for a field of the wrong type, or not among the options of its `Literal`.
+    """
+    for field in dataclasses.fields(instance):
+        object.__setattr__(instance, field.name, as_hinted(field.type, getattr(instance, field.name), field.name))
+
+
 def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = None) -> dict[str, Any]:
     """The values in the types of the fields of `cls`: `build` without making the instance."""
     hints, fields, given = hints_of(cls), fields_of(cls), {}

@@ -272,11 +272,6 @@ def with_number(tree: T, path: str, value: Any) -> T:
     return replaced(tree, path.split("."), "")
 
 
-def map_parts(function: Callable[[Part], T], tree: Any) -> list[T]:
-    """What a function gives for every part of a tree."""
-    return [function(part) for _, part in parts_by_path(tree)]
-
-
 def _number(value: Any) -> Any:
     """A number as it is kept: a float, an array of them, or a mapping of either; anything else is left to the check."""
     if isinstance(value, Mapping):

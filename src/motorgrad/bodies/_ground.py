@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, WrappedBody
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
 

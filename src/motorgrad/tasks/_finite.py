@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Actions, Task, check_time_limit
 from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
 

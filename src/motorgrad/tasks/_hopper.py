@@ -14,7 +14,7 @@ from motorgrad._errors import (
     check_not_negative,
     check_positive,
 )
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._host_task import BodyTask

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import QueriedLoads, UniformLoads
 

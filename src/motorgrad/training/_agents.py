@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from motorgrad import policies
 from motorgrad._errors import check, unknown
 from motorgrad._settings import as_hinted, build, table
-from motorgrad._tree import KINDS, check_rounded, kind_of, parts_by_path
+from motorgrad._tree import KINDS, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Optax
 from motorgrad.tasks import Task, make
 
@@ -202,8 +202,3 @@ def _first_steps(part: Optax, agent: Agent) -> list[str]:
         step, state = part.transformation.update(fill(gradient), state, parameters)
         sums.append(f"{sum(float(jnp.sum(leaf)) for leaf in jax.tree.leaves(step)):.5g}")
     return sums
-
-
-def kind_names(agent: Agent) -> dict[str, str]:
-    """The kinds of an agent's parts, by path."""
-    return {path: kind_of(part) for path, part in parts_by_path(agent) if path}

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_positive
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, about, add_geom, add_muscles, add_scenery
 from motorgrad.bodies.hexapod._numbers import (
     Drive,

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
-from motorgrad._fields import check_fields
 from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, make_environment, why_no_copy

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad._fields import check_fields
+from motorgrad._settings import check_fields
 from motorgrad.bodies import LEGS, TRIPODS, HexapodReading
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._host_task import BodyTask

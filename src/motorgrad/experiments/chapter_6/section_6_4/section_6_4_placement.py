@@ -45,7 +45,8 @@ class Placement(GrowingStudy):
         for layout in self.layouts:
             task = FallingParticle(layout=layout, units=self.units)
             for place in PLACES:
-                run = self.learnt(work, task, self.growing(task, growth_placement=place))
+                changes = {"growth.placement": "none" if place == "centre" else place}
+                run = self.learnt(work, task, self.growing(task, **changes))
                 decision, reward = run.curve()
                 found |= {
                     "decision": decision,

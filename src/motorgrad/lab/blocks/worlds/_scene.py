@@ -13,8 +13,6 @@ from motorgrad._errors import check
 from motorgrad.lab.diagram import Host, HostMoment, Port, Ports, Signals
 from motorgrad.tasks import HostBatch, HostTask, Task, outcome
 
-OWN = ("observation", "reward", "terminated", "truncated", "ended", "valid", "next_observation")
-
 
 class Scene(NamedTuple):
     """A task between two decisions.
