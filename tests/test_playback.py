@@ -51,7 +51,7 @@ def test_the_speed_is_kept_and_delays_are_not_made_up_for():
     assert (clock.due(), clock.wait(), clock.achieved(0)) == (0, math.inf, 0.0)
     clock.play()
     for _ in range(100):
-        clock.made(1, 1e-6)
+        clock.record(1, 1e-6)
     made, start = 0, time.perf_counter()
     while time.perf_counter() - start < 0.3:
         made += clock.due()
@@ -72,10 +72,10 @@ def test_the_speed_is_kept_and_delays_are_not_made_up_for():
 def test_a_tick_that_waited_for_compilation_is_soon_forgotten():
     clock = Clock(0.01, math.inf, slice=0.02)
     clock.play()
-    clock.made(1, 10.0)
+    clock.record(1, 10.0)
     assert clock.due() == 1
     for _ in range(12):
-        clock.made(100, 100 * 1e-5)
+        clock.record(100, 100 * 1e-5)
     assert clock.due() == pytest.approx(2000, rel=0.01)
 
 

@@ -86,7 +86,7 @@ class Clock:
             return math.inf
         return 0.0 if math.isinf(self._speed) else max(0.0, (1.0 - self._due) * self.period / self._speed)
 
-    def made(self, ticks: int, took: float) -> None:
+    def record(self, ticks: int, took: float) -> None:
         """Update the estimated cost of a tick, after `ticks` took so many seconds.
 
         The estimate rises slowly and falls fast, so that a tick that waited for compilation is soon forgotten.

@@ -61,6 +61,7 @@ def number(
     open_low: bool = False,
     open_high: bool = False,
     groups: bool = False,
+    at_start: bool = False,
 ) -> Any:
     """Declare a field that holds a number: a leaf of the tree.
 
@@ -69,8 +70,9 @@ def number(
     - `default`: the field's default; a field whose type allows `None` may be absent.
     - `low` and `high`: the range, each end included unless `open_low` or `open_high` says otherwise.
     - `groups`: whether the field also takes a mapping from names of a policy's fields to numbers or arrays.
+    - `at_start`: whether it is used only to build the first state, so that changing it during a run has no effect.
     """
-    metadata = {"range": Range(low, high, open_low, open_high), "groups": groups}
+    metadata = {"range": Range(low, high, open_low, open_high), "groups": groups, "at_start": at_start}
     given = {} if default is dataclasses.MISSING else {"default": default}
     return eqx.field(converter=_number, metadata=metadata, **given)
 
@@ -231,6 +233,15 @@ def parts_by_path(tree: Any, path: str = "") -> Iterator[tuple[str, Part]]:
 
 def range_at(tree: Any, path: str) -> Range:
     """The range of the number at a path. **Raises** `ValueError` for a path where there is none."""
+    return _metadata_at(tree, path).get("range", Range())
+
+
+def is_live(tree: Any, path: str) -> bool:
+    """Whether changing the number at a path during a run has an effect. **Raises** `ValueError` for an unknown path."""
+    return not _metadata_at(tree, path).get("at_start", False)
+
+
+def _metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
     node, metadata = tree, {}
     for name in path.split("."):
         if isinstance(node, Mapping):
@@ -242,7 +253,7 @@ def range_at(tree: Any, path: str) -> Range:
             if name not in found:
                 raise unknown("number", path, numbers_of(tree))
             node, metadata = getattr(node, name), found[name].metadata
-    return metadata.get("range", Range())
+    return metadata
 
 
 def with_number(tree: T, path: str, value: Any) -> T:

@@ -10,7 +10,7 @@ from motorgrad._signals import asked, interrupt_when_asked
 COMMANDS = {
     "list": "list every task, policy, estimator and experiment",
     "train": "train a learner, into a run directory that can be resumed",
-    "evaluate": "evaluate a learnt policy: its numbers and a video",
+    "evaluate": "evaluate a learned policy: its numbers and a video",
     "plot": "plot learning curves of one run or of several",
     "reproduce": "measure figures and claims of the thesis again; write a report",
     "sim": "watch a body, its muscles and its learner live in the browser",

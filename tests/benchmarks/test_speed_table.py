@@ -68,7 +68,7 @@ def test_the_recruitment_loop_learns_as_the_library_does():
     for found, expected in zip((gains, errors), ours, strict=True):
         noise = np.hypot(found.std(ddof=1), expected.std(ddof=1)) / np.sqrt(seeds)
         assert abs(found.mean() - expected.mean()) < 4 * noise
-    assert gains.mean() > 1  # something was learnt
+    assert gains.mean() > 1  # something was learned
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_the_particle_loop_learns_as_the_library_does():
     for found, expected in zip((widths, rewards), ours, strict=True):
         noise = np.hypot(found.std(ddof=1), expected.std(ddof=1)) / np.sqrt(seeds)
         assert abs(found.mean() - expected.mean()) < 4 * noise
-    assert rewards.mean() > 0.15  # something was learnt
+    assert rewards.mean() > 0.15  # something was learned
 
 
 @pytest.mark.slow

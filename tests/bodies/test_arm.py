@@ -62,13 +62,13 @@ def test_the_force_does_not_depend_on_the_length():
 @pytest.mark.parametrize("flexion", FLEXIONS[2:-1])
 def test_without_friction_the_work_of_the_muscle_is_the_lift(load, flexion):
     arm = dataclasses.replace(FREE, load=load)
-    found = greatest_flexion(dataclasses.replace(arm, strength=arm.throw(flexion)), [1.0])
+    found = greatest_flexion(dataclasses.replace(arm, strength=arm.ballistic_force(flexion)), [1.0])
     np.testing.assert_allclose(found, flexion, atol=3e-3)
 
 
 def test_friction_costs_height():
     arm = Arm(load=3.0)
-    strength = arm.throw(1.0)
+    strength = arm.ballistic_force(1.0)
     found = [
         greatest_flexion(dataclasses.replace(arm, strength=strength, joint_damping=friction), [1.0])[0]
         for friction in (0.0, 0.02, 0.2)

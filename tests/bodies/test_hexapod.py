@@ -340,7 +340,7 @@ def test_the_foot_s_friction_counts_and_not_the_ground_s(terrain):
 def test_a_foot_without_friction_gets_nowhere():
     def far(friction):
         body = Hexapod(drive="servos")
-        body = body.each(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=friction)))
+        body = body.map_sections(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=friction)))
         return walk(body, seconds=5.0).gait().net[0]
 
     assert far(0.01) < 0.25 < 0.45 < far(1.0)

@@ -19,7 +19,7 @@ def test_settings_by_name_reach_every_number():
 
 
 def test_a_change_to_all_sections_changes_all():
-    wide = Hexapod().each(lambda section: dataclasses.replace(section, width=0.4))
+    wide = Hexapod().map_sections(lambda section: dataclasses.replace(section, width=0.4))
     assert [section.width for section in wide.sections.values()] == [0.4] * 3
     assert bodies.compile_model(wide).body("coxa_left_rear").pos[1] == pytest.approx(0.2)
 

@@ -34,7 +34,7 @@ def test_a_level_plane_is_the_body_s_own_ground_to_the_last_bit():
 @pytest.mark.parametrize("ahead", [0.0, 90.0, 200.0])
 def test_a_slippery_body_slides_down_as_fast_as_the_slope_says(ahead):
     """Without friction a body on a slope of 30° accelerates by g sin 30° downhill, whatever it does."""
-    slippery = Hexapod().each(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=1e-5)))
+    slippery = Hexapod().map_sections(lambda s: dataclasses.replace(s, leg=dataclasses.replace(s.leg, friction=1e-5)))
     batch = SlopeBatch(slippery, 1, 4, 1)
     for _ in range(10):
         batch.step(on(30.0, ahead, standing(batch)))

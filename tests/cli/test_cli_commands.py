@@ -17,7 +17,7 @@ from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 
 SEVERAL = ("chain", "hexapod-synergy", "hopper", "linear-recruitment", "particle", "three-state")
-"""The tasks that `make test` learns by command; the others are learnt by `make test-all`."""
+"""The tasks that `make test` learns by command; the others are learned by `make test-all`."""
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""The numbers are the task's: those that motorgrad's own engines see and are paid, for the same actions."""
+"""The numbers are the task's: those that motorgrad's own engines see and reward, for the same actions."""
 
 import numpy as np
 import pytest
@@ -9,16 +9,16 @@ from motorgrad.training import agent_for, stepper_for
 
 
 @pytest.mark.representatives("landing")
-@pytest.mark.parametrize("paid", ["landing", "apex"])
-def test_the_hopper_of_training_is_the_environments(paid):
-    task = Hopper(paid=paid, time_limit=3.0)
+@pytest.mark.parametrize("reward_type", ["landing", "apex"])
+def test_the_hopper_of_training_is_the_environments(reward_type):
+    task = Hopper(reward_type=reward_type, time_limit=3.0)
     stepper = stepper_for(task, agent_for(task), [4])
     environment = TaskEnv(task)
     observation, _ = environment.reset()
     paid_sometimes = apexes = 0
     for decision in range(900):
         assert np.array_equal(stepper.state["cycle"].observation[0], observation)
-        # the learner's own action, or a hop: what a learner has not learnt yet pays nothing
+        # the learner's own action, or a hop: what a learner has not learned yet pays nothing
         action = np.array(stepper.activation[0])
         observation, reward, terminated, truncated, info = environment.step(action)
         stepper.advance(1)

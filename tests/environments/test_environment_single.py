@@ -146,7 +146,7 @@ def test_a_bad_action_is_refused(name, action, message):
         ({"body": {"load_mas": 3.0}}, "did you mean 'load_mass'"),
         ({"penalty": -1}, "penalty = -1"),
         ({"time_limit": 0.001}, "time_limit = 0.001"),
-        ({"paid": "apx"}, "did you mean 'apex'"),
+        ({"reward_type": "apx"}, "did you mean 'apex'"),
         ({"render_mode": "rgb_arry"}, "did you mean 'rgb_array'"),
         ({"render_mode": "rgb_array", "width": 63}, "width = 63: must be an even"),
     ],
@@ -160,9 +160,9 @@ def test_bad_settings_are_refused(settings, message):
 
 def test_settings_reach_the_task():
     body = {"load_mass": 3.0}
-    environment = gymnasium.make(HOPPER, paid="apex", body=body, time_limit=5.0, penalty=0.2)
+    environment = gymnasium.make(HOPPER, reward_type="apex", body=body, time_limit=5.0, penalty=0.2)
     task = environment.unwrapped.task
-    assert (task.paid, task.body.load_mass, task.time_limit, task.penalty) == ("apex", 3.0, 5.0, 0.2)
+    assert (task.reward_type, task.body.load_mass, task.time_limit, task.penalty) == ("apex", 3.0, 5.0, 0.2)
 
 
 def test_a_task_of_ones_own_becomes_an_environment():

@@ -11,7 +11,7 @@ from motorgrad.environments import TaskEnv, TaskVectorEnv
 from motorgrad.tasks import Hopper
 
 CASES = [
-    ("Hopper", {"time_limit": 1.3, "paid": "apex"}),
+    ("Hopper", {"time_limit": 1.3, "reward_type": "apex"}),
     ("Hopper", {"max_episode_steps": 170, "penalty": 0.2}),
     ("Chain", {"time_limit": 30}),
     ("ThreeState", {"max_episode_steps": 20}),
@@ -188,7 +188,7 @@ def test_gymnasium_vector_wrappers_fit():
 
 
 def test_the_specification_makes_another_one():
-    vector = gymnasium.make_vec(HOPPER, num_envs=3, paid="apex", time_limit=0.2)
+    vector = gymnasium.make_vec(HOPPER, num_envs=3, reward_type="apex", time_limit=0.2)
     twin = gymnasium.make_vec(cloudpickle.loads(cloudpickle.dumps(vector.spec)))
     assert twin.num_envs == 3
-    assert twin.task == vector.task == Hopper(paid="apex", time_limit=0.2)
+    assert twin.task == vector.task == Hopper(reward_type="apex", time_limit=0.2)

@@ -62,19 +62,19 @@ def growing(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_last_record_is_the_policy_that_was_learnt(falling, growing):
+def test_the_last_record_is_the_policy_that_was_learned(falling, growing):
     for run in (falling, growing):
         last = recorded_policies(run, [-1])
-        for stored, learnt in zip(jax.tree.leaves(last), jax.tree.leaves(run.policies), strict=True):
-            np.testing.assert_array_equal(stored[0], np.asarray(learnt))
+        for stored, learned in zip(jax.tree.leaves(last), jax.tree.leaves(run.policies), strict=True):
+            np.testing.assert_array_equal(stored[0], np.asarray(learned))
 
 
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
     shorter = train(task, GROWING, 1_000, [4, 7], window=250, progress=False)
     found = recorded_policies(growing, [0, 3], seed=7)
-    for stored, learnt in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
-        np.testing.assert_allclose(stored[1], learnt, atol=1e-6)
+    for stored, learned in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
+        np.testing.assert_allclose(stored[1], learned, atol=1e-6)
     assert found.active.sum(-1).tolist() == [1, 3]
 
 
@@ -129,7 +129,7 @@ def test_a_film_of_learning(falling, tmp_path, capsys):
     assert made.seconds == 3
     assert all(word in about for word in ("h264", "1280x720", "25 fps"))
     plane, curve = frames[:, 27:213, 14:200], frames[:, 24:210, 254:]
-    # what is learnt is seen in the plane, and the mark runs along the curve
+    # what is learned is seen in the plane, and the mark runs along the curve
     assert np.abs(plane[0] - plane[-1]).max(-1).mean() > 2
     assert (np.abs(curve[0] - curve[-1]).max(-1) > 60).any()
     assert np.abs(frames[50] - frames[-1]).mean() < 0.5
@@ -291,14 +291,14 @@ class Falling(Experiment):
     source = "figure 9.8"
     decisions: int = 2_000
 
-    def learnt(self, work):
+    def learned(self, work):
         return work.train(FallingParticle(), agent_for("particle"), self.decisions, 2)
 
     def run(self, work):
-        return {"reward": self.learnt(work).curve()[1]}
+        return {"reward": self.learned(work).curve()[1]}
 
     def films(self, work):
-        return {"animation": self.learnt(work)}
+        return {"animation": self.learned(work)}
 
     def figure(self, values):
         from matplotlib.figure import Figure

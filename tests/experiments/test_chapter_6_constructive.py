@@ -293,14 +293,14 @@ def test_pools_that_push_alike_are_not_apart():
     np.testing.assert_allclose(gate_difference(seeds), [0.0, 2.0], atol=1e-6)
 
 
-def hierarchy(gain, learnt):
+def hierarchy(gain, learned):
     chance = 0.001 * np.random.default_rng(6).random(24)
     levels = {"ungated": 0.0, "gated": gain, "deep": 2 * gain, "flat gated": 0.0, "flat deep": 0.0}
     values = {f"{name} end": 0.2 + level + chance for name, level in levels.items()}
     return values | {
         "parameters": np.array([6, 20, 20, 48, 48]),
-        "gated moved": learnt + chance,
-        "turned": learnt + chance,
+        "gated moved": learned + chance,
+        "turned": learned + chance,
     }
 
 

@@ -243,7 +243,7 @@ def test_claims_of_where_it_acts():
     assert held(AnyUnitFires(), values) == [False] * 4
 
 
-# --- what is learnt ---
+# --- what is learned ---
 
 
 def about(mean, seeds=24, spread=0.01):
@@ -251,7 +251,7 @@ def about(mean, seeds=24, spread=0.01):
     return mean + spread * (found - found.mean()) / found.std(ddof=1)
 
 
-def learnt(late_of, sided, junk):
+def learned(late_of, sided, junk):
     values = {}
     for layout, before in (("R1", -0.001), ("R2", 0.123)):
         values[f"{layout} untrained"] = about(before, spread=0.002)
@@ -262,10 +262,10 @@ def learnt(late_of, sided, junk):
     return values
 
 
-def test_claims_of_what_is_learnt():
-    good = learnt({"R1": 0.283, "R2": 0.329}, True, True)
+def test_claims_of_what_is_learned():
+    good = learned({"R1": 0.283, "R2": 0.329}, True, True)
     assert held(LocalPolicies(), good) == [True] * 11
-    poor = held(LocalPolicies(), learnt({"R1": -0.01, "R2": 0.1}, False, False))
+    poor = held(LocalPolicies(), learned({"R1": -0.01, "R2": 0.1}, False, False))
     # before learning they pay the same
     assert poor == [False, True, False, False] * 2 + [False] * 3
 
@@ -383,7 +383,7 @@ def test_narrow_units_forget_less_than_quadratic_boundaries(work):
     study = dataclasses.replace(Forgetting(), seeds=20, gaps=(0.4,))
     values = {}
     for name in ("narrow", "quadratic"):
-        found = study._learnt_in_turn(work, KINDS[name], 0.4)
+        found = study._learned_in_turn(work, KINDS[name], 0.4)
         values |= {f"0.4 {name} {key}": value for key, value in found.items()}
     more = reward_lost(values, 0.4, "quadratic") - reward_lost(values, 0.4, "narrow")
     assert more.mean() > 3 * more.std(ddof=1) / np.sqrt(20)

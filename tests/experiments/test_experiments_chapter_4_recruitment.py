@@ -156,7 +156,7 @@ def test_a_pool_with_a_negative_gain_is_not_equally_spaced():
     np.testing.assert_allclose(off, [0, np.inf], atol=1e-12)
 
 
-def learnt(units, off, soon, gain, seeds=24):
+def learned(units, off, soon, gain, seeds=24):
     """What `fig-4.3` finds where all pools are so far off."""
     found = {"units": np.array(units)}
     for number in units:
@@ -181,7 +181,7 @@ def learnt(units, off, soon, gain, seeds=24):
     ],
 )
 def test_linear_policies_are_judged_by_spacing_and_gain(off, soon, gain, verdicts):
-    claims = EXPERIMENTS["fig-4.3"]().claims(learnt((2, 4), off, soon, gain))
+    claims = EXPERIMENTS["fig-4.3"]().claims(learned((2, 4), off, soon, gain))
     assert [claim.holds for claim in claims] == verdicts
 
 
@@ -194,7 +194,7 @@ def test_a_smaller_step_takes_longer_in_the_mean_field():
 
 
 def test_the_mean_field_is_told_where_it_is_known():
-    found = learnt((2, 4, 8), 0.1, 0.1, 5.0)
+    found = learned((2, 4, 8), 0.1, 0.1, 5.0)
     del found["mean field 8"]
     claims = EXPERIMENTS["fig-4.3"]().claims(found)
     assert "takes 1.5 million decisions (mean of 2 starts)" in claims[0].note
@@ -210,7 +210,7 @@ def test_the_mean_field_starts_where_the_pools_do(done):
 
 
 def test_half_of_the_seeds_are_not_most():
-    found = learnt((2, 4), 0.1, 0.1, 5.0)
+    found = learned((2, 4), 0.1, 0.1, 5.0)
     found["off 2"][::2] = 1.0
     assert [claim.holds for claim in EXPERIMENTS["fig-4.3"]().claims(found)][:2] == [False, True]
 

@@ -49,7 +49,7 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
         EXPERIMENTS[name](**setting)
 
 
-def test_what_is_not_learnt_has_no_step_size():
+def test_what_is_not_learned_has_no_step_size():
     primitive, stride = EXPERIMENTS["sec-5.4.1-primitive"](), EXPERIMENTS["sec-5.4.1-stride"]()
     rates = {kind: primitive.learner(kind).optimizer.learning_rate for kind in ("both", "precondition", "movement")}
     assert rates["both"] == primitive.task.learner["learning_rate"]
@@ -61,7 +61,7 @@ def test_what_is_not_learnt_has_no_step_size():
     assert constant["level"] == slope["level"]
 
 
-def strides(best, learnt, adaptive, periods):
+def strides(best, learned, adaptive, periods):
     """Made-up values: 8 starts of three clocks, the last that at the start; speeds and periods over three slopes."""
     noise = 0.01 * np.sin(np.arange(20))[:, None]
     fixed = np.stack([best, np.flip(best, -1) - 0.3, np.full(3, 1.0)])[:, None, :] + noise[:8]
@@ -69,7 +69,7 @@ def strides(best, learnt, adaptive, periods):
         "grid": np.array([0.16, 0.2, 0.3]),
         "slopes": np.array([-10.0, 0.0, 10.0]),
         "fixed speed": fixed,
-        "constant speed": learnt + noise + np.zeros(3),
+        "constant speed": learned + noise + np.zeros(3),
         "slope speed": adaptive + 2 * noise + np.zeros(3),
         "constant period": np.full((20, 3), 0.16),
         "slope period": periods + 0.1 * noise,

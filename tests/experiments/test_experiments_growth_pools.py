@@ -304,7 +304,7 @@ def test_the_logarithm_of_the_deviation_runs_away_without_damping():
         }
         run = mg.train(task, changes, steps=300_000, seeds=4, progress=False)
         least[name] = history(run, 3)[2]
-        np.testing.assert_allclose(run.policies.threshold, 0.5, atol=0.01)  # the rest has learnt all the same
+        np.testing.assert_allclose(run.policies.threshold, 0.5, atol=0.01)  # the rest has learned all the same
     assert least["damped"].min() > -10
     assert (least["not"][:, -1] < -20).all()
 

@@ -46,7 +46,7 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
 
 
 @pytest.mark.slow
-def test_the_learnt_ones_share_their_runs(out, done):
+def test_the_learned_ones_share_their_runs(out, done):
     for name in ("fig-5.8", "sec-5.3.4-gaits"):
         done(name)
     assert len(list((out / "trained").iterdir())) == len(EXPERIMENTS["fig-5.8"].quick().lags)
@@ -181,7 +181,7 @@ def test_two_grounds_of_twenty_without_a_tripod_gait_refute_consistency():
         assert first.holds == holds
 
 
-def learnt(study, shares, speed, net, passed):
+def learned(study, shares, speed, net, passed):
     """Made-up seeds: of each class a share in the order of `GAITS`, alike in all lags and with both kinds of action."""
     counts = np.round(study.seeds * np.array(shares)).astype(int)
     noise, time = 1e-3 * np.random.default_rng(0).normal(size=study.seeds), np.linspace(6.0, 600.0, 100)
@@ -202,24 +202,24 @@ def learnt(study, shares, speed, net, passed):
     return values
 
 
-def test_learnt_gaits_are_judged_by_their_classes_speeds_and_distances():
+def test_learned_gaits_are_judged_by_their_classes_speeds_and_distances():
     study = EXPERIMENTS["sec-5.3.4-gaits"]()
-    pronking = learnt(study, (0.1, 0.9, 0.0, 0.0), 2.0, 1.0, 60.0)
+    pronking = learned(study, (0.1, 0.9, 0.0, 0.0), 2.0, 1.0, 60.0)
     for claim in study.claims(pronking):
         assert claim.holds == ("Without lag" not in claim.statement and "more seeds learn" not in claim.statement)
-    between = learnt(study, (0.0, 0.0, 0.5, 0.5), 0.4, 0.1, 600.0)
+    between = learned(study, (0.0, 0.0, 0.5, 0.5), 0.4, 0.1, 600.0)
     assert not any(claim.holds for claim in study.claims(between))
     later = pronking | {"lag 0 sample gait": np.full(20, "intermediate")}
     held = {claim.statement: claim.holds for claim in study.claims(later)}
     assert held["Without lag, gaits lie between tripod and pronk."]
     assert held["With observations delayed by 2, more seeds learn tripod or pronk than with 0."]
-    assert not held["The tripod gait is learnt."]
+    assert not held["The tripod gait is learned."]
     study.figure(between)
 
 
 def test_a_seed_that_never_passes_the_controller_is_not_soon():
     study = EXPERIMENTS["sec-5.3.4-gaits"](seconds=20.0)
-    values = learnt(study, (0.5, 0.5, 0.0, 0.0), 2.0, 1.0, 20.0) | {"time": np.array([10.0, 20.0])}
+    values = learned(study, (0.5, 0.5, 0.0, 0.0), 2.0, 1.0, 20.0) | {"time": np.array([10.0, 20.0])}
     for claim in study.claims(values):
         assert not (claim.holds and "exceeds the fixed" in claim.statement)
 

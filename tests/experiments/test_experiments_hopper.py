@@ -31,7 +31,7 @@ def test_what_is_not_random_holds_at_any_size(name, done):
     assert [claim.statement for claim in done(name).claims if not claim.holds] == []
 
 
-def test_the_learnt_ones_share_one_run(out, done):
+def test_the_learned_ones_share_one_run(out, done):
     for name in LEARNT:
         done(name)
     configs = [tomllib.loads((folder / "config.toml").read_text())["run"] for folder in (out / "trained").iterdir()]
@@ -49,7 +49,7 @@ def test_the_default_learner_is_the_thesis_s():
         study = EXPERIMENTS[name]()
         agent = study.learner
         assert (agent.estimator.trace.decay, agent.optimizer.learning_rate) == (0.98, 5e-4)
-        assert (study.task.period, study.task.paid) == (0.01, "apex")
+        assert (study.task.period, study.task.reward_type) == (0.01, "apex")
         assert study.seeds == 16
 
 
@@ -60,7 +60,7 @@ def test_the_default_learner_is_the_thesis_s():
         ("fig-5.3", {"seeds": 0}, "seeds = 0"),
         ("fig-5.4", {"watched": 0.001}, "watched = 0.001"),
         ("fig-5.5", {"decay": 1.5}, "decay = 1.5"),
-        ("fig-5.5", {"paid": "never"}, "unknown paid 'never'"),
+        ("fig-5.5", {"reward_type": "never"}, "unknown reward_type 'never'"),
         ("fig-5.1", {"angles": (5.0,)}, "angles = 5.0"),
         ("fig-5.2", {"angle": 30.0}, "angle = 30.0"),
         ("fig-a.1", {"radius": 0.2}, "origin_distance = 0.13"),
@@ -75,14 +75,14 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
         EXPERIMENTS[name](**setting)
 
 
-def test_claims_about_learning_are_refuted_by_hoppers_that_learnt_nothing():
+def test_claims_about_learning_are_refuted_by_hoppers_that_learned_nothing():
     kind = EXPERIMENTS["fig-5.3"]()
     nothing = {"before": np.full(16, 0.1), "after": np.full(16, 0.1) + 1e-3 * np.arange(-8, 8)}
     nothing |= {"passed": np.full(16, 1500.0), "final": np.full(16, 0.1)}
     assert [claim.holds for claim in kind.claims(nothing)] == [False] * 4
-    learnt = {"before": np.full(16, 0.1), "after": np.linspace(0.7, 0.9, 16)}
-    learnt |= {"passed": np.linspace(200, 400, 16), "final": np.linspace(0.7, 0.9, 16)}
-    assert [claim.holds for claim in kind.claims(learnt)] == [True] * 4
+    learned = {"before": np.full(16, 0.1), "after": np.linspace(0.7, 0.9, 16)}
+    learned |= {"passed": np.linspace(200, 400, 16), "final": np.linspace(0.7, 0.9, 16)}
+    assert [claim.holds for claim in kind.claims(learned)] == [True] * 4
 
 
 def test_signs_count_when_most_seeds_have_them():

@@ -19,7 +19,7 @@ from motorgrad.experiments.chapter_4._pools import (
     thresholds_and_gains,
 )
 from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import OF
-from motorgrad.experiments.chapter_4.section_4_4.large_loads import PAID, PROBABILITY, common_pay
+from motorgrad.experiments.chapter_4.section_4_4.large_loads import PROBABILITY, REWARD_TYPES, common_pay
 from motorgrad.experiments.chapter_4.section_4_4.negative_inputs import (
     LOADS,
     LOWS,
@@ -85,7 +85,7 @@ def test_results_are_over_twenty_seeds_or_more(name):
         ("sec-4.4.1-baseline", {"added": 0.0}, "added = 0.0"),
         ("sec-4.4.1-gain-decay", {"decays": (1e-7, 1e-6)}, "decays = "),
         ("sec-4.4.1-gain-decay", {"decays": (0.1, 0.2, 2.0)}, "decays = "),
-        ("sec-4.4.1-gain-decay", {"learnt": 0}, "learnt = 0"),
+        ("sec-4.4.1-gain-decay", {"learned": 0}, "learned = 0"),
         ("sec-4.4.1-gain-decay", {"amount": 0.0}, "amount = 0"),
         ("sec-4.4.1-size-principle", {"size_ratio": 1.0}, "size_ratio = 1.0"),
         ("sec-4.4.1-size-principle", {"units": 2}, "units = 2"),
@@ -96,7 +96,7 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
         EXPERIMENTS[name](**setting)
 
 
-# what is asked of what was learnt
+# what is asked of what was learned
 
 
 @pytest.fixture(scope="module")
@@ -188,9 +188,9 @@ def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
 # only large loads
 
 
-@pytest.mark.parametrize("paid", PAID)
-def test_the_reward_of_a_common_probability_is_that_of_the_oracle(paid):
-    task, loads = ArmRecruitment(units=3, paid=paid), np.array([3.0, 12.5])
+@pytest.mark.parametrize("reward_type", REWARD_TYPES)
+def test_the_reward_of_a_common_probability_is_that_of_the_oracle(reward_type):
+    task, loads = ArmRecruitment(units=3, reward_type=reward_type), np.array([3.0, 12.5])
     for row in (20, 50, 90):
         p = PROBABILITY[row]
         pool = Motoneurons(np.full(3, -1e3 * math.log(p / (1 - p))), np.full(3, 1e-3))  # the same at every load
@@ -202,7 +202,7 @@ def test_the_reward_of_a_common_probability_is_that_of_the_oracle(paid):
 
 def test_pools_that_are_paid_complete_lifts_can_be_loaded_and_evaluated(tmp_path):
     task = EXPERIMENTS["sec-4.4-large-loads"].quick().task("complete", "large", 2)
-    assert task == ArmRecruitment(units=2, paid="complete", low=12.0)
+    assert task == ArmRecruitment(units=2, reward_type="complete", low=12.0)
     mg.train(task, steps=200, seeds=2, out=tmp_path / "run", progress=False)
     again = mg.load(tmp_path / "run")
     assert again.task == task
@@ -212,7 +212,7 @@ def test_pools_that_are_paid_complete_lifts_can_be_loaded_and_evaluated(tmp_path
 def loads_values(silent, slope):
     """Values of pools of 4 and 32 units, silent in so many of `SEEDS` for each payment and kind of loads."""
     active = {name: np.where(np.arange(SEEDS) < np.array(count)[:, None], 0.0, 0.9) for name, count in silent.items()}
-    pay = {f"{paid} pay": np.stack([slope * PROBABILITY] * 2) for paid in PAID}
+    pay = {f"{reward_type} pay": np.stack([slope * PROBABILITY] * 2) for reward_type in REWARD_TYPES}
     return {"size": np.array([4, 32]), "probability": PROBABILITY, **active, **pay}
 
 
@@ -312,7 +312,7 @@ def test_the_least_error_is_that_of_ideal_thresholds():
     [pytest.param("sec-4.4-negative-inputs", 2, marks=pytest.mark.slow), ("sec-4.4.1-gain-decay", 8)],
 )
 @pytest.mark.slow
-def test_pools_learn_on_from_what_they_had_learnt(name, further, tmp_path):
+def test_pools_learn_on_from_what_they_had_learned(name, further, tmp_path):
     reproduce(EXPERIMENTS[name].quick(), tmp_path, progress=False)
     runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]
     going_on = [run for run in runs if "initial" in run.config["run"]]

@@ -249,7 +249,7 @@ def test_a_random_initial_policy_is_drawn_from_the_key():
     assert not np.array_equal(first, other)
 
 
-def test_fixed_settings_of_a_policy_are_not_learnt():
+def test_fixed_settings_of_a_policy_are_not_learned():
     agent = Agent(LocalGaussians([[0.5, 0.0]], [[0.0, 0.0]], 0.6), olpomdp(0.5), SGD(0.1))
     state, _ = halfway(agent)
     assert float(state.policy.p_max) == pytest.approx(0.6, rel=1e-6)

@@ -58,7 +58,7 @@ def with_weights(state, weights):
     return state._replace(estimator=state.estimator._replace(baseline=critic))
 
 
-def learnt(task, policy, critic, decisions, seeds=40):
+def learned(task, policy, critic, decisions, seeds=40):
     """The critics of many seeds at a fixed policy."""
     stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(seeds))
     stepper.advance(decisions)
@@ -88,13 +88,13 @@ def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, dec
     task, policy = TASKS[name]
     critic = LinearCritic(Which(task.dynamics), discount, decay, FITS[fit])
     seeds = 400 if isinstance(critic.fit, TemporalDifference) else 40  # the noisier one
-    weights = np.asarray(learnt(task, policy, critic, 20_000, seeds).estimator.baseline.weights, float)
+    weights = np.asarray(learned(task, policy, critic, 20_000, seeds).estimator.baseline.weights, float)
     check_exact(weights, values(task.dynamics, policy, discount), discount is None, 0.01)
 
 
 def test_inputs_and_a_constant_tell_three_states_apart():
     critic = LinearCritic(Features(), 0.8, 0.5, LeastSquares(0.0, damping=1e-7, interval=100))
-    weights = np.asarray(learnt(ThreeState(), POINT, critic, 20_000).estimator.baseline.weights, float)
+    weights = np.asarray(learned(ThreeState(), POINT, critic, 20_000).estimator.baseline.weights, float)
     seen = np.c_[ThreeState().dynamics.observations, np.ones(3)]
     check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
 
@@ -113,7 +113,7 @@ def test_a_critic_that_cannot_tell_states_apart_ends_at_the_fixed_point(fit):
     assert np.abs(seen @ wanted - values(mdp, policy, discount)).max() > 0.1
     critic = LinearCritic(Features(), discount, decay, FITS[fit])
     check_exact(
-        np.asarray(learnt(CALLS, policy, critic, 20_000).estimator.baseline.weights, float), wanted, False, 0.02
+        np.asarray(learned(CALLS, policy, critic, 20_000).estimator.baseline.weights, float), wanted, False, 0.02
     )
 
 
@@ -176,7 +176,7 @@ def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
     assert (off > 0.1) == (name == "wrong, λ = ½")  # the bias is there to be seen, or is none
 
 
-def test_a_learnt_critic_makes_the_estimate_without_a_trace_exact():
+def test_a_learned_critic_makes_the_estimate_without_a_trace_exact():
     task, mdp = Chain(length=4), Chain(length=4).dynamics
     critic = LinearCritic(Which(mdp), None, 0.0, LeastSquares(0.0, damping=1e-6, interval=20))
     stepper = stepper_for(task, Agent(CHAIN_POINT, gae(critic, 0.0, "never")), range(400))

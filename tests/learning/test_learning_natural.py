@@ -284,7 +284,7 @@ def test_without_damping_learning_is_the_same_in_any_units_of_the_input(scale):
         natural = [learn(Hyperplanes(w / s, b), s, metric) for s in (1.0, scale)]
         plain = [learn(Hyperplanes(w / s, b), s, None) for s in (1.0, scale)]
     np.testing.assert_allclose(natural[0], natural[1], atol=1e-9)
-    assert np.abs(natural[0][-1] - natural[0][0]).max() > 0.05  # something was learnt
+    assert np.abs(natural[0][-1] - natural[0][0]).max() > 0.05  # something was learned
     assert np.abs(plain[0] - plain[1]).max() > 0.05
 
 

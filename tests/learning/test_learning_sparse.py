@@ -1,4 +1,4 @@
-"""The spatial index: what is neglected is bounded, and what is learnt is what the dense learner learns."""
+"""The spatial index: what is neglected is bounded, and what is learned is what the dense learner learns."""
 
 import dataclasses
 

@@ -154,10 +154,10 @@ def test_a_number_is_checked_again_as_it_is_rounded():
         agent_for("three-state", normalization={"rate": 1 - 1e-9})
 
 
-def test_hyperparameters_are_not_learnt():
+def test_hyperparameters_are_not_learned():
     state = RICH.init(jax.random.key(0))
-    learnt = jax.tree.structure(trainable(POINT))
-    assert jax.tree.structure(state.gradient) in (learnt, jax.tree.structure(None))
+    learned = jax.tree.structure(trainable(POINT))
+    assert jax.tree.structure(state.gradient) in (learned, jax.tree.structure(None))
     stepper = stepper_for(ThreeState(time_limit=9), RICH, [0, 1])
     before = stepper.state["cycle"].numbers
     stepper.advance(20)

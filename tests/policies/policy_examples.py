@@ -172,8 +172,8 @@ def from_initial(name: str, rng: Rng) -> Policy:
         except ValueError:  # some policies need a single input, or several
             continue
     policy = start if isinstance(start, Policy) else start(jax.random.key(rng.integers(2**31)))
-    learnt, rest = split(policy)
-    return eqx.combine(jax.tree.map(lambda x: x + jnp.asarray(rng.normal(size=x.shape), x.dtype), learnt), rest)
+    learned, rest = split(policy)
+    return eqx.combine(jax.tree.map(lambda x: x + jnp.asarray(rng.normal(size=x.shape), x.dtype), learned), rest)
 
 
 def unlisted(examples: dict[str, Callable[[Rng], Policy]]) -> dict[str, Callable[[Rng], Policy]]:

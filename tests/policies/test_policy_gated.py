@@ -138,7 +138,7 @@ def test_impossible_hierarchies_are_refused_by_name(build, names):
     assert names in str(error.value)
 
 
-def test_gates_and_their_units_are_learnt_together():
+def test_gates_and_their_units_are_learned_together():
     """A reward for the gate on the right and, there, for the unit behind it: both must find it."""
     from motorgrad.learning import SGD, Agent, olgarb
 

@@ -252,7 +252,7 @@ def test_single_precision_agrees_with_double(seed):
     np.testing.assert_allclose(found[0], found[1], rtol=2e-4, atol=2e-4 * (1 + np.abs(found[1]).max()))
 
 
-def test_the_floor_is_not_learnt_and_survives_storing():
+def test_the_floor_is_not_learned_and_survives_storing():
     policy = pool_of(0, floor=0.07)
     assert trainable(policy).floor is None
     shapes = rebuild(json.loads(json.dumps(describe(policy))))

@@ -1,4 +1,4 @@
-"""Units of learnt strength: their density, score and Fisher matrix, by quadrature and automatic differentiation."""
+"""Units of learned strength: their density, score and Fisher matrix, by quadrature and automatic differentiation."""
 
 import jax
 import jax.numpy as jnp

@@ -124,7 +124,7 @@ def test_it_can_be_a_part_of_others_but_its_units_cannot_be_masked():
         Masked(policy)
 
 
-def learnt(policy, metric, decisions=4000, batch=20):
+def learned(policy, metric, decisions=4000, batch=20):
     """Learn to fire on the side that an input points to, by everything that a learner may have beside its trace."""
     estimator = Estimator(Exponential(0.5), LinearCritic(), 1.0, batch, entropy=1e-3)
     agent = Agent(policy, estimator, SGD(0.2), metric, averaging=PolyakAveraging(start=10))
@@ -145,7 +145,7 @@ def learnt(policy, metric, decisions=4000, batch=20):
 def test_it_learns_under_metric_limit_critic_average_and_bonus():
     policy = Mirrored(Hyperplanes(np.zeros((1, 1)), np.zeros(1)), (0,), (-1,), (0,), (1,))
     metric = FisherMetric(0.01, 0.01, kl=0.01)
-    _, state, rewards = learnt(policy, metric)
+    _, state, rewards = learned(policy, metric)
     assert abs(rewards[:200].mean()) < 0.6
     assert rewards[-500:].mean() > 0.7  # 1 is the most; a blind policy has 0
     assert state.policy.pool.weights[0, 0] > 1

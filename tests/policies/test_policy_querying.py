@@ -105,10 +105,10 @@ def test_the_score_is_the_derivative_of_the_log_probability_and_knows_no_query()
             np.testing.assert_array_equal(found, wanted)
 
 
-def test_bounds_and_share_are_not_learnt_and_survive_storing():
+def test_bounds_and_share_are_not_learned_and_survive_storing():
     policy = Querying(POOL, 0.0, 2.0, 0.3, 16)
-    learnt = trainable(policy)
-    assert learnt.low is learnt.high is learnt.explore is None
+    learned = trainable(policy)
+    assert learned.low is learned.high is learned.explore is None
     shapes = rebuild(json.loads(json.dumps(describe(policy))))
     assert jax.tree.structure(shapes) == jax.tree.structure(policy)
     assert shapes.cells == 16

@@ -1,4 +1,4 @@
-"""What is learnt and what is fixed, storing a policy's structure, refusing wrong shapes, and the initial policies."""
+"""What is learned and what is fixed, storing a policy's structure, refusing wrong shapes, and the initial policies."""
 
 import json
 from types import SimpleNamespace
@@ -34,9 +34,9 @@ FIXED = {"p_max", "steepness", "active"}
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_trainable_and_fixed_parts_join_to_the_policy(name):
     policy = policy_of(name)
-    learnt, rest = split(policy)
-    assert len(jax.tree.leaves(learnt)) + len(jax.tree.leaves(rest)) == len(jax.tree.leaves(policy))
-    assert eqx.tree_equal(eqx.combine(learnt, rest), policy)
+    learned, rest = split(policy)
+    assert len(jax.tree.leaves(learned)) + len(jax.tree.leaves(rest)) == len(jax.tree.leaves(policy))
+    assert eqx.tree_equal(eqx.combine(learned, rest), policy)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -54,8 +54,8 @@ def test_fixed_arrays_are_none_in_the_trainable_part_and_in_scores(name):
     [(LocalGaussians([[0.0]], [[0.0]], 0.5), "p_max"), (AdmissionThresholds([1.0, 2.0]), "steepness")],
 )
 def test_a_fixed_field_is_in_the_fixed_part_alone(policy, field):
-    learnt, rest = split(policy)
-    assert getattr(learnt, field) is None
+    learned, rest = split(policy)
+    assert getattr(learned, field) is None
     assert getattr(rest, field) is not None
 
 

@@ -19,10 +19,10 @@ from motorgrad.training import agent_for, train
 BODIES = {"plain": HexapodBody(), "biomimetic": biomimetic_hexapod(), "yawing spine": HexapodBody(spine_axis="yaw")}
 TASKS_HERE = {
     "muscles": Hexapod(observes=SENSES, lag=1, course=10),
-    "tripods": HexapodSynergy(observes=SENSES, course=10, paid="course"),
+    "tripods": HexapodSynergy(observes=SENSES, course=10, reward_type="course"),
     "legs": Hexapod(
         observes=("yaw", "lateral"),
-        paid="x",
+        reward_type="x",
         synergies=(
             *(f"{kind}_{side}_*" for kind in ("protractor", "levator") for side in ("left", "right")),
             "retractor_left_rear depressor_left_* depressor_right_front",

@@ -97,9 +97,9 @@ def test_it_learns_both_and_either_alone():
     ):
         agent = agent_for(task, learning_rate=rates | dict.fromkeys(off, 0.0))
         run = train(task, agent, steps=150, seeds=1, progress=False)
-        learnt = {"weights": run.policies.precondition.weights, "level": run.policies.movement.level}
-        assert all(not np.any(learnt[name]) for name in still)
-        assert all(np.any(learnt[name]) for name in moved)
+        learned = {"weights": run.policies.precondition.weights, "level": run.policies.movement.level}
+        assert all(not np.any(learned[name]) for name in still)
+        assert all(np.any(learned[name]) for name in moved)
 
 
 @pytest.mark.slow

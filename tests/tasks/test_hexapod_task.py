@@ -117,10 +117,10 @@ def test_velocity_is_paid_along_the_heading_the_course_or_x():
         "course": velocity[1:, 0] * np.cos(kept) + velocity[1:, 1] * np.sin(kept),
         "x": velocity[1:, 0],
     }
-    for paid, wanted in along.items():
-        _, rewards, *_ = followed(Hexapod(paid=paid, course=40))
+    for reward_type, wanted in along.items():
+        _, rewards, *_ = followed(Hexapod(reward_type=reward_type, course=40))
         np.testing.assert_allclose(rewards, 4.0 * wanted, atol=1e-5)
-        _, doubled, *_ = followed(Hexapod(paid=paid, course=40, reward_scale=8.0))
+        _, doubled, *_ = followed(Hexapod(reward_type=reward_type, course=40, reward_scale=8.0))
         np.testing.assert_allclose(doubled, 2.0 * rewards, atol=1e-5)
     assert np.abs(along["heading"] - along["course"]).max() > 0.01
     assert np.abs(along["heading"] - along["x"]).max() > 0.01
@@ -263,7 +263,7 @@ BAD = [
     ({"observes": ()}, r"observes = \(\): must be at least one of lateral, current"),
     ({"observes": ("lateral", "lateral")}, "observes = .*must be different senses"),
     ({"observes": ("latral",)}, r"observes\[0\] 'latral': did you mean 'lateral'"),
-    ({"paid": "y"}, "paid 'y'"),
+    ({"reward_type": "y"}, "reward_type 'y'"),
     ({"angle_scale": 0.0}, "angle_scale = 0.0: must be an angle"),
     ({"yaw_smoothing": 0.0}, r"yaw_smoothing = 0.0: must be in \(0, 1\]"),
     ({"reward_scale": math.nan}, "reward_scale = nan"),
@@ -302,7 +302,7 @@ def read_hexapod_of(found):
 
 
 def test_a_run_of_either_is_loaded_with_its_settings(tmp_path):
-    for task in (Hexapod(lag=1, observes=ALL, paid="course"), HexapodSynergy(lag=2)):
+    for task in (Hexapod(lag=1, observes=ALL, reward_type="course"), HexapodSynergy(lag=2)):
         run = train(task, steps=10, seeds=1, out=tmp_path / task.name, window=5, progress=False)
         assert run.policies.weights.shape == (1, task.action_size, task.observation_size)
         assert mg.load(tmp_path / task.name).task == task

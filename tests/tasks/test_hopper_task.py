@@ -53,7 +53,7 @@ def test_a_landing_pays_the_flights_greatest_height():
 
 
 def test_the_apex_variant_pays_the_first_apex_once_when_it_is_passed():
-    rewards, apexes = paid(Hopper(paid="apex"), TWO_PEAKS + AGAIN)
+    rewards, apexes = paid(Hopper(reward_type="apex"), TWO_PEAKS + AGAIN)
     np.testing.assert_allclose(rewards, [0, 0, 0, 30, 0, 0, 0, 0, 0, 5, 0, 0], atol=1e-5)
     assert apexes[7] == pytest.approx(0.5)  # what is reported is the whole flight's
 
@@ -61,8 +61,8 @@ def test_the_apex_variant_pays_the_first_apex_once_when_it_is_passed():
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_a_flight_below_hop_height_is_no_hop(variant):
     low = [(0.02, AIR), (0.03, AIR), (0.01, AIR), (0.0, GROUND)]
-    assert paid(Hopper(paid=variant), low) == ([0, 0, 0, 0], [None] * 4)
-    assert max(paid(Hopper(paid=variant, hop_height=0.029), low)[0]) == pytest.approx(3)
+    assert paid(Hopper(reward_type=variant), low) == ([0, 0, 0, 0], [None] * 4)
+    assert max(paid(Hopper(reward_type=variant, hop_height=0.029), low)[0]) == pytest.approx(3)
 
 
 def test_a_touch_of_the_ground_begins_a_new_flight():
@@ -118,11 +118,11 @@ def reference(task, heights, contacts, actions):
         earned = 0.0
         if contact > 0:
             highest = max(flight, height)
-            if task.paid == "landing" and highest > task.hop_height:
+            if task.reward_type == "landing" and highest > task.hop_height:
                 earned = highest
             flight, first = 0.0, False
         else:
-            if task.paid == "apex" and not first and height < flight and flight > task.hop_height:
+            if task.reward_type == "apex" and not first and height < flight and flight > task.hop_height:
                 earned, first = flight, True
             flight = max(flight, height)
         rewards.append(task.reward_scale * earned - task.penalty * 2 * sum(action))
@@ -131,7 +131,7 @@ def reference(task, heights, contacts, actions):
 
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_the_engine_pays_along_recorded_hops_what_the_rule_says(variant):
-    task = Hopper(paid=variant)
+    task = Hopper(reward_type=variant)
     stepper = stepper_for(task, agent_for(task), range(3), mode="sample")
     paid, seen, actions = [], [], []
     for _ in range(250):
@@ -163,7 +163,7 @@ def test_a_time_limit_is_in_seconds(limit, decisions):
 
 
 BAD = [
-    ("paid", "takeoff"),
+    ("reward_type", "takeoff"),
     *(("reward_scale", value) for value in (math.nan, math.inf)),
     *(("penalty", value) for value in (-0.1, math.nan, math.inf)),
     *(("hop_height", value) for value in (0.0, -1.0, math.nan, math.inf)),
@@ -232,9 +232,9 @@ def test_an_estimate_at_fixed_parameters_is_finite_and_not_nothing():
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_it_learns_to_hop(variant):
     # 400 s of practice; the untrained hopper's apex is about 0.09 m, most are past 0.3 m by then
-    run = train(Hopper(paid=variant), steps=40_000, seeds=4, window=2_500, progress=False)
+    run = train(Hopper(reward_type=variant), steps=40_000, seeds=4, window=2_500, progress=False)
     apex = run.curve("apex")[1]
-    untrained, learnt = np.median(apex[:, 0]), np.median(apex[:, -2:])
+    untrained, learned = np.median(apex[:, 0]), np.median(apex[:, -2:])
     assert untrained < 0.15
-    assert learnt > 2 * untrained
+    assert learned > 2 * untrained
     assert np.median(run.curve("reward")[1][:, -1]) > np.median(run.curve("reward")[1][:, 0])

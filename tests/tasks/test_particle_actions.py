@@ -1,4 +1,4 @@
-"""Graded actions on a particle: they multiply the forces, and units of learnt strength learn."""
+"""Graded actions on a particle: they multiply the forces, and units of learned strength learn."""
 
 import jax.numpy as jnp
 import numpy as np

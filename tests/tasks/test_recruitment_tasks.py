@@ -141,7 +141,7 @@ def test_readings_are_of_what_hangs_in_the_hand():
     assert np.isfinite(stepper.harvest()["height"][0])
 
 
-def test_a_learnt_pool_meets_an_added_load_with_more_force():
+def test_a_learned_pool_meets_an_added_load_with_more_force():
     added = LinearRecruitment(units=2, output="ratio", drift=Drift(0.25, 2, "steps", "load"))
     ideal = added.ideal_thresholds() - 0.125  # half of the time the load is 0.25 more
     loads, parts = (
@@ -177,15 +177,15 @@ def test_the_arm_is_paid_its_height_less_the_cost():
 
 
 def test_where_only_complete_lifts_pay_less_is_nothing():
-    task, graded = ArmRecruitment(units=4, paid="complete"), ArmRecruitment(units=4)
+    task, graded = ArmRecruitment(units=4, reward_type="complete"), ArmRecruitment(units=4)
     parts = jnp.linspace(0.0, 1.0, 201)
     for load in (0.5, 6.0, 13.0):
         height, whole = (np.asarray(each.effect(jnp.float32(load), parts)) for each in (task, graded))
         assert set(np.unique(height)) == {0.0, np.float32(10.0)}
         np.testing.assert_array_equal(height > 0, whole >= 9.99)
-    unloaded = ArmRecruitment(paid="complete", unloaded=2.0)
+    unloaded = ArmRecruitment(reward_type="complete", unloaded=2.0)
     assert float(unloaded.effect(jnp.float32(-1.0), jnp.float32(0.0))) == 2.0
-    assert make("arm-recruitment", units=4, paid="complete") == task
+    assert make("arm-recruitment", units=4, reward_type="complete") == task
 
 
 def test_the_best_activation_rises_from_nought_to_one():
@@ -298,7 +298,7 @@ ARM = [
     ({"drift": {"of": "loads"}}, "'loads': did you mean 'load'"),
     ({"drift": {"of": "load", "amount": 7.0}}, r"drift.amount = 7.0: must be such that high \+ drift.amount <= 20 kg"),
     ({"drift": {"of": "load", "amount": -1e7}}, "amount = -10000000.0: must be between -1e6 and 1e6"),
-    ({"paid": "full"}, "paid 'full': known are complete, height"),
+    ({"reward_type": "full"}, "reward_type 'full': known are complete, height"),
     ({"body": {"timestep": 3.0}}, "body.timestep = 3.0: must be .* at most 0.01 s"),
 ]
 

@@ -57,8 +57,8 @@ def test_a_chain_is_cut_and_begins_anew():
     np.testing.assert_array_equal(stepper.harvest()["episodes"], 2)
 
 
-def test_the_last_reward_of_an_episode_is_learnt_from():
-    # The chain's only reward is its end's, where the episode is over: without it nothing would be learnt.
+def test_the_last_reward_of_an_episode_is_learned_from():
+    # The chain's only reward is its end's, where the episode is over: without it nothing would be learned.
     task = EndedChain(length=3)
     stepper = learner(task, SEEDS)
     first = stepper.policies()

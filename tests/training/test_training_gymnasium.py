@@ -1,4 +1,4 @@
-"""Learning in Gymnasium environments: the engine on the host, runs that stop and go on, and what is learnt."""
+"""Learning in Gymnasium environments: the engine on the host, runs that stop and go on, and what is learned."""
 
 import json
 import pickle
@@ -204,7 +204,7 @@ def test_a_killed_run_ends_as_if_it_had_not_been(compiled_environment, tmp_path)
 
 
 @pytest.mark.slow
-def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learnt_of_its_senses(tmp_path):
+def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learned_of_its_senses(tmp_path):
     task = from_gymnasium("CartPole-v1", scaling="running", max_episode_steps=60)
     run = mg.train(task, steps=400, seeds=2, out=tmp_path / "run", progress=False)
     again = mg.load(tmp_path / "run")
@@ -217,14 +217,14 @@ def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learnt_of_
     assert_same(judged.readings, again.readings)
     assert judged.reward.tolist() == [1, 1]
     stepper = learner(task, run.seeds, mode="sample")
-    stepper.use(run.policies, run.memory)
+    stepper.set_policies(run.policies, run.memory)
     stepper.advance(100)
     memory = stepper.state["cycle"].memory
     assert memory.frozen.all()
     assert_same((memory.mean, memory.variance), (run.memory.mean, run.memory.variance))
     # The first observation was scaled by them, too.
     fresh = learner(task, run.seeds, mode="sample")
-    fresh.use(run.policies, run.memory)
+    fresh.set_policies(run.policies, run.memory)
     raw, seen = fresh.state["physics"]["packed"][:, :4], fresh.state["cycle"].observation[:, :4]
     wanted = (raw - run.memory.mean.mean) / np.sqrt(run.memory.variance.mean)
     np.testing.assert_allclose(seen, np.clip(wanted, -5, 5), rtol=1e-3, atol=1e-4)
@@ -272,7 +272,7 @@ def test_from_the_command_line(tmp_path, capsys):
         (spaces.Box(-1, 1, (2,)), "antagonists", "hyperplanes"),
     ],
 )
-def test_every_kind_of_actions_is_learnt_with(register, action, code, policy):
+def test_every_kind_of_actions_is_learned_with(register, action, code, policy):
     """What pays is the last of the alternatives in every part of the action."""
 
     class Paying(Counted):
@@ -303,7 +303,7 @@ def evaluated(task, agent, steps, seeds, decisions):
     return (mg.evaluate(run, decisions, untrained=untrained).readings["return"] for untrained in (True, False))
 
 
-def test_cart_pole_is_learnt_quickly():
+def test_cart_pole_is_learned_quickly():
     task = from_gymnasium("CartPole-v1", end_reward=-20.0)
     agent = Agent(mg.policies.softmax(task), olgarb(0.95), SGD(0.01))
     before, after = evaluated(task, agent, 8_000, 4, 1_000)
@@ -313,7 +313,7 @@ def test_cart_pole_is_learnt_quickly():
 
 
 @pytest.mark.slow
-def test_cart_pole_is_learnt_from_its_own_rewards_alone():
+def test_cart_pole_is_learned_from_its_own_rewards_alone():
     task = from_gymnasium("CartPole-v1")
     estimator = Estimator(Exponential(0.99), None, improve=500)
     agent = Agent(mg.policies.softmax(task), estimator, mg.learning.Adam(0.1))
@@ -329,7 +329,7 @@ SLOW = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mountain-car", "acrobot"])
-def test_a_goal_that_chance_seldom_finds_is_learnt(name):
+def test_a_goal_that_chance_seldom_finds_is_learned(name):
     """The settings of `docs/foreign-environments.md`, for a share of the decisions."""
     settings = dict(SLOW[name])
     rate, bar = settings.pop("rate"), settings.pop("bar")

@@ -56,7 +56,7 @@ def test_a_run_is_resumed_bit_for_bit(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_is_learnt_does_not_depend_on_how_many_decisions_are_asked_for_at_a_time():
+def test_what_is_learned_does_not_depend_on_how_many_decisions_are_asked_for_at_a_time():
     (whole, made), (parts, _) = engine(900), engine(77)
     assert made > 3 + 3  # beside the first of each seed
     assert_same(whole.state, parts.state)
@@ -94,10 +94,10 @@ def test_a_run_is_read_as_any_other(tmp_path):
         np.testing.assert_array_equal(mine, yours)
 
 
-def test_policies_that_are_put_in_place_are_learnt_from():
+def test_policies_that_are_put_in_place_are_learned_from():
     stepper, _ = engine(200, 200)
     other = jax.tree.map(lambda leaf: np.asarray(leaf) + np.float32(0.01), stepper.policies())
-    stepper.use(other)
+    stepper.set_policies(other)
     stepper.advance(1)
     for mine, yours in zip(jax.tree.leaves(stepper.policies().centre), jax.tree.leaves(other.centre), strict=True):
         np.testing.assert_allclose(mine, yours, atol=1e-3)
@@ -113,7 +113,7 @@ def test_a_table_that_gets_too_small_grows_and_gives_no_seed_other_numbers():
     stepper.advance(100)
     room = stepper._carry[0].agent.index.table.shape[-1]
     grown = jax.tree.map(lambda narrow, broad: np.stack([narrow, broad]), start, wide)
-    stepper.use(grown)
+    stepper.set_policies(grown)
     stepper.advance(100)
     assert stepper._carry[0].agent.index.table.shape[-1] > room
     alone = stepper_for(task, agent, [0])

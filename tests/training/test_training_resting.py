@@ -1,4 +1,4 @@
-"""Decisions that nothing periodic follows: skipping what has nothing to do changes nothing that is learnt."""
+"""Decisions that nothing periodic follows: skipping what has nothing to do changes nothing that is learned."""
 
 import copy
 from typing import Any
@@ -49,7 +49,7 @@ def stepper(complete=False, mode: Any = "learn"):
 
 
 def watched(found):
-    """For every decision, whether it was learnt from resting."""
+    """For every decision, whether it was learned from resting."""
     seen = []
 
     def watch(learn, rested):
@@ -65,7 +65,7 @@ def watched(found):
     return seen
 
 
-def test_what_is_learnt_is_the_same_with_and_without_resting():
+def test_what_is_learned_is_the_same_with_and_without_resting():
     resting, complete = stepper(), stepper(complete=True)
     before = resting.state
     seen = watched(resting)

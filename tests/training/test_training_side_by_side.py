@@ -99,7 +99,7 @@ def test_what_is_watched_and_used_is_each_seeds_own(begun):
     assert len(np.unique(position, axis=0)) > 1
     numbers = np.arange(len(SEEDS), dtype=np.float32)
     marked = jax.tree.map(lambda leaf: leaf + numbers.reshape(-1, *[1] * (leaf.ndim - 1)), begun.policies())
-    begun.use(marked)
+    begun.set_policies(marked)
     assert_same(begun.policies(), marked)
 
 

@@ -110,7 +110,8 @@ def test_random_numbers_differ_between_seeds_purposes_and_blocks():
 @pytest.mark.representatives("chain", "hopper")
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_another_seed_changes_no_bit_of_an_untrained_agents_life(name):
-    # Nothing is learnt, so the actions are the random numbers': world, physics and what is seen are equal in every bit.
+    # Nothing is learned, so the actions are the random numbers': world, physics and what is seen are equal in every
+    # bit.
     few, many = (reborn(name, seeds, mode="sample") for seeds in (SEEDS, MORE))
     for _ in range(3):
         few.advance(50)
@@ -157,7 +158,7 @@ def test_used_policies_are_those_that_act(name):
     taught, frozen = reborn(name, SEEDS), reborn(name, SEEDS, mode="sample")
     taught.advance(200)
     assert_differ(taught.policies(), frozen.policies())
-    frozen.use(taught.policies())
+    frozen.set_policies(taught.policies())
     assert_same(frozen.policies(), taught.policies())
     frozen.advance(20)
     assert_same(frozen.policies(), taught.policies())

@@ -101,7 +101,7 @@ def test_event_files_of_a_sweep_are_refused(tmp_path):
         go({"decay": DECAYS}, out=tmp_path / "run", tensorboard=True)
 
 
-# ---- what is learnt
+# ---- what is learned
 
 
 def test_a_setting_of_a_sweep_is_the_run_with_that_setting_bit_for_bit():

@@ -34,13 +34,13 @@ def critic(fit: CriticFit = SQUARES, decay: float = 0.5) -> LinearCritic:
 
 
 def values(fit: CriticFit, lengths: list[int], decay: float = 0.5) -> np.ndarray:
-    """How far learnt values are from the exact differential ones, relative to their spread: `(seeds, lengths)`."""
+    """How far learned values are from the exact differential ones, relative to their spread: `(seeds, lengths)`."""
     exact = oracle.values(TASK.dynamics, POLICY)
     stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic(fit, decay), 0.5, "never")), range(SEEDS)), []
     for length in lengths:
         stepper.advance(length - stepper.decision)
-        learnt = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T
-        off = (learnt - learnt.mean(1, keepdims=True)) - (exact - exact.mean())
+        learned = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T
+        off = (learned - learned.mean(1, keepdims=True)) - (exact - exact.mean())
         found.append(np.linalg.norm(off, axis=1) / np.linalg.norm(exact - exact.mean()))
     return np.array(found).T
 

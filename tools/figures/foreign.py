@@ -1,4 +1,4 @@
-"""The figure of foreign environments: how three of Gymnasium's are learnt."""
+"""The figure of foreign environments: how three of Gymnasium's are learned."""
 
 import numpy as np
 from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Figures of growing pools, learnt on a line where firing pays at four places."""
+"""Figures of growing pools, learned on a line where firing pays at four places."""
 
 from typing import Any
 

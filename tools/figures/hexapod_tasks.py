@@ -44,7 +44,7 @@ def task() -> Figure:
     feet.set_yticklabels([leg.replace("_", " ") for leg in LEGS], fontsize=6)
     turning.plot(time, seen[:, 18], color=BLUE, label='"yaw" (rad/s)')
     turning.plot(time, seen[:, 19], color=ORANGE, label=f'"course" (rad), of {ALL.course} decisions')
-    reward.plot(time, paid, color="0.25", label='paid="heading"')
+    reward.plot(time, paid, color="0.25", label='reward_type="heading"')
     reward.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
     reward.set(xlabel="time (s)", ylabel="reward", xlim=(0, SECONDS))
     for axes in (angles, turning, reward):

@@ -1,4 +1,4 @@
-"""Figures of the hopper's task: how a hop is paid, how hopping is learnt, and what changes."""
+"""Figures of the hopper's task: how a hop is paid, how hopping is learned, and what changes."""
 
 import dataclasses
 from typing import Any
@@ -69,8 +69,8 @@ def task(work: Work) -> Figure:
         height.text(time[-1] * 1.005, base + 0.045, name, color=colour, va="center", fontsize=7)
     height.set(ylabel="foot height (m)")
     for name, colour, offset in (("landing", BLUE, -0.004), ("apex", ORANGE, 0.004)):
-        got = rewards(dataclasses.replace(TASK, paid=name), sensors, firing)[part]
-        paid.vlines(time + offset, 0, got, color=colour, label=f'paid="{name}"')
+        got = rewards(dataclasses.replace(TASK, reward_type=name), sensors, firing)[part]
+        paid.vlines(time + offset, 0, got, color=colour, label=f'reward_type="{name}"')
     paid.set(xlabel="time (s)", ylabel="reward", xlim=(0, time[-1]))
     paid.legend(loc="upper left", ncols=2)
     paid.set_ylim(top=1.25 * paid.get_ylim()[1])

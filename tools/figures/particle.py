@@ -1,4 +1,4 @@
-"""Figures of the tasks on a particle: regions, fields, paths, and how they are learnt."""
+"""Figures of the tasks on a particle: regions, fields, paths, and how they are learned."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,23 +31,23 @@ def layouts() -> Figure:
 
 
 def falling_learning(work: Work) -> Figure:
-    """Learning curves of three layouts, and a learnt policy."""
+    """Learning curves of three layouts, and a learned policy."""
     figure, (curve, one, two) = panels(3, height=2.9, width_ratios=[1.25, 1, 1])
-    learnt = {}
+    learned = {}
     for name, colour in zip(("R1", "R2", "R3"), COLOURS, strict=False):
         task = FallingParticle(layout=name)
         run = work.train(task, None, 49_000, SEEDS)
         decisions, rewards = run.curve()
         band(curve, decisions / 1000, rewards, colour, name)
-        learnt[name] = task, run.policy(0)
+        learned[name] = task, run.policy(0)
     curve.set(xlabel="thousand decisions", ylabel="mean reward", ylim=(None, 0.4))
     curve.legend(loc="lower right", ncols=3)
     for panel, name in ((one, "R1"), (two, "R2")):
-        task, policy = learnt[name]
+        task, policy = learned[name]
         draw_reward(panel, task)
         draw_units(panel, policy, task.dynamics.forces)
         _paths(panel, task, policy, 10)
-        panel.set_title(f"{name}, learnt")
+        panel.set_title(f"{name}, learned")
     return figure
 
 
@@ -86,7 +86,7 @@ def orbit() -> Figure:
 
 
 def orbit_learning(work: Work) -> Figure:
-    """The radius over time for both rewards, and one path of each learnt policy."""
+    """The radius over time for both rewards, and one path of each learned policy."""
     figure, (curve, wide, narrow) = panels(3, height=2.9, width_ratios=[1.25, 1, 1])
     for wanted, panel, colour in (("wide", wide, BLUE), ("narrow", narrow, RED)):
         task = ParticleOrbit(wanted=wanted)  # type: ignore[arg-type]
@@ -95,7 +95,7 @@ def orbit_learning(work: Work) -> Figure:
         band(curve, decisions / 1000, radius, colour, f'"{wanted}"')
         _paths(panel, task, run.policy(0), 1, 150, colour)
         draw_regions(panel, (), task.physics.walls)
-        panel.set_title(f'"{wanted}", learnt')
+        panel.set_title(f'"{wanted}", learned')
     level(curve, ParticleOrbit().physics.orbit_radius, "without pushes")
     curve.set(xlabel="thousand decisions", ylabel="mean radius", ylim=(0, 0.55))
     curve.legend(loc="center right", bbox_to_anchor=(1, 0.8))
@@ -119,7 +119,7 @@ def navigation() -> Figure:
 
 
 def navigation_learning(work: Work) -> Figure:
-    """Decisions to the goal, and the flow that was learnt."""
+    """Decisions to the goal, and the flow that was learned."""
     task = ParticleNavigation()
     figure, (curve, flow) = panels(2, height=3.2)
     run = work.train(task, None, 100_000, SEEDS)

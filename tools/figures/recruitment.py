@@ -1,4 +1,4 @@
-"""Figures of motoneuron recruitment: the linear mapping, and how the arm's task is learnt."""
+"""Figures of motoneuron recruitment: the linear mapping, and how the arm's task is learned."""
 
 from typing import Any
 

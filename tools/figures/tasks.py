@@ -1,4 +1,4 @@
-"""Figures of the tasks on finite MDPs: what they are, and how they are learnt."""
+"""Figures of the tasks on finite MDPs: what they are, and how they are learned."""
 
 from typing import Any
 

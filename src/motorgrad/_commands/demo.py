@@ -1,4 +1,4 @@
-"""`motorgrad demo`: train hoppers, and show what they learnt."""
+"""`motorgrad demo`: train hoppers, and show what they learned."""
 
 import dataclasses
 import os

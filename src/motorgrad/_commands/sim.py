@@ -23,7 +23,7 @@ from motorgrad.training import RunDirectoryError, agent_table, load
 USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
 
 Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns, a body
-or an MJCF file is simulated without a learner, and a run continues from its learnt policy.
+or an MJCF file is simulated without a learner, and a run continues from its learned policy.
 """
 
 

@@ -58,7 +58,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
 
 
 def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
-    """Seconds, of all seeds together, that are simulated and learnt from per second, for a `body_row`."""
+    """Seconds, of all seeds together, that are simulated and learned from per second, for a `body_row`."""
     assert row.other is not None
     ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
     return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
@@ -147,9 +147,9 @@ def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
     The other column has the figures of an independent model with the same numbers, rewarded at the first apex with a
     decay of 0.98: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds.
     """
-    for paid, decay in SETTINGS:
+    for reward_type, decay in SETTINGS:
         start = time.perf_counter()
-        task = Hopper(paid=paid)
+        task = Hopper(reward_type=reward_type)
         run = train(
             task,
             agent_for(task, decay=decay),
@@ -162,7 +162,7 @@ def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
         decision, apex = run.curve("apex")
         each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
         simulated, last = float(np.median(each)), np.nanmean(apex[:, -8:], axis=1)
-        name = f"hopper paid at {paid}, decay {decay}, {seeds} seeds"
+        name = f"hopper rewarded at {reward_type}, decay {decay}, {seeds} seeds"
         yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
         yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s")
         yield Row(f"   apex at {seconds:.0f} s", float(np.median(last)), 0.72, "m", None, (last.min(), last.max()))

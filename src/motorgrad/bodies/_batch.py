@@ -3,7 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -184,9 +184,11 @@ class BodyBatch:
         self._batch.set_models(self.models)
         np.copyto(self._batch.state, state)
 
-    def unpack(self, packed: Any) -> BodyState:
-        """Unpack `packed`, or any array (..., width), by name: by slicing only, so it takes NumPy, JAX and tracers."""
-        return self._layout.unpack(packed)
+    @property
+    def unpack(self) -> Callable[[Any], BodyState]:
+        """The function that unpacks `packed`, or any array (..., width), by name: by slicing only, so it takes NumPy,
+        JAX and tracers. It knows the layout alone, so compiled code that holds it keeps no simulation alive."""
+        return self._layout.unpack
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything `restore` needs, copied: physics `state` (seeds, n), `packed`, `diverged`."""

@@ -66,7 +66,7 @@ def animate(
     *,
     progress: bool = True,
 ) -> Film:
-    """Film how a run in a particle's plane was learnt; `motorgrad.sim.film_learning` describes the film.
+    """Film how a run in a particle's plane was learned; `motorgrad.sim.film_learning` describes the film.
 
     **Arguments:**
 
@@ -132,8 +132,8 @@ def recorded_policies(run: Run, records: Sequence[int] | Int[np.ndarray, " _"], 
 
 def _with(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> Policy:
     """The policy with these parameters."""
-    learnt, fixed = split(policy)
-    return eqx.combine(ravel_pytree(learnt)[1](numbers), fixed)
+    learned, fixed = split(policy)
+    return eqx.combine(ravel_pytree(learned)[1](numbers), fixed)
 
 
 def _switched(policies: Masked, units: Float[np.ndarray, "records seeds"]) -> Masked:

@@ -30,7 +30,7 @@ from motorgrad.experiments.chapter_5.extensions.beyond_5_3_4_muscles import Musc
 from motorgrad.experiments.chapter_5.extensions.beyond_5_4_1_synergies import FoundSynergies
 from motorgrad.experiments.chapter_5.extensions.section_5_3_3_forces import Forces
 from motorgrad.experiments.chapter_5.extensions.section_5_3_3_morphology import Morphology
-from motorgrad.experiments.chapter_5.extensions.section_5_4_1_primitive import LearntPrimitives
+from motorgrad.experiments.chapter_5.extensions.section_5_4_1_primitive import LearnedPrimitives
 from motorgrad.experiments.chapter_5.extensions.section_5_4_1_stride import StridePeriod
 from motorgrad.experiments.chapter_5.figure_5_1 import MusclePair
 from motorgrad.experiments.chapter_5.figure_5_2 import HopperBody
@@ -42,7 +42,7 @@ from motorgrad.experiments.chapter_5.hexapod.figure_5_7 import StateMachine
 from motorgrad.experiments.chapter_5.hexapod.figure_5_8 import TwoGaits
 from motorgrad.experiments.chapter_5.hexapod.figure_5_9 import BiomimeticHexapod
 from motorgrad.experiments.chapter_5.hexapod.section_5_3_3_terrain import RoughGround
-from motorgrad.experiments.chapter_5.hexapod.section_5_3_4_gaits import LearntGaits
+from motorgrad.experiments.chapter_5.hexapod.section_5_3_4_gaits import LearnedGaits
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_1 import Approximators
@@ -103,9 +103,9 @@ EXPERIMENTS: dict[str, type[Experiment]] = {
         Morphology,
         Forces,
         TwoGaits,
-        LearntGaits,
+        LearnedGaits,
         Muscles,
-        LearntPrimitives,
+        LearnedPrimitives,
         FoundSynergies,
         BiomimeticHexapod,
         StridePeriod,

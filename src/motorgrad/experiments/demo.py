@@ -1,4 +1,4 @@
-"""The demonstration: train hoppers, evaluate them before and after, film them, and report what they learnt."""
+"""The demonstration: train hoppers, evaluate them before and after, film them, and report what they learned."""
 
 import dataclasses
 import math
@@ -59,7 +59,7 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
 
 
 def in_words(shown: Demonstration) -> list[str]:
-    """What was learnt, as lines of text."""
+    """What was learned, as lines of text."""
 
     def apex(outcome: Evaluation) -> str:
         values = np.nan_to_num(outcome.readings["apex"])

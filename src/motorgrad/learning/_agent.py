@@ -84,6 +84,9 @@ class Agent(Part):
         optimizer=mg.learning.SGD(5e-4),
     )
     ```
+
+    Its methods are pure functions. Compile them with `equinox.filter_jit(agent.improve)`: `jax.jit` refuses a bound
+    method of a tree that holds arrays, because it cannot hash them.
     """
 
     aliases: ClassVar[Mapping[str, str]] = {
@@ -125,7 +128,7 @@ class Agent(Part):
 
     @property
     def hyperparameters(self) -> Self:
-        """The tree without the policy, whose numbers are learnt: its leaves are all numbers that may be changed."""
+        """The tree without the policy, whose numbers are learned: its leaves are all numbers that may be changed."""
         return self.with_policy(None)
 
     def with_policy(self, policy: Any) -> Self:
@@ -161,14 +164,14 @@ class Agent(Part):
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
         chain = self.chain
-        recalls = chain.recalls or self.estimator.recalls
+        needs_decision = chain.needs_decision or self.estimator.needs_decision
         return AgentState(
             policy=policy,
             estimator=self.estimator.init(policy),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
-            decision=_no_decision(policy, leaves[0].dtype) if recalls else None,
-            steps=jnp.zeros((), jnp.int32) if chain.counts or changes(self.hyperparameters) else None,
+            decision=_no_decision(policy, leaves[0].dtype) if needs_decision else None,
+            steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
         )
 
@@ -198,7 +201,7 @@ class Agent(Part):
 
         `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped, nothing is learnt from it, and the trace restarts.
+        sample is dropped, nothing is learned from it, and the trace restarts.
         """
         recalled = (None, None) if state.decision is None else state.decision
         transition = Transition(*recalled, reward, next_observation, terminated, diverged)
@@ -221,14 +224,14 @@ class Agent(Part):
         fresh = self.estimator.restart(state.estimator, state.policy)
         return state._replace(estimator=where(ended, fresh, state.estimator))
 
-    def kept(self, state: AgentState) -> Policy:
+    def final_policy(self, state: AgentState) -> Policy:
         """The policy to keep: the averaged one where there is one, else the one that acts. States of many seeds are
         allowed."""
-        return self.chain.kept(state.chain, state.policy)
+        return self.chain.final_policy(state.chain, state.policy)
 
-    def use(self, state: AgentState, policy: Policy) -> AgentState:
+    def set_policy(self, state: AgentState, policy: Policy) -> AgentState:
         """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        chain = self.chain.map(lambda stage, inner: stage.replaced(inner, policy), state.chain)
+        chain = self.chain.map(lambda stage, inner: stage.reset(inner, policy), state.chain)
         return state._replace(policy=policy, chain=chain)
 
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
@@ -245,7 +248,7 @@ class Agent(Part):
         if self.growth is None or state.growth is None:
             return state
         growth, policy, new = self.growth.advance(state.growth, state.policy)
-        chain = self.chain.map(lambda stage, inner: stage.renew(inner, new), state.chain)
+        chain = self.chain.map(lambda stage, inner: stage.after_growth(inner, new), state.chain)
         return state._replace(growth=growth, policy=policy, chain=chain)
 
     @property
@@ -286,11 +289,11 @@ class Agent(Part):
         stages = self.chain
         updates, chain = stages.update(gradient, state.chain, state.policy, state.steps, due)
         if self.growth is not None and state.growth is not None:
-            updates = self.growth.paced(state.growth, updates)
+            updates = self.growth.scale_updates(state.growth, updates)
         updates = stages.constrain(updates, chain, state.policy, state.steps, due)
         moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
         steps = None if state.steps is None else state.steps + 1
-        chain = stages.map(lambda stage, inner: stage.moved(inner, moved, steps), chain)
+        chain = stages.map(lambda stage, inner: stage.after_step(inner, moved, steps), chain)
         return state._replace(policy=moved, chain=chain, steps=steps)
 
 

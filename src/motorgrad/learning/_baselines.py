@@ -61,7 +61,7 @@ class Advantage(NamedTuple):
 class Baseline(Part):
     """What rewards are compared with: a baseline or a critic."""
 
-    recalls: ClassVar[bool] = False
+    needs_decision: ClassVar[bool] = False
     """Whether `update` needs the observation and the action of the transition."""
 
     @abc.abstractmethod
@@ -75,7 +75,7 @@ class Baseline(Part):
     @abc.abstractmethod
     def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
         """The advantage of a transition, and the state after it. A transition that diverged must not change what the
-        baseline has learnt."""
+        baseline has learned."""
 
     def observe(self, state: Any, observation: Float[Array, " inputs"]) -> Any:
         """The state once an action is chosen on `observation`."""
@@ -167,7 +167,7 @@ class FixedStep(_ScalarBaseline):
 class InputBaseline(Baseline):
     """A baseline that depends on the observation on which the newest action was taken."""
 
-    recalls: ClassVar[bool] = True
+    needs_decision: ClassVar[bool] = True
 
     @abc.abstractmethod
     def value_at(self, state: Any, observation: Float[Array, " inputs"]) -> Float[Array, ""]:

@@ -44,9 +44,9 @@ class Transformation(Part):
     ```
     """
 
-    recalls: ClassVar[bool] = False
+    needs_decision: ClassVar[bool] = False
     """Whether `observe` needs the observation and the action of the transition."""
-    counts: ClassVar[bool] = False
+    needs_steps: ClassVar[bool] = False
     """Whether a method needs the number of steps that the parameters have made."""
 
     def init(self, policy: Policy) -> Any:
@@ -70,19 +70,19 @@ class Transformation(Part):
         """The step, limited as a whole. It sees what all transformations have made of the gradient."""
         return updates
 
-    def moved(self, state: Any, policy: Policy, steps: Any) -> Any:
+    def after_step(self, state: Any, policy: Policy, steps: Any) -> Any:
         """The state after the parameters have moved to those of `policy`, in the last of so many `steps`."""
         return state
 
-    def kept(self, state: Any, policy: Policy) -> Policy:
+    def final_policy(self, state: Any, policy: Policy) -> Policy:
         """The policy to keep, for a run and its evaluation. States and policies of many seeds are allowed."""
         return policy
 
-    def replaced(self, state: Any, policy: Policy) -> Any:
+    def reset(self, state: Any, policy: Policy) -> Any:
         """The state after another policy was put in place, for one seed or for many."""
         return state
 
-    def renew(self, state: Any, new: Bool[Array, " units"]) -> Any:
+    def after_growth(self, state: Any, new: Bool[Array, " units"]) -> Any:
         """The state after units were added to a pool that grows."""
         return state
 
@@ -208,7 +208,7 @@ class PolyakAveraging(Transformation):
     - `rate`: $\rho \in [0, 1]$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps.
     """
 
-    counts: ClassVar[bool] = True
+    needs_steps: ClassVar[bool] = True
 
     start: int = count(0)
     rate: float = number(0.0, 0, 1)
@@ -216,17 +216,17 @@ class PolyakAveraging(Transformation):
     def init(self, policy: Policy) -> RunningMean:
         return running_mean(trainable(policy))._replace(mean=trainable(policy))
 
-    def moved(self, state: RunningMean, policy: Policy, steps: Int[Array, ""]) -> RunningMean:
+    def after_step(self, state: RunningMean, policy: Policy, steps: Int[Array, ""]) -> RunningMean:
         parameters = trainable(policy)
         late = steps > self.start
         averaged = add_sample(state, parameters, self.rate)
         copied = running_mean(parameters)._replace(mean=parameters)
         return jax.tree.map(lambda new, old: jnp.where(late, new, old), averaged, copied)
 
-    def kept(self, state: RunningMean, policy: Policy) -> Policy:
+    def final_policy(self, state: RunningMean, policy: Policy) -> Policy:
         return eqx.combine(state.mean, split(policy)[1])
 
-    def replaced(self, state: RunningMean, policy: Policy) -> RunningMean:
+    def reset(self, state: RunningMean, policy: Policy) -> RunningMean:
         fresh = jax.tree.map(jnp.zeros_like, state)
         return fresh._replace(mean=trainable(policy))
 
@@ -237,14 +237,14 @@ class Chain(NamedTuple):
     stages: tuple[Transformation, ...]
 
     @property
-    def recalls(self) -> bool:
+    def needs_decision(self) -> bool:
         """Whether any stage needs the observation and the action of a transition."""
-        return any(stage.recalls for stage in self.stages)
+        return any(stage.needs_decision for stage in self.stages)
 
     @property
-    def counts(self) -> bool:
+    def needs_steps(self) -> bool:
         """Whether any stage needs the number of steps."""
-        return any(stage.counts for stage in self.stages)
+        return any(stage.needs_steps for stage in self.stages)
 
     def init(self, policy: Policy) -> tuple[Any, ...]:
         return tuple(stage.init(policy) for stage in self.stages)
@@ -271,10 +271,10 @@ class Chain(NamedTuple):
             updates = stage.constrain(updates, state, policy, steps, due)
         return updates
 
-    def kept(self, states: tuple[Any, ...], policy: Policy) -> Policy:
+    def final_policy(self, states: tuple[Any, ...], policy: Policy) -> Policy:
         """The policy to keep."""
         for stage, state in zip(self.stages, states, strict=True):
-            policy = stage.kept(state, policy)
+            policy = stage.final_policy(state, policy)
         return policy
 
 

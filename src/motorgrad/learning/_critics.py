@@ -42,7 +42,7 @@ class CriticStep(NamedTuple):
 
 
 class CriticFit(Part):
-    """How the weights of a linear critic are learnt."""
+    """How the weights of a linear critic are learned."""
 
     @abc.abstractmethod
     def init(self, weights: Weights) -> Any:
@@ -50,7 +50,7 @@ class CriticFit(Part):
 
     @abc.abstractmethod
     def update(self, weights: Weights, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Weights, Any]:
-        """The weights and the state after one decision. One that is to be `dropped` changes nothing learnt."""
+        """The weights and the state after one decision. One that is to be `dropped` changes nothing learned."""
 
     @abc.abstractmethod
     def restart(self, state: Any) -> Any:
@@ -135,7 +135,7 @@ class LeastSquares(CriticFit):
     """
 
     rate: float = number(1e-3, 0, 1)
-    initial: float = number(1.0, 0, open_low=True)
+    initial: float = number(1.0, 0, open_low=True, at_start=True)
     damping: float = number(1e-3, 0)
     interval: int = count(100, 1)
 
@@ -221,7 +221,7 @@ class CriticState(NamedTuple):
 
 
 class LinearCritic(Baseline):
-    r"""A value function $v(y_t) = w \cdot \phi(y_t, a_{t-1})$, learnt from rewards, and its temporal differences.
+    r"""A value function $v(y_t) = w \cdot \phi(y_t, a_{t-1})$, learned from rewards, and its temporal differences.
 
     Without a `discount` it is for the average reward: $\gamma = 1$, $\rho$ is the running mean of rewards, and $v$ is
     the *differential* value, the sum of what is yet to be earned above the mean, known but for a constant (Tsitsiklis &
@@ -237,7 +237,7 @@ class LinearCritic(Baseline):
     - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
     - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. The longer the trace, the less it matters that $\phi$
       cannot tell all states apart, and the noisier $v$ is. 1 for the average reward needs a task with episodes.
-    - `fit`: how $w$ is learnt, `TemporalDifference` or `LeastSquares`.
+    - `fit`: how $w$ is learned, `TemporalDifference` or `LeastSquares`.
 
     **Raises:** `ValueError` for a value out of range; from `init`, for features that are no vector.
 
@@ -247,7 +247,7 @@ class LinearCritic(Baseline):
     ```
     """
 
-    recalls: ClassVar[bool] = True
+    needs_decision: ClassVar[bool] = True
 
     features: Features | Callable[..., Any] = Features()
     discount: float | None = number(None, 0, 1)

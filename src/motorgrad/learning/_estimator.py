@@ -28,9 +28,9 @@ class RootMeanSquare(Part):
     r"""Advantage normalization: divides advantages $\delta$ by $\sqrt{v}$, where $v$ is a running mean of $\delta^2$.
 
     A learning rate then says how far an advantage of usual size moves the parameters. It means the same for rewards of
-    any unit, and steps keep their length where rewards spread less and less while a task is learnt. The mean forgets as
-    $v \leftarrow v + \gamma\,(\delta^2 - v)$ and is corrected for its start as Adam's is (Kingma & Ba, 2015), so that
-    the first advantage counts as one. The mean includes the newest advantage, so none counts as more than
+    any unit, and steps keep their length where rewards spread less and less while a task is learned. The mean forgets
+    as $v \leftarrow v + \gamma\,(\delta^2 - v)$ and is corrected for its start as Adam's is (Kingma & Ba, 2015), so
+    that the first advantage counts as one. The mean includes the newest advantage, so none counts as more than
     $1/\sqrt\gamma$; this couples the two, a bias of the order of $\gamma$.
 
     **Arguments:**
@@ -108,9 +108,9 @@ class Estimator(Part):
         return self.improve == 1
 
     @property
-    def recalls(self) -> bool:
+    def needs_decision(self) -> bool:
         """Whether a decision must be remembered until its reward comes."""
-        return self.entropy is not None or (self.baseline is not None and self.baseline.recalls)
+        return self.entropy is not None or (self.baseline is not None and self.baseline.needs_decision)
 
     def needs_episodes(self) -> dict[str, str]:
         """The settings that need a task with episodes, by path."""
@@ -145,7 +145,7 @@ class Estimator(Part):
     ) -> tuple[PyTree[Array], EstimatorState]:
         r"""The gradient sample of a transition, $g = \delta z$, and the state after it.
 
-        A transition that diverged changes nothing learnt, and its sample is to be dropped.
+        A transition that diverged changes nothing learned, and its sample is to be dropped.
         """
         advantage, baseline = self._advantage(state, policy, transition)
         factors, normalization = [], state.normalization

@@ -54,11 +54,11 @@ class FisherMetric(Metric):
     does not fit its field.
     """
 
-    recalls: ClassVar[bool] = True
+    needs_decision: ClassVar[bool] = True
 
     rate: float = number(1e-3, 0, 1, open_low=True)
     damping: float | dict[str, Any] = number(0.01, 0, groups=True)
-    initial: float = number(1.0, 0)
+    initial: float = number(1.0, 0, at_start=True)
     kl: float | Annealed | None = number(None, 0)
 
     def init(self, policy: Policy) -> Blocks:
@@ -88,7 +88,7 @@ class FisherMetric(Metric):
 
         return where_any(due, bounded, updates)
 
-    def renew(self, state: Blocks, new: Bool[Array, " units"]) -> Blocks:
+    def after_growth(self, state: Blocks, new: Bool[Array, " units"]) -> Blocks:
         return tuple(jnp.where(new[:, None, None], _identities(block[:, 0], self.initial), block) for block in state)
 
     def precondition(self, state: Blocks, policy: Policy, gradient: Any) -> Any:

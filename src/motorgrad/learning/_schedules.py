@@ -1,4 +1,4 @@
-"""Numbers that change while a policy is learnt."""
+"""Numbers that change while a policy is learned."""
 
 from typing import Any
 

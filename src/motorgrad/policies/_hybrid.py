@@ -1,4 +1,4 @@
-"""Policies that combine binary decisions with real numbers: units of learnt strength, and motor primitives."""
+"""Policies that combine binary decisions with real numbers: units of learned strength, and motor primitives."""
 
 import math
 from typing import Any, Self
@@ -27,7 +27,7 @@ from motorgrad.policies._policy import (
 
 
 class GradedPool(Policy):
-    r"""Binary units with a learnt strength, $a_i = f_i\,(m_i + s_i\,\varepsilon_i)$.
+    r"""Binary units with a learned strength, $a_i = f_i\,(m_i + s_i\,\varepsilon_i)$.
 
     $f_i \in \{0, 1\}$ is the decision of a pool and $\varepsilon_i \sim \mathcal N(0, 1)$ (section 6.5.4 of the thesis,
     with the stochastic real-valued units of section 6.2.3). The pool decides where a unit fires, the strength $m$ how
@@ -307,7 +307,7 @@ def graded_tiles(
     deviation: float = 0.5,
     floor: float = 0.05,
 ) -> GradedPool:
-    """Local Gaussian units laid out by `tiles`, which act with a learnt `strength` when they fire.
+    """Local Gaussian units laid out by `tiles`, which act with a learned `strength` when they fire.
 
     A negative strength acts against the force of the unit. The strength is drawn with a standard deviation that starts
     at `deviation`; learning keeps it above `floor`.

@@ -1,4 +1,4 @@
-"""Local units: the contract, Gaussian units of fixed and of learnt height, and their layout over the inputs."""
+"""Local units: the contract, Gaussian units of fixed and of learned height, and their layout over the inputs."""
 
 import abc
 import math
@@ -141,7 +141,7 @@ class LocalGaussians(GaussianUnits):
 
 
 class FreeGaussians(GaussianUnits):
-    r"""Local Gaussian units of learnt height, $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$.
+    r"""Local Gaussian units of learned height, $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$.
 
     The density is normalised as in equation 6.1 of the thesis: a unit that widens becomes lower, hence the $z^2 - 1$ in
     its score.

@@ -31,7 +31,8 @@ class ArmRecruitment(Recruitment):
 
     - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` is ignored.
     - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 per second).
-    - `paid`: `"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete counts as none.
+    - `reward_type`: `"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete counts
+      as none.
     - `scale`: the height of the full lift.
     - `cost`: of the whole pool's firing.
     - `unloaded`: the height credited for loads of 0 and below, whatever fires.
@@ -54,7 +55,7 @@ class ArmRecruitment(Recruitment):
 
     body: Arm = dataclasses.field(default_factory=Arm)
     height: Literal["table", "direct"] = "table"
-    paid: Literal["height", "complete"] = "height"
+    reward_type: Literal["height", "complete"] = "height"
     scale: float = 10.0
     cost: float = 4.0
     unloaded: float = 0.0
@@ -87,7 +88,7 @@ class ArmRecruitment(Recruitment):
         force = self.body.strength * strength * ratio
         lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
         part = lifted(load, force)
-        if self.paid == "complete":
+        if self.reward_type == "complete":
             part = jnp.where(part > COMPLETE, part, 0.0)
         return jnp.where(load > 0, self.scale * part, self.unloaded)
 

@@ -44,9 +44,9 @@ class Hopper(BodyTask):
     **Arguments:**
 
     - `body`: the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`.
-    - `paid`: `"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the flight's first
-      apex when it is reached, which is sooner after the push and learnt sooner, but may be less than the flight was
-      worth.
+    - `reward_type`: `"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the
+      flight's first apex when it is reached, which is sooner after the push and learned sooner, but may be less than
+      the flight was worth.
     - `reward_scale`: reward per metre.
     - `penalty`: cost of an active muscle per decision.
     - `hop_height` (m): lower flights do not count.
@@ -67,7 +67,7 @@ class Hopper(BodyTask):
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "learning_rate": 5e-4}
 
     body: HopperBody = dataclasses.field(default_factory=HopperBody)
-    paid: Literal["landing", "apex"] = "landing"
+    reward_type: Literal["landing", "apex"] = "landing"
     reward_scale: float = 100.0
     penalty: float = 0.1
     hop_height: float = 0.03
@@ -99,7 +99,7 @@ class Hopper(BodyTask):
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        """For the velocity, the range of learnt hops, about ±50 rad/s."""
+        """For the velocity, the range of learned hops, about ±50 rad/s."""
         low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)
         fast = max(FASTEST * abs(self.velocity_scale), 1e-6)
         knee = (low, high), (-fast, fast)
@@ -135,10 +135,10 @@ class Hopper(BodyTask):
         landed = jnp.where(down & (height > self.hop_height), height, 0.0)
         # The first apex has passed when the foot is below its greatest height for the first time in this flight.
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
-        paid = landed if self.paid == "landing" else jnp.where(over, memory.height, 0.0)
+        reward = landed if self.reward_type == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
         cost = self.penalty * jnp.sum(self.control(action, memory) * self._muscles_per_group)
-        return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * paid - cost, False
+        return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * reward - cost, False
 
     def readings(self, memory: HopperMemory, state: BodyState) -> dict[str, Reading]:
         """`apex`: the greatest foot height (m) of a flight that has just ended."""

@@ -2,7 +2,7 @@
 
 import abc
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import jax
@@ -37,8 +37,13 @@ class HostBatch(Protocol):
     def reset(self, rows: Any = None) -> None:
         """Start a new episode in these rows, by default in all."""
 
-    def unpack(self, packed: Any) -> Any:
-        """The state seen by the task's functions, from one packed row or any array of rows."""
+    @property
+    def unpack(self) -> Callable[[Any], Any]:
+        """The function from one packed row, or any array of rows, to the state that the task's functions see.
+
+        Compiled programs keep this function. A bound method would keep the batch, and what it holds, alive with them.
+        """
+        ...
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything `restore` needs, copied; seeds lead."""

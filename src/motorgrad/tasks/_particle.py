@@ -232,8 +232,8 @@ class ParticleNavigation(ParticleTask):
         self, memory: Int[Array, ""], state: ParticleState, action: Float[Array, " units"]
     ) -> tuple[Int[Array, ""], Scalar, Flag]:
         arrived = self.arrived(state.position)
-        paid = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
-        return memory + 1, paid, arrived
+        reward = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
+        return memory + 1, reward, arrived
 
     def readings(self, memory: Int[Array, ""], state: ParticleState) -> dict[str, Reading]:
         """`arrival`: decisions until the goal was reached, if it was. `cost`: the penalty of the obstacles."""

@@ -14,7 +14,7 @@ from motorgrad.training._run import Records, Run, load
 from motorgrad.training.engines import BodyStepper, stepper_for
 
 FRESH = 1_000_000_000
-"""Added to seeds, so that a policy is not evaluated on the random numbers it learnt from."""
+"""Added to seeds, so that a policy is not evaluated on the random numbers it learned from."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ def evaluate(
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
     lanes = run.seeds * max(1, len(run.settings))
     stepper = stepper_for(run.task, agent, [(seed + FRESH) % 2**31 for seed in lanes], mode, threads)
-    stepper.use(policies, run.memory)
+    stepper.set_policies(policies, run.memory)
     motion: list[tuple[np.ndarray, np.ndarray]] = []
     if isinstance(stepper, BodyStepper):
         for _ in range(steps):

@@ -123,7 +123,7 @@ class Run:
         return fill_tree(template, self._memory)
 
     def policy(self, seed: int | None = None) -> Policy:
-        """The learnt policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""
+        """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""
         check(not self.settings, "policy", self, "of a run of one setting: run.split()[0].policy()")
         seed = self.seeds[0] if seed is None else seed
         check(seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")

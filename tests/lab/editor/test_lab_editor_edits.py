@@ -127,7 +127,7 @@ def test_a_group_and_its_undoing_change_no_number(name, data):
 
 def test_a_group_in_motion_gives_the_same_numbers():
     diagram = gallery.example("motoneuron-pool")
-    grouped = edited(diagram, operation("group", at=[], names=["force", "paid", "reward", "baseline"], name="world"))
+    grouped = edited(diagram, operation("group", at=[], names=["force", "payoff", "reward", "baseline"], name="world"))
     one, other = lab.Run(diagram).advance(300), lab.Run(grouped).advance(300)
     assert set(one.signals) == set(other.signals)
     assert all((one[address] == other[address]).all() for address in one.signals)
@@ -157,7 +157,7 @@ def test_pasted_blocks_are_new_ones_with_their_own_chance():
 
 def test_parameters_and_single_units_by_address():
     diagram = gallery.example("motoneuron-pool")
-    assert leaves(SetParameter("paid.numbers", [1.0, 0.0]).apply(diagram))["paid"].numbers == (1.0, 0.0)
+    assert leaves(SetParameter("payoff.numbers", [1.0, 0.0]).apply(diagram))["payoff"].numbers == (1.0, 0.0)
     one = edited(diagram, operation("freeze", address="policy", on=True, unit=2))
     assert leaves(one)["policy"].frozen == (False, False, True, False)
     both = edited(one, operation("freeze", address="policy", on=True, unit=0))

@@ -21,13 +21,13 @@ def stepper(task, agent, seeds=SEEDS):
 
 
 def diagram_of(units, world, decay, **settings):
-    made = lab.Diagram(tick=world.made.period)
+    made = lab.Diagram(tick=world.instance.period)
     learner(made, units, world, decay, **settings)
     return made
 
 
-def learnt(diagram, decisions, seeds=SEEDS, begin=None):
-    """Parameters once so many decisions were learnt from: what acts at the tick of that number."""
+def learned(diagram, decisions, seeds=SEEDS, begin=None):
+    """Parameters once so many decisions were learned from: what acts at the tick of that number."""
     run = lab.Run(diagram, seeds, watch=["policy.parameters"])
     if begin is not None:
         run.restore(begin(run.state))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from learning_diagrams import diagram_of, flat, learnt, stepper
+from learning_diagrams import diagram_of, flat, learned, stepper
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
@@ -16,7 +16,7 @@ def test_olgarb_on_the_three_state_world_is_the_librarys():
     agent = mg.Agent(policies.softmax(task), learning.olgarb(0.8), learning.SGD(0.01))
     theirs = stepper(task, agent)
     theirs.advance(700)
-    ours = learnt(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.01), 700)
+    ours = learned(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.01), 700)
     assert np.abs(ours).max() > 0.1
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
@@ -36,7 +36,7 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
 
     theirs.advance(900)
     units = lab.Motoneurons(4, threshold=(0.2, 0.4, 0.6, 0.8), gain=0.5)
-    ours = learnt(diagram_of(units, lab.World("linear-recruitment"), 0.0, learning_rate=2e-4), 900, begin=begin)
+    ours = learned(diagram_of(units, lab.World("linear-recruitment"), 0.0, learning_rate=2e-4), 900, begin=begin)
     moved = ours - ravel_pytree(policies.trainable(start))[0]
     assert np.abs(moved).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
@@ -48,7 +48,7 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     theirs = stepper(task, agent)
     theirs.advance(400)
     made = diagram_of(lab.Hyperplanes(2, 3), lab.Body("hopper"), 0.995, learning_rate=5e-4)
-    ours = learnt(made, 400)
+    ours = learned(made, 400)
     assert np.abs(ours).max() > 0.05
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
@@ -64,7 +64,7 @@ def test_a_critic_is_the_librarys(fit):
     critic = lab.Critic(observed=task.observation_size, fit=fit, discount=0.9, **rate)
     made = lab.Diagram(tick=1.0)
     learner(made, lab.Softmax(2, task.observation_size), world, 0.8, baseline=critic, learning_rate=0.1)
-    ours = learnt(made, 300)
+    ours = learned(made, 300)
     assert np.abs(ours).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
@@ -94,7 +94,7 @@ def test_other_baselines_and_optimizers_are_the_librarys(name):
     task = mg.make("three-state")
     theirs = stepper(task, mg.agent_for(task, policy="softmax", decay=0.8, **settings))
     theirs.advance(300)
-    ours = learnt(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, **parts), 300)
+    ours = learned(diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, **parts), 300)
     assert np.abs(ours).max() > 0.05
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
@@ -124,7 +124,7 @@ def test_normalised_batches_with_a_decay_are_the_librarys():
         ("policy.parameters", "optimizer.parameters"),
     ):
         made.connect(source, target)
-    ours = learnt(made, 301)
+    ours = learned(made, 301)
     assert np.abs(ours).max() > 0.05
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-5)
 
@@ -155,7 +155,7 @@ def test_a_whole_learner_in_one_block_is_the_librarys(name):
     for port in ("observation", "reward", "next_observation", "terminated", "truncated", "valid"):
         made.connect(f"world.{port}", f"policy.{port}")
     made.connect("policy.action", "world.action")
-    ours = learnt(made, 300)
+    ours = learned(made, 300)
     assert np.abs(ours).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
@@ -172,11 +172,11 @@ def test_the_interpreter_learns_the_same():
 
 def test_a_block_beside_changes_no_number():
     made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.05)
-    alone = learnt(made, 50)
+    alone = learned(made, 50)
     made.add("beside", lab.Motoneurons(3))
     made.add("noise", lab.BLOCKS["uniform noise"](shape=(1,)))
     made.connect("noise", "beside.observation")
-    np.testing.assert_array_equal(learnt(made, 50), alone)
+    np.testing.assert_array_equal(learned(made, 50), alone)
 
 
 CHANCE = ("hexapod-stride",)
@@ -199,5 +199,5 @@ def test_any_body_leads_a_learner_to_where_training_does(name):
     for port in ("observation", "reward", "next_observation", "terminated", "truncated", "valid"):
         made.connect(f"world.{port}", f"policy.{port}")
     made.connect("policy.action", "world.action")
-    ours = learnt(made, 40)
+    ours = learned(made, 40)
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=1e-3, atol=1e-4)

@@ -135,7 +135,7 @@ def test_a_body_goes_back_to_where_it_was_saved(made):
 def test_settings_are_a_table_or_its_text():
     assert lab.World("chain", {"length": 4}) == lab.World("chain", "length = 4")
     nested = lab.Body("hopper", {"body": {"load_mass": 3.0}})
-    assert nested.made.body.load_mass == 3.0
+    assert nested.instance.body.load_mass == 3.0
     assert nested.settings == "[body]\nload_mass = 3.0"
 
 

@@ -118,7 +118,7 @@ def test_another_host_is_warned_of():
 
 
 def soak(seconds, speed, clients):
-    """Learn for so long while clients come, reload and leave; what grew, and what was learnt."""
+    """Learn for so long while clients come, reload and leave; what grew, and what was learned."""
     failed, visits = [], []
 
     def visit(number):

@@ -101,7 +101,7 @@ def test_edits_take_effect_where_they_are_meant(hopper):
     after = hopper.seen()
     np.testing.assert_allclose(after["parameters"][0], before["parameters"][0] / 2, rtol=1e-6)
     assert same(after, before, ("position", "velocity", "baseline"))
-    rates = hopper.worker.subject._see()["rates"]
+    rates = hopper.worker.subject._probe_bodies()["rates"]
     assert np.all(rates == np.float32(1e-3))
     hopper(live.Edit("body.extensor_left.strength", 400.0), live.Edit("agent.optimizer.learning_rate", 5e-4))
 
@@ -204,7 +204,7 @@ def test_an_impossible_edit_changes_nothing(name, value, names, hopper):
     assert same(hopper.seen(), before)
 
 
-def test_frozen_nothing_is_learnt_and_thawed_it_goes_on(hopper):
+def test_frozen_nothing_is_learned_and_thawed_it_goes_on(hopper):
     hopper(live.Reset(), live.Step(200), live.Freeze())
     before = hopper.seen()
     hopper(live.Step(100))
@@ -222,19 +222,19 @@ def test_an_untrained_body_stands_beside(hopper):
     assert seen["bodies"] == 2
     assert not seen["parameters"][1].any()  # hyperplanes begin at zero
     assert seen["parameters"][0].any()
-    learnt = seen["parameters"][0].copy()
+    learned = seen["parameters"][0].copy()
     hopper(live.Scrub(300), live.Compare(False), live.Step(20))
-    assert np.array_equal(hopper.seen()["parameters"][0], learnt)
+    assert np.array_equal(hopper.seen()["parameters"][0], learned)
     assert hopper.seen()["bodies"] == 1
 
 
 def test_policies_are_saved_and_loaded(hopper, tmp_path, driven):
     hopper(live.Reset(), live.Step(200))
-    learnt = hopper.seen()["parameters"][0].copy()
+    learned = hopper.seen()["parameters"][0].copy()
     file = str(tmp_path / "policy.npz")
     assert hopper(live.Save(file)) == [("saved", f"policy saved to {file}")]
     hopper(live.Reset(), live.Load(file))
-    assert np.array_equal(hopper.seen()["parameters"][0], learnt)
+    assert np.array_equal(hopper.seen()["parameters"][0], learned)
     other = driven(live.setup_of("particle"))
     ((kind, text),) = other(live.Load(file))
     assert (kind, text) == ("error", f"{file}: holds a policy of the task 'hopper', but this is 'particle'")

@@ -126,7 +126,7 @@ class Arm:
         """The force in N that holds the arm still at a flexion."""
         return self.weight_moment * np.sin(flexion) / self.moment_arm(flexion)
 
-    def throw(self, flexion: float | np.ndarray) -> float | np.ndarray:
+    def ballistic_force(self, flexion: float | np.ndarray) -> float | np.ndarray:
         """The constant force in N that takes the arm from rest just to a flexion without friction: the muscle's work
         equals the gain in potential energy."""
         return self.weight_moment * (1.0 - np.cos(flexion)) / (self.muscle_length(0.0) - self.muscle_length(flexion))

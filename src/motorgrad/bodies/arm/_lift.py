@@ -77,16 +77,16 @@ def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
 class LiftTable:
     """`lift` of one arm, simulated once on a grid and interpolated afterwards.
 
-    Without friction, the height depends on the force only through its ratio to `Arm.throw`, the force that just reaches
-    the top. So one axis of the grid is the load, and the other the force as a fraction of the one that just reaches the
-    top with that load. The tabulated function is then smooth, with its kink at the border. The loads are squares of
-    equally spaced numbers, because friction matters most for light loads. Between grid points the error is below 3e-4
-    of the full lift from 0.5 kg on, below 5e-4 from 50 g, and below 1.5e-3 for smaller loads.
+    Without friction, the height depends on the force only through its ratio to `Arm.ballistic_force`, the force that
+    just reaches the top. So one axis of the grid is the load, and the other the force as a fraction of the one that
+    just reaches the top with that load. The tabulated function is then smooth, with its kink at the border. The loads
+    are squares of equally spaced numbers, because friction matters most for light loads. Between grid points the error
+    is below 3e-4 of the full lift from 0.5 kg on, below 5e-4 from 50 g, and below 1.5e-3 for smaller loads.
 
     **Arguments:**
 
     - `arm`: the arm; its load and strength do not matter.
-    - `effort` (loads,): the force that just reaches the top, divided by `Arm.throw` to there.
+    - `effort` (loads,): the force that just reaches the top, divided by `Arm.ballistic_force` to there.
     - `height` (loads, shares): the height as a fraction of the full lift, for shares from 0 to 1 of that force.
     - `mujoco_version`: the MuJoCo version that simulated it; by default the present one.
 
@@ -108,7 +108,7 @@ class LiftTable:
         load = jnp.clip(jnp.asarray(load, jnp.result_type(float)), 0.0, self.heaviest)
         row, down = _place(jnp.sqrt(load / self.heaviest), len(self.effort))
         effort, height = (jnp.asarray(part, load.dtype) for part in (self.effort, self.height))
-        light, heavy = (self.arm_with(mass).throw(self.arm.most_flexion) for mass in (0.0, self.heaviest))
+        light, heavy = (self.arm_with(mass).ballistic_force(self.arm.most_flexion) for mass in (0.0, self.heaviest))
         throw = light + (heavy - light) * load / self.heaviest
         top = throw * ((1 - down) * effort[row] + down * effort[row + 1])
         column, right = _place(jnp.clip(force / top, 0.0, 1.0), height.shape[1])
@@ -120,7 +120,7 @@ class LiftTable:
         """The force in N that just lifts a load, from 0 to 20 kg, to the top."""
         check(0 <= load <= self.heaviest, "load", load, f"from 0 to {self.heaviest:g} kg")
         effort = np.interp(math.sqrt(load), np.sqrt(_loads(len(self.effort))), self.effort)
-        return float(effort * self.arm_with(load).throw(self.arm.most_flexion))
+        return float(effort * self.arm_with(load).ballistic_force(self.arm.most_flexion))
 
     def arm_with(self, load: float) -> Arm:
         """The arm with that load in its hand."""
@@ -156,7 +156,7 @@ def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTab
     effort, height = np.zeros(loads), np.zeros((loads, shares))
     for row, load in enumerate(_loads(loads)):
         one = dataclasses.replace(arm, load=float(load))
-        throw = float(one.throw(one.most_flexion))
+        throw = float(one.ballistic_force(one.most_flexion))
         effort[row] = _top_force(one, throw) / throw
         height[row] = _lift(one, np.linspace(0.0, 1.0, shares) * effort[row] * throw)
     height[:, -1] = 1.0

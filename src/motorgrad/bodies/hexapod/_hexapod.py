@@ -143,11 +143,11 @@ class Hexapod:
             leg.coxa.mass + leg.femur.mass + leg.foot.mass for leg in legs
         )
 
-    def each(self, change: Callable[[Section], Section]) -> "Hexapod":
+    def map_sections(self, change: Callable[[Section], Section]) -> "Hexapod":
         """Apply a change to all three sections.
 
         ```python
-        heavier = body.each(lambda section: dataclasses.replace(section, mass=2.0))
+        heavier = body.map_sections(lambda section: dataclasses.replace(section, mass=2.0))
         ```
         """
         return dataclasses.replace(self, **{name: change(section) for name, section in self.sections.items()})

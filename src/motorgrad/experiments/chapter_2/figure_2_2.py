@@ -82,10 +82,10 @@ class HillClimbing(Experiment):
         found["reached"] = _values(DRAWN, found["ends"]).reshape(self.rows, -1)
         found |= work.part("paths", lambda: {"paths": _paths()})
         for name in ("wide", "narrow"):
-            found |= work.part(name, lambda n=name: self._learnt(n))
+            found |= work.part(name, lambda n=name: self._learned(n))
         return found | work.part("random", self._random)
 
-    def _learnt(self, kind: str) -> Values:
+    def _learned(self, kind: str) -> Values:
         """Learning from rewards alone, from a wide start in the middle or from narrow starts everywhere: the end of
         each run, `(runs, 2)`, and the trajectories of some, `(SHOWN, 1 + records, 2)`."""
         wide = kind == "wide"
@@ -94,7 +94,7 @@ class HillClimbing(Experiment):
         points = learn(DRAWN, starts, self.decisions, RATE, RECORDS, 2 * self.seed + wide)
         some = np.linspace(0, self.runs - 1, SHOWN + 2).round().astype(int)[1:-1]
         shown = np.concatenate([starts[some, None], points[some]], axis=1)
-        return {f"learnt {kind}": points[:, -1], f"shown {kind}": shown}
+        return {f"learned {kind}": points[:, -1], f"shown {kind}": shown}
 
     def _random(self) -> Values:
         """Whether climbing reaches the best optimum of random rewards, `(rewards, starts)`: from a wide start in the
@@ -156,7 +156,7 @@ def _wide_claims(values: Values) -> list[Claim]:
         (values["reached"][np.abs(values["deviations"] - deviation).argmin()] > best).mean()
         for deviation in (WIDE, NARROW)
     )
-    learnt = {name: share_of(_values(DRAWN, values[f"learnt {name}"]) > best) for name in ("wide", "narrow")}
+    learned = {name: share_of(_values(DRAWN, values[f"learned {name}"]) > best) for name in ("wide", "narrow")}
     return [
         Claim(
             f"Hill climbing reaches the best optimum from more initial means if starts are wide (σ = {WIDE:g}) than if "
@@ -169,13 +169,13 @@ def _wide_claims(values: Values) -> list[Claim]:
             "For the reward drawn, by exact gradients.",
         ),
         above(
-            learnt["narrow"].high,
+            learned["narrow"].high,
             "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
             "figure 2.2",
-            f"above {learnt['narrow'].high:.3g}, the upper end of the interval for narrow starts",
-            learnt["wide"],
+            f"above {learned['narrow'].high:.3g}, the upper end of the interval for narrow starts",
+            learned["wide"],
             "of runs",
-            f"From narrow starts: {learnt['narrow']}. For the reward drawn.",
+            f"From narrow starts: {learned['narrow']}. For the reward drawn.",
         ),
     ]
 
@@ -208,7 +208,7 @@ def _random_claims(values: Values) -> list[Claim]:
 
 def _noise_claims(values: Values) -> list[Claim]:
     left = float(np.abs(values["ends"][:, 1]).max())
-    learnt = median_of(np.concatenate([values[f"learnt {name}"][:, 1] for name in ("wide", "narrow")]))
+    learned = median_of(np.concatenate([values[f"learned {name}"][:, 1] for name in ("wide", "narrow")]))
     return [
         Claim(
             "Hill climbing converges to a deterministic policy, σ = 0, from every start.",
@@ -224,7 +224,7 @@ def _noise_claims(values: Values) -> list[Claim]:
             "So does learning from rewards alone.",
             "figure 2.2",
             "below 0.05",
-            learnt,
+            learned,
             "is the remaining σ",
             "It falls like the inverse square root of time, because the step size is proportional to σ².",
         ),

@@ -140,7 +140,7 @@ class Learner(Experiment):
             *_bias_claims(values),
             *_error_claims(values),
             *_trade_off(values),
-            _learnt(values),
+            _learned(values),
         ]
 
 
@@ -251,7 +251,7 @@ def _trade_off(values: Values) -> list[Claim]:
     return made
 
 
-def _learnt(values: Values) -> Claim:
+def _learned(values: Values) -> Claim:
     share, numbers = share_of(values["earned"][:, -1] >= GOOD), numbers_of(agent_for(ThreeState()).hyperparameters)
     decay, rate = numbers["estimator.trace.decay"], numbers["optimizer.learning_rate"]
     return Claim(

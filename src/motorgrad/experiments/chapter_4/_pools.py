@@ -122,7 +122,7 @@ def least_error(task: LinearRecruitment, strength: float = 1.0) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class LinearStudy(Experiment):
-    """Base of experiments on pools that have learnt the linear mapping, by default with the thesis's numbers.
+    """Base of experiments on pools that have learned the linear mapping, by default with the thesis's numbers.
 
     **Arguments:**
 

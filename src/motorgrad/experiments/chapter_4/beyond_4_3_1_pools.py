@@ -40,7 +40,7 @@ WITHOUT: dict[str, tuple[dict[str, Any], tuple[float, ...]]] = {
 most seeds get there, and among those the soonest."""
 
 NEEDED = ("mean baseline", "plain gradient")
-"""Parts without which it is not learnt at all; without the others it takes longer."""
+"""Parts without which it is not learned at all; without the others it takes longer."""
 
 OURS = "beyond section 4.3.1"
 LEARNERS = {

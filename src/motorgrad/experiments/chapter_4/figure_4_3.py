@@ -33,7 +33,7 @@ SOFT, HARD = 2.0, 20.0
 at the upper over a fifth of one."""
 
 
-@experiment("fig-4.3", "learnt linear policies", "figure 4.3")
+@experiment("fig-4.3", "learned linear policies", "figure 4.3")
 class LinearPolicies(LinearStudy):
     """Policies that pools learn for the linear mapping. Colour: the exact probability of each number of active units.
     Black: the expected number. Red: the thresholds. Dotted: the ideal mapping. Above, the median pool; below, the

@@ -37,7 +37,7 @@ class ArmBody(Experiment):
     def run(self, work: Workspace) -> Values:
         body, flexion = self.body, np.linspace(0.0, self.body.most_flexion, 281)
         # at the hanging rest position no force is needed
-        throw = np.concatenate([[0.0], np.asarray(body.throw(flexion[1:]))])
+        throw = np.concatenate([[0.0], np.asarray(body.ballistic_force(flexion[1:]))])
         return {
             "angle": 90 - np.rad2deg(flexion),
             "muscle arm": np.asarray(body.moment_arm(flexion)),

@@ -34,8 +34,8 @@ class RewardSurface(Experiment):
     def run(self, work: Workspace) -> Values:
         task = ArmRecruitment()
         loads, active = np.linspace(task.low, task.high, self.loads), np.linspace(0, 1, self.activations)
-        paid = rewards(task, loads, active)
-        return {"load": loads, "activation": active, "reward": paid, "best": active[paid.argmax(0)]}
+        reward = rewards(task, loads, active)
+        return {"load": loads, "activation": active, "reward": reward, "best": active[reward.argmax(0)]}
 
     def figure(self, values: Values) -> Figure:
         figure = new_figure(7, 4.6)

@@ -32,7 +32,7 @@ POINTS = 1601  # loads at which policies are judged
 SWEEPS = 6  # sweeps shown as samples
 
 
-@experiment("fig-4.8", "learnt realistic policies", "figure 4.8")
+@experiment("fig-4.8", "learned realistic policies", "figure 4.8")
 class ArmPolicies(Experiment):
     """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each. Colour: the
     exact probability of each number of active units. Black: the expected number. Red: the thresholds. Dotted: the best

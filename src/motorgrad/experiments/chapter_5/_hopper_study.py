@@ -18,9 +18,9 @@ SMOOTH = 25.0
 """Simulated seconds over which heights of hops are averaged."""
 
 HIGH = 0.3
-"""A height (m) that random firing does not reach on average: once it is passed, hopping has been learnt."""
+"""A height (m) that random firing does not reach on average: once it is passed, hopping has been learned."""
 
-Paid = Literal["apex", "landing"]
+RewardType = Literal["apex", "landing"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +31,7 @@ class HopperStudy(Experiment):
 
     - `seconds` (simulated s): length of every hopper's practice.
     - `seeds`: independent hoppers.
-    - `paid`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
+    - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
     - `decay`: of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
     - `action_period` (simulated s): time between decisions.
@@ -40,7 +40,7 @@ class HopperStudy(Experiment):
 
     seconds: float = 1500.0
     seeds: int = 16
-    paid: Paid = "apex"
+    reward_type: RewardType = "apex"
     decay: float = 0.98
     rate: float = 5e-4
     action_period: float = 0.01
@@ -59,7 +59,7 @@ class HopperStudy(Experiment):
 
     @property
     def task(self) -> Hopper:
-        return Hopper(paid=self.paid, action_period=self.action_period)
+        return Hopper(reward_type=self.reward_type, action_period=self.action_period)
 
     @property
     def learner(self) -> Agent:

@@ -26,7 +26,7 @@ NEAR, SHIFT = 14.0, (-7.0, -20.0)  # points: closer numbers overlap, and are shi
 
 @experiment("fig-5.4", "the hopper's dynamics", "figure 5.4")
 class HopperDynamics(HopperStudy):
-    """Knee angle and its rate of a hopper that has learnt to hop, red while its foot is on the ground. The background
+    """Knee angle and its rate of a hopper that has learned to hop, red while its foot is on the ground. The background
     is the probability that the flexor fires in the air. Below, the hopper at the numbered points of one hop, with
     firing muscles in red and silent ones in blue."""
 

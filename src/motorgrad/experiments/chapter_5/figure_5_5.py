@@ -1,4 +1,4 @@
-"""Figure 5.5: signs of the learnt weights over many seeds, as arrows from sensors to muscles."""
+"""Figure 5.5: signs of the learned weights over many seeds, as arrows from sensors to muscles."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -23,7 +23,7 @@ ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
 
 @experiment("fig-5.5", "the policy that hoppers learn", "figure 5.5")
 class HopperWeights(HopperStudy):
-    """Signs of the weights that hoppers have learnt, from each sensor to the firing probability of each muscle. The
+    """Signs of the weights that hoppers have learned, from each sensor to the firing probability of each muscle. The
     colour of an arrow is the sign that most seeds have, its width the median size of the weight, and its label the
     number of seeds with this sign; for a hollow arrow, the sign could be chance."""
 

@@ -12,7 +12,7 @@ from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
     SMOOTH,
-    Paid,
+    RewardType,
     check_practice,
     practice_heights,
     time_to_height,
@@ -36,7 +36,7 @@ class ActionPeriod(Experiment):
     - `periods` (simulated s): time between decisions, at least three, rising.
     - `seconds` (simulated s): length of every hopper's practice.
     - `seeds`: hoppers with each period, at least 2.
-    - `paid`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
+    - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
     - `decay`: of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
     - `constant`: what stays the same across periods. With `"decision"`, all numbers do, including the decay of the
@@ -47,7 +47,7 @@ class ActionPeriod(Experiment):
     periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
     seconds: float = 1500.0
     seeds: int = 8
-    paid: Paid = "apex"
+    reward_type: RewardType = "apex"
     decay: float = 0.98
     rate: float = 5e-4
     constant: Literal["decision", "second"] = "decision"
@@ -66,7 +66,7 @@ class ActionPeriod(Experiment):
 
     def task(self, period: float) -> Hopper:
         """The task with this action period."""
-        return Hopper(paid=self.paid, action_period=period, penalty=Hopper.penalty * self._ratio(period))
+        return Hopper(reward_type=self.reward_type, action_period=period, penalty=Hopper.penalty * self._ratio(period))
 
     def _ratio(self, period: float) -> float:
         """The period relative to the thesis's, if numbers are constant per second."""

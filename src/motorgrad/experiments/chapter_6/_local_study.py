@@ -46,8 +46,8 @@ class LocalStudy(Experiment):
     def quick(cls) -> Self:
         return cls(decisions=2_000, seeds=3)
 
-    def learnt(self, work: Workspace, task: ParticleTask | str, **changes: Any) -> Run:
-        """A task, or a layout of the falling particle, learnt by its own learner or by a changed one."""
+    def learned(self, work: Workspace, task: ParticleTask | str, **changes: Any) -> Run:
+        """A task, or a layout of the falling particle, learned by its own learner or by a changed one."""
         task = FallingParticle(layout=task) if isinstance(task, str) else task  # type: ignore[arg-type]
         return work.train(task, agent_for(task, **changes), self.decisions, self.seeds)
 

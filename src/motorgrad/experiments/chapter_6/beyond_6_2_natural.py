@@ -35,7 +35,7 @@ class NaturalStep(LayoutStudy):
         found: Values = {}
         for layout in self.layouts:
             for name, changes in (("plain", {}), ("natural", NATURAL)):
-                run = self.learnt(work, layout, **changes)
+                run = self.learned(work, layout, **changes)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
                 found[f"{layout} {name} late"] = late_reward(run)
         return found

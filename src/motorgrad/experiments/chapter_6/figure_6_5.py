@@ -1,4 +1,4 @@
-"""Figure 6.5: local policies learnt in two layouts of rewards, and the particle's paths under them."""
+"""Figure 6.5: local policies learned in two layouts of rewards, and the particle's paths under them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -61,11 +61,11 @@ class LocalPolicies(LocalStudy):
     def run(self, work: Workspace) -> Values:
         found: Values = {}
         for layout in LAYOUTS:
-            task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
+            task, run = FallingParticle(layout=layout), self.learned(work, layout)  # type: ignore[arg-type]
             reward = late_reward(run)
             found |= {
                 f"{layout} late": reward,
-                f"{layout} late forgetting": late_reward(self.learnt(work, layout, **FORGETTING)),
+                f"{layout} late forgetting": late_reward(self.learned(work, layout, **FORGETTING)),
                 f"{layout} untrained": frozen_reward(work, task, run.initial, min(self.decisions, 5_000)),
                 f"{layout} decision": run.curve()[0],
                 f"{layout} reward": run.curve()[1],
@@ -76,7 +76,7 @@ class LocalPolicies(LocalStudy):
         return found
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
-        return {f"animation-{layout}": self.learnt(work, layout) for layout in LAYOUTS}
+        return {f"animation-{layout}": self.learned(work, layout) for layout in LAYOUTS}
 
     def _shown(self, task: FallingParticle, run: Run, row: int) -> Values:
         """Paths and stationary distribution of one seed."""

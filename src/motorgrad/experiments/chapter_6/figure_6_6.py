@@ -1,4 +1,4 @@
-"""Figure 6.6: where a learnt policy acts."""
+"""Figure 6.6: where a learned policy acts."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -19,7 +19,7 @@ SILENT, SURE = 0.05, 0.9
 QUIET_SHARE = 0.1  # fraction of the box
 
 
-@experiment("fig-6.6", "where a learnt policy acts", "figure 6.6")
+@experiment("fig-6.6", "where a learned policy acts", "figure 6.6")
 class AnyUnitFires(LocalStudy):
     """The probability that at least one unit fires, over the box, for the policy of the median seed in R2: a landscape
     of the places where it acts.
@@ -45,7 +45,7 @@ class AnyUnitFires(LocalStudy):
         return cls(decisions=2_000, seeds=3, looks=20, cells=20)
 
     def run(self, work: Workspace) -> Values:
-        task, run = FallingParticle(layout="R2"), self.learnt(work, "R2")
+        task, run = FallingParticle(layout="R2"), self.learned(work, "R2")
         sides = (np.arange(self.cells) + 0.5) / self.cells
         places = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
         policies = [policy_at(run.policies, row) for row in range(self.seeds)]
@@ -62,8 +62,8 @@ class AnyUnitFires(LocalStudy):
     def figure(self, values: Values) -> Figure:
         figure = new_figure(9.4, 4.6)
         x, y = np.meshgrid(values["sides"], values["sides"])
-        before, learnt = values["any before learning"], values["any"][int(values["row"])]
-        for column, (surface, title) in enumerate(((before, "before learning"), (learnt, "learnt in R2")), 1):
+        before, learned = values["any before learning"], values["any"][int(values["row"])]
+        for column, (surface, title) in enumerate(((before, "before learning"), (learned, "learned in R2")), 1):
             axes: Any = figure.add_subplot(1, 2, column, projection="3d")
             axes.plot_surface(
                 x, y, surface, cmap="viridis", vmin=0, vmax=1, rcount=60, ccount=60, linewidth=0, antialiased=True

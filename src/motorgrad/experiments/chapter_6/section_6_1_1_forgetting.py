@@ -63,7 +63,7 @@ class Kind(NamedTuple):
 
 
 GLOBAL = {"policy": "hyperplanes", "learning_rate": 0.1}
-"""At the best of several rates from 0.003 to 0.3 for either kind, over 24 other seeds, with each side learnt alone."""
+"""At the best of several rates from 0.003 to 0.3 for either kind, over 24 other seeds, with each side learned alone."""
 
 
 NARROW = {"policy": {"copies": 2, "width": 0.08}}
@@ -113,15 +113,15 @@ class Forgetting(LocalStudy):
         found: Values = {}
         for gap in self.gaps:
             for name in self.kinds:
-                learnt = self._learnt_in_turn(work, KINDS[name], gap)
-                found |= {f"{gap:g} {name} {key}": value for key, value in learnt.items()}
+                learned = self._learned_in_turn(work, KINDS[name], gap)
+                found |= {f"{gap:g} {name} {key}": value for key, value in learned.items()}
         return found
 
-    def _learnt_in_turn(self, work: Workspace, kind: Kind, gap: float) -> Values:
+    def _learned_in_turn(self, work: Workspace, kind: Kind, gap: float) -> Values:
         """Rewards on A of frozen policies, `(checks, seeds)`: before learning, while learning A, and while learning B;
         and rewards of the learner on B, `(seeds, records)`."""
         sides = [_task(kind, gap, side) for side in "AB"]
-        first = self.learnt(work, sides[0], **kind.changes)
+        first = self.learned(work, sides[0], **kind.changes)
         settings = agent_for(sides[1], **kind.changes)
         second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
         checked = [recorded_policies(run, _checks(run)) for run in (first, second)]
@@ -137,7 +137,7 @@ class Forgetting(LocalStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-        """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learnt, and
+        """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learned, and
         reward of the learner on B."""
         words = {name: KINDS[name].words for name in self.kinds}
         figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(self.gaps))
@@ -206,7 +206,7 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> list[Claim]:
         positive(
             f"Every kind learns both sides in turn {apart}.",
             "a condition of the comparison",
-            "least gain on the side that is being learnt: above 0",
+            "least gain on the side that is being learned: above 0",
             worst,
             "per decision",
             "Gain on A: " + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items()) + ".",

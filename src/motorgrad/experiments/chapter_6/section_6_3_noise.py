@@ -14,7 +14,7 @@ from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
 
 LITTLE = 0.9  # at least this fraction of the reward without noise counts as little effect
-LOOKS = 5_000  # decisions for which policies learnt without noise are evaluated with noise
+LOOKS = 5_000  # decisions for which policies learned without noise are evaluated with noise
 SMOOTH = 10  # records over which the reward is averaged to determine when it reaches a level
 KINDS = {"observation": "noise on the observed position", "dynamics": "random force"}
 
@@ -61,9 +61,9 @@ class Noise(LayoutStudy):
             policies = None
             for name, change in changes.items():
                 task = FallingParticle(layout=layout, **change)  # type: ignore[arg-type]
-                run = self.learnt(work, task)
+                run = self.learned(work, task)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
-                policies = run.policies if policies is None else policies  # those learnt without noise
+                policies = run.policies if policies is None else policies  # those learned without noise
                 if change:
                     found[f"{layout} {name} unused"] = frozen_reward(work, task, policies, min(LOOKS, self.decisions))
         return found
@@ -121,8 +121,8 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
             f"final reward relative to that without noise: the whole interval at least {LITTLE:g}",
             share,
             share.low >= LITTLE,
-            note=f"Policies learnt without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
-            f"those learnt with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
+            note=f"Policies learned without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
+            f"those learned with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
         ),
         above(
             1,
@@ -138,7 +138,7 @@ def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
         positive(
             f"Learning with noise compensates for part of it ({words}).",
             "our own expectation",
-            "final reward minus that of policies learnt without noise, both with noise: above 0",
+            "final reward minus that of policies learned without noise, both with noise: above 0",
             adapted,
             "per decision",
         ),

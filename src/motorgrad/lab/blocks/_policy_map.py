@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.lab.blocks._scopes import Viewer, check_limits
+from motorgrad.lab.diagram import Port, Ports, Record, Setting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-from motorgrad.lab.blocks._scopes import Viewer, check_limits
-from motorgrad.lab.diagram import Port, Ports, Record, Setting
 
 
 @dataclasses.dataclass(frozen=True)

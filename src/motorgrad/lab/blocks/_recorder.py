@@ -10,12 +10,12 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._files import check_writable
+from motorgrad.lab.blocks._scopes import Labelled
+from motorgrad.lab.diagram import Record
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
-from motorgrad.lab.blocks._scopes import Labelled
-from motorgrad.lab.diagram import Record
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,17 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
 from motorgrad.lab.blocks._base import check_names
 from motorgrad.lab.diagram import Port, Ports, Record, Setting, Sink
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -176,7 +176,7 @@ class Runner:
                 warm, start = tree.warm, time.perf_counter()
                 tree.advance(ticks)
                 if warm:
-                    clock.made(ticks, time.perf_counter() - start)
+                    clock.record(ticks, time.perf_counter() - start)
         except Exception as error:
             self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()

@@ -124,13 +124,13 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
         self._diagram.set_input(given.reshape(self._diagram.input.shape))
         made, after = self._diagram.run.advance(self.decision), self._diagram.run.peek()
         self._steps += 1
-        paid = self._diagram.read(made, "reward")[1:].sum() + self._diagram.read(after, "reward")[0]
+        reward = self._diagram.read(made, "reward")[1:].sum() + self._diagram.read(after, "reward")[0]
         ends = "terminated" in self._diagram.outputs and bool(self._diagram.read(after, "terminated")[0])
         truncated = self.limit is not None and self._steps >= self.limit
         info = {"time": self._diagram.run.tick * self._diagram.run.plan.tick}
         if ends or truncated:
             self._steps = None
-        return self._observed(after), float(paid), ends, truncated, info
+        return self._observed(after), float(reward), ends, truncated, info
 
     def close(self) -> None:
         """Release simulators. Closing twice has no effect."""

@@ -26,14 +26,14 @@ def motoneuron_pool() -> Diagram:
         comment="Four motoneurons observe a load and fire or not; the force of their muscle is the number of "
         "units that fire. The reward is minus the squared deviation from the wanted force, 1.2 times "
         "the load minus 0.1, relative to the pool's largest force. Watch the gains grow from 0 and the "
-        "thresholds spread. Change the numbers of 'paid', the wanted slope and intercept, during a run: "
+        "thresholds spread. Change the numbers of 'payoff', the wanted slope and intercept, during a run: "
         "the pool adapts. Freeze 'optimizer' and it does not.",
     )
     diagram.add("load", UniformNoise(low=0.0, high=1.0, shape=(1,)))
     diagram.add("force", Reduce("sum", (UNITS,)))
     diagram.add("seen", Reduce("sum", (1,)))
     wanted = f"{UNITS} * (slope * load + intercept)"
-    diagram.add("paid", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
+    diagram.add("payoff", Expression(f"-(force - {wanted})^2", ("force", "load"), ("slope", "intercept"), (1.2, -0.1)))
     diagram.add("reward", UnitDelay())
     learner(diagram, Motoneurons(UNITS, spread=0.5), None, decay=0.0, learning_rate=2e-4)
     connect(
@@ -41,9 +41,9 @@ def motoneuron_pool() -> Diagram:
         ("load", "policy.observation"),
         ("load", "seen"),
         ("policy.action", "force"),
-        ("force", "paid.force"),
-        ("seen", "paid.load"),
-        ("paid", "reward"),
+        ("force", "payoff.force"),
+        ("seen", "payoff.load"),
+        ("payoff", "reward"),
         ("reward", "baseline.reward"),
     )
     smoothed(diagram, "reward", over=200.0)
@@ -67,7 +67,7 @@ def leg_controller() -> Diagram:
         " stop brakes, and while no leg stands the body has fallen, which is penalised. At first legs are"
         " lifted at random. Finally they step in turn: each lifts when it is at the back and the other "
         "has come down. One seed in twenty never lifts one leg. Change the table of velocities during a "
-        "run, or the penalty of a fall in 'paid'.",
+        "run, or the penalty of a fall in 'payoff'.",
     )
     legs = (LEGS,)
     machine = StateMachine(
@@ -92,8 +92,8 @@ def leg_controller() -> Diagram:
     diagram.add("seen", Join((LEGS, LEGS)))
     diagram.add("pushing", Reduce("sum", legs))
     diagram.add("standing", Reduce("sum", legs))
-    paid = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
-    diagram.add("paid", Expression(paid, ("pushing", "standing"), ("fall",), 1.0))
+    payoff = "pushing / max(standing, 1) - if(standing < 1, fall, 0)"
+    diagram.add("payoff", Expression(payoff, ("pushing", "standing"), ("fall",), 1.0))
     diagram.add("reward", UnitDelay())
     learner(diagram, Hyperplanes(LEGS, 2 * LEGS), None, decay=0.95, learning_rate=0.02)
     connect(
@@ -112,9 +112,9 @@ def leg_controller() -> Diagram:
         ("policy.action", "legs.lift"),
         ("pushes", "pushing"),
         ("stands", "standing"),
-        ("pushing", "paid.pushing"),
-        ("standing", "paid.standing"),
-        ("paid", "reward"),
+        ("pushing", "payoff.pushing"),
+        ("standing", "payoff.standing"),
+        ("payoff", "reward"),
         ("reward", "baseline.reward"),
     )
     diagram.add("gait", Scope(("lateral", "stands"), shape=legs, window=4.0))

@@ -91,7 +91,7 @@ def chain() -> Diagram:
         "past.",
     )
     world = World("chain")
-    policy = Softmax(world.made.action_size, world.made.observation_size)
+    policy = Softmax(world.instance.action_size, world.instance.observation_size)
     learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
     smoothed(diagram, "world.reward", over=100.0)
     return diagram

@@ -129,7 +129,7 @@ class Growth(Part):
         """The state after a reward."""
         return state._replace(criterion=self.criterion.reinforce(state.criterion, reward, state.age >= self.adding))
 
-    def paced(self, state: GrowthState, step: PyTree[Array]) -> PyTree[Array]:
+    def scale_updates(self, state: GrowthState, step: PyTree[Array]) -> PyTree[Array]:
         """A step of the parameters, scaled for each unit by the phase."""
 
         def scaled(leaf: Array) -> Array:

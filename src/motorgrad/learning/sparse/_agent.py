@@ -87,7 +87,7 @@ class SparseAgent(Agent):
         estimator, baseline = self.estimator, self.estimator.baseline
         traced = isinstance(estimator.trace, Exponential | Episodic)
         check(traced, "estimator.trace", estimator.trace, "Exponential or Episodic with a spatial index")
-        scalar = baseline is None or not baseline.recalls
+        scalar = baseline is None or not baseline.needs_decision
         check(scalar, "estimator.baseline", baseline, "one that does not see the observation with a spatial index")
         check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
         plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
@@ -189,7 +189,7 @@ class SparseAgent(Agent):
         return self._with_trace(state, trace)._replace(index=index, gradient=None)
 
     def publish(self, state: AgentState) -> AgentState:
-        """The state with its policy as it is now. What is learnt from there is the same, published or not."""
+        """The state with its policy as it is now. What is learned from there is the same, published or not."""
         return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
 
     def take_up(self, state: AgentState) -> AgentState:
@@ -250,7 +250,8 @@ class SparseAgent(Agent):
         """The tables that are due, and those that a saved state is without. It is done outside compiled code.
 
         **Arguments:** the index of many seeds, along a leading axis, which is used up, and their policies, for what is
-        not learnt. Where a cell has more units than there was room for, all tables grow: compiled code is then another.
+        not learned. Where a cell has more units than there was room for, all tables grow: compiled code is then
+        another.
         """
         due = np.asarray(index.moved) > MOVED
         room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]

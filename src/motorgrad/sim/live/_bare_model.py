@@ -13,7 +13,7 @@ from motorgrad.bodies import install_muscle_callback
 from motorgrad.sim.live._body import check_number, muscle_fields, muscle_numbers
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 
 DECISION = 0.01  # s of simulated time, or one physics step where that is longer
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -64,19 +64,19 @@ class BareModel:
                 self._data.warning.number[:] = 0
                 self._to_first_keyframe()
 
-    def step(self) -> Look:
+    def step(self) -> Sample:
         self.advance(1)
-        return self.look()
+        return self.sample()
 
-    def look(self) -> Look:
+    def sample(self) -> Sample:
         d = self._data
         nothing = np.zeros((1, 0))
         unknown = np.full(1, np.nan)
         seen = {"position": d.qpos, "velocity": d.qvel, "activation": d.act, "control": d.ctrl}
-        look = {name: np.array(values)[None] for name, values in seen.items()}
-        look["contacts"] = np.array([[d.sensordata[place] for _, place in self._feet]])
-        look |= dict.fromkeys(("observation", "action", "probability", "parameters"), nothing)
-        return look | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
+        sample = {name: np.array(values)[None] for name, values in seen.items()}
+        sample["contacts"] = np.array([[d.sensordata[place] for _, place in self._feet]])
+        sample |= dict.fromkeys(("observation", "action", "probability", "parameters"), nothing)
+        return sample | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
 
     def tally(self) -> Tally:
         return Tally(np.full(1, np.nan), np.zeros(1))
@@ -97,7 +97,7 @@ class BareModel:
         mujoco.mj_setState(self.model, self._data, state["physics"], STATE)
         np.copyto(self._data.sensordata, state["sensors"])
         self.tick, self._pushed_until = int(state["tick"]), int(state["pushed"])
-        self._put(state["settings"])
+        self._apply(state["settings"])
 
     def begin_again(self) -> None:
         self.tick = self._pushed_until = 0
@@ -106,7 +106,7 @@ class BareModel:
 
     def edit(self, name: str, value: float) -> None:
         check_number(name, self._numbers[name], value)
-        self._put({**self.settings, name: value})
+        self._apply({**self.settings, name: value})
 
     def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
         self._data.xfrc_applied[:] = 0
@@ -131,16 +131,16 @@ class BareModel:
     def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         self._refuse("load")
 
-    def use(self, policy: Any, memory: Any) -> None:
+    def set_policy(self, policy: Any, memory: Any) -> None:
         self._refuse("load")
 
     def _refuse(self, what: str) -> NoReturn:
         raise ValueError(f"{what}: this model has no learner")
 
-    def _put(self, settings: dict[str, float]) -> None:
+    def _apply(self, settings: dict[str, float]) -> None:
         for name, value in settings.items():
             if value != self.settings[name]:
-                self._numbers[name].put(self.model, value)
+                self._numbers[name].apply(self.model, value)
         self.settings = dict(settings)
 
     def _to_first_keyframe(self) -> None:

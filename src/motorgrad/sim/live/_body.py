@@ -20,7 +20,7 @@ class MuscleNumber(NamedTuple):
     """How to read a number from a model and write it there, and whether it must be positive or only not negative."""
 
     get: Callable[[Any], float]
-    put: Callable[[Any, float], None]
+    apply: Callable[[Any, float], None]
     positive: bool = False
 
 
@@ -63,10 +63,10 @@ def muscle_fields(model: Any) -> dict[str, np.ndarray]:
 
 
 def _at(field: str, place: tuple[int, ...], sign: float = 1.0, positive: bool = False) -> MuscleNumber:
-    def put(model: Any, value: float) -> None:
+    def apply(model: Any, value: float) -> None:
         getattr(model, field)[place] = sign * value
 
-    return MuscleNumber(lambda model: sign * float(getattr(model, field)[place]), put, positive)
+    return MuscleNumber(lambda model: sign * float(getattr(model, field)[place]), apply, positive)
 
 
 def _strength(actuator: int) -> MuscleNumber:
@@ -76,12 +76,12 @@ def _strength(actuator: int) -> MuscleNumber:
         given, scale = model.actuator_gainprm[actuator, 2:4]
         return float(given if given >= 0 else scale / max(model.actuator_acc0[actuator], mujoco.mjMINVAL))
 
-    def put(model: Any, value: float) -> None:
+    def apply(model: Any, value: float) -> None:
         model.actuator_gainprm[actuator, 2] = value
         if model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_MUSCLE:
             model.actuator_biasprm[actuator, 2] = value
 
-    return MuscleNumber(get, put)
+    return MuscleNumber(get, apply)
 
 
 class BodyPart:
@@ -118,7 +118,7 @@ class BodyPart:
         """The present numbers of the muscles."""
         return {name: number.get(self.model) for name, number in self.numbers.items()}
 
-    def put(self, values: dict[str, float], steppers: Iterable[Stepper]) -> None:
+    def apply(self, values: dict[str, float], steppers: Iterable[Stepper]) -> None:
         """Write the numbers of the muscles to every engine."""
         for stepper in steppers:
             if not isinstance(stepper, BodyStepper) or not self.numbers:
@@ -127,7 +127,7 @@ class BodyPart:
             before = [np.array(getattr(model, name)) for name in MUSCLE_FIELDS]
             for name, number in self.numbers.items():
                 if number.get(model) != values[name]:
-                    number.put(model, values[name])
+                    number.apply(model, values[name])
             if any((was != getattr(model, name)).any() for name, was in zip(MUSCLE_FIELDS, before, strict=True)):
                 stepper.batch.refresh_models()
 

@@ -7,14 +7,14 @@ import jax
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad._tree import numbers_of
+from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import SparseAgent
 from motorgrad.sim.live._body import BodyPart, check_number
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._policy import load_policy, save_policy
-from motorgrad.sim.live._probe import Seen, gradient_norm, probe
+from motorgrad.sim.live._probe import Probed, gradient_norm, probe
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 from motorgrad.tasks import Task
 from motorgrad.training import Stepper, stepper_for
 
@@ -38,14 +38,14 @@ class Learner:
         self._probes: dict[Stepper, Any] = {}
         self._body = BodyPart(stepper := self._engine())
         if setup.memory is not None:
-            stepper.use(stepper.policies(), setup.memory)
+            stepper.set_policies(stepper.policies(), setup.memory)
         self._stepper, self._comparing = stepper, False
         self._untrained: Stepper | None = None
         self.settings = agent_numbers(self.agent) | task_numbers(self.task) | self._body.read()
         if stepper.policy.has_temperature:
             self.settings[EXPLORATION] = 1.0
         self._pushed_until = self._counted = 0
-        self._last: Seen | None = None
+        self._last: Probed | None = None
         self._start = self.state
 
     @property
@@ -61,12 +61,12 @@ class Learner:
         return self._body.fields(self._stepper)
 
     def about(self) -> Ready:
-        width = {name: array.shape[1] for name, array in self._see().items() if array.ndim == 2}
+        width = {name: array.shape[1] for name, array in self._probe_bodies().items() if array.ndim == 2}
         body, readings, units = self._body, list(self.task.reports), width["probability"]
         room = int(np.clip(ROOM / self.period, 200, 4000))
         moved = (width["position"], width["velocity"], 0, len(body.muscles))
-        learnt = (width["observation"], units, width["parameters"])
-        sizes = Sizes(*moved, *learnt, len(body.feet), room, len(readings))
+        learned = (width["observation"], units, width["parameters"])
+        sizes = Sizes(*moved, *learned, len(body.feet), room, len(readings))
         inputs = list(self.task.observation_names)
         actions = body.groups if len(body.groups) == units else [f"unit {i}" for i in range(units)]
         return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
@@ -83,13 +83,13 @@ class Learner:
                 self._body.release(self._stepper)
         self._last = None
 
-    def step(self) -> Look:
-        before = self._see() if self._last is None else self._last
+    def step(self) -> Sample:
+        before = self._probe_bodies() if self._last is None else self._last
         self.advance(1)
-        return self._look(before)
+        return self._make_sample(before)
 
-    def look(self) -> Look:
-        return self._look(None)
+    def sample(self) -> Sample:
+        return self._make_sample(None)
 
     def tally(self) -> Tally:
         count, record = self.tick - self._counted, self._stepper.harvest()
@@ -119,7 +119,7 @@ class Learner:
         self._stepper = self._engine()
         self.settings = dict(state["settings"])
         self._pushed_until, self._counted, self._last = state["pushed"], state["counted"], None
-        self._body.put(self.settings, self._all)
+        self._body.apply(self.settings, self._all)
         self._stepper.restore(state["learner"])
         self._comparing = state["untrained"] is not None
         if self._comparing:
@@ -136,7 +136,7 @@ class Learner:
         value = float(value)
         if name in self._body.numbers:
             check_number(name, self._body.numbers[name], value)
-            self._body.put({**self.settings, name: value}, self._all)
+            self._body.apply({**self.settings, name: value}, self._all)
         elif name.startswith(TASK):
             self._switch({**self._changes, name.removeprefix(TASK): value}, self.frozen)
         elif name == EXPLORATION:
@@ -169,8 +169,8 @@ class Learner:
     def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         return load_policy(path, self._stepper.policy, self.task.name, seed)
 
-    def use(self, policy: Any, memory: Any) -> None:
-        self._stepper.use(policy, memory)
+    def set_policy(self, policy: Any, memory: Any) -> None:
+        self._stepper.set_policies(policy, memory)
         self._last = None
         if EXPLORATION in self.settings:
             self.settings[EXPLORATION] = 1.0
@@ -192,7 +192,7 @@ class Learner:
         self._changes, self.frozen = changes, frozen
         try:
             stepper = self._engine()
-            self._body.put(self.settings, [stepper])
+            self._body.apply(self.settings, [stepper])
             stepper.restore(state)
         except ValueError:
             self._changes, self.frozen = before
@@ -222,7 +222,7 @@ class Learner:
         if self._untrained is None:
             self._untrained = stepper_for(self.task, self.agent, [self._setup.seed], "sample", threads=1)
             self._untouched = self._untrained.state
-            self._body.put(self.settings, [self._untrained])
+            self._body.apply(self.settings, [self._untrained])
         return self._untrained
 
     def _set_number(self, name: str, value: float) -> None:
@@ -239,7 +239,7 @@ class Learner:
         self._stepper.restore(state)
         self._last = None
 
-    def _see(self) -> Seen:
+    def _probe_bodies(self) -> Probed:
         """Every body in view as it is now, one below the other."""
         parts = []
         for stepper in self._shown:
@@ -250,15 +250,17 @@ class Learner:
             return parts[0]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def _look(self, before: Seen | None) -> Look:
-        after = self._last = self._see()
-        look = {name: after[name] for name in after if name not in ("paid", "rates", "batch")}
-        look["activation"] = np.zeros((len(after["position"]), 0))
+    def _make_sample(self, before: Probed | None) -> Sample:
+        after = self._last = self._probe_bodies()
+        sample = {name: after[name] for name in after if name not in ("reward_sum", "rates", "batch")}
+        sample["activation"] = np.zeros((len(after["position"]), 0))
         unknown = np.full(len(after["position"]), np.nan)
-        known = before is not None and len(before["paid"]) == len(after["paid"])
-        look["reward"] = (after["paid"].astype(float) - before["paid"]).sum(axis=1) if known and before else unknown
-        look["gradient_norm"] = gradient_norm(before, after) if known and before else unknown
-        return look
+        known = before is not None and len(before["reward_sum"]) == len(after["reward_sum"])
+        sample["reward"] = (
+            (after["reward_sum"].astype(float) - before["reward_sum"]).sum(axis=1) if known and before else unknown
+        )
+        sample["gradient_norm"] = gradient_norm(before, after) if known and before else unknown
+        return sample
 
 
 def _explore(state: Any, factor: float) -> None:
@@ -269,7 +271,7 @@ def _explore(state: Any, factor: float) -> None:
 
 def agent_numbers(agent: Any) -> dict[str, float]:
     """The numbers of a learner that can be changed while it runs, by name."""
-    found = numbers_of(agent.hyperparameters)
+    found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if is_live(agent, path)}
     return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}
 
 

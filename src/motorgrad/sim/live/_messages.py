@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.sim.live._snapshot import Look, Sizes, Tally
+from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 
 SLOWEST = 0.05
 STRONGEST = 1e6  # N
@@ -60,11 +60,11 @@ class Subject(Protocol):
     def advance(self, ticks: int, /) -> None:
         """Make decisions without sampling them."""
 
-    def step(self) -> Look:
+    def step(self) -> Sample:
         """Make one decision and sample it."""
         ...
 
-    def look(self) -> Look:
+    def sample(self) -> Sample:
         """Sample the present moment; rewards and gradients are those of the last decision sampled."""
         ...
 
@@ -98,7 +98,7 @@ class Subject(Protocol):
         """A saved policy and the task's memory, checked to fit."""
         ...
 
-    def use(self, policy: Any, memory: Any) -> None:
+    def set_policy(self, policy: Any, memory: Any) -> None:
         """Continue with another policy."""
 
     def control(self, actuator: int, value: float) -> None: ...
@@ -280,7 +280,7 @@ class Loaded(Intervention):
     memory: Any
 
     def apply(self, subject: Subject) -> str:
-        subject.use(self.policy, self.memory)
+        subject.set_policy(self.policy, self.memory)
         return f"policy loaded from {self.path}"
 
 

@@ -13,14 +13,14 @@ from motorgrad.learning import SGD, RunningMean
 from motorgrad.policies import trainable
 from motorgrad.training import Stepper
 
-Seen = dict[str, np.ndarray]
+Probed = dict[str, np.ndarray]
 
 
-def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Seen]:
+def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
     """Make a function that samples a stepper.
 
-    `paid` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the learning
-    rates of the parameters, NaN where the optimizer has none.
+    `reward_sum` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the
+    learning rates of the parameters, NaN where the optimizer has none.
     """
 
     engine: Any = stepper  # every engine with a viewer has a cycle
@@ -41,7 +41,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Seen]:
             "observation": cycle.observation,
             "action": _wide(cycle.action, probability.shape[0]),
             "probability": probability,
-            "paid": jnp.stack([tally.sums[0], tally.carry[0]]),
+            "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),
             "baseline": learner.estimator.level(agent.estimator),
             "parameters": flat,
             "rates": _learning_rates(learner.optimizer, parameters, flat),
@@ -51,7 +51,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Seen]:
     return stepper.viewer(view)
 
 
-def gradient_norm(before: Seen, after: Seen) -> np.ndarray:
+def gradient_norm(before: Probed, after: Probed) -> np.ndarray:
     """The norm of the gradient that the last decision's step followed, NaN where it is unknown.
 
     Where a gradient is the mean of a batch, this is the norm of the mean so far; with a metric it is that of the

@@ -34,7 +34,7 @@ class Camera:
     **Arguments:**
 
     - `position` (m): of the camera.
-    - `target` (m): the point that it looks at.
+    - `target` (m): the point that it samples at.
     - `follow`: the body that it moves along with, without turning; both points are then relative to that body.
     - `field_of_view` (degrees): vertical.
     """

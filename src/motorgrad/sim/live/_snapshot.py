@@ -88,7 +88,7 @@ class Curve(NamedTuple):
     frozen: Bool[np.ndarray, " points"]
 
 
-Look = dict[str, np.ndarray]
+Sample = dict[str, np.ndarray]
 """One moment, by the names of `Snapshot`'s arrays and `action` and `contacts`, with a leading axis of bodies."""
 
 
@@ -207,17 +207,17 @@ class TrailRecorder:
         self._shared, self._room, self._period = shared, sizes.trail, period
         self._count = self._next = 0
 
-    def add(self, decision: int, looks: Sequence[Look]) -> None:
+    def add(self, decision: int, samples: Sequence[Sample]) -> None:
         """Append consecutive decisions, the last of which is `decision`."""
-        if not looks:
+        if not samples:
             return
         with self._shared.writing() as arrays:
-            for number, look in zip(range(decision - len(looks) + 1, decision + 1), looks, strict=True):
+            for number, sample in zip(range(decision - len(samples) + 1, decision + 1), samples, strict=True):
                 row = self._next
                 arrays["decision"][row], arrays["seconds"][row] = number, number * self._period
-                arrays["reward"][row], arrays["activation"][row] = look["reward"][0], look["control"][0]
+                arrays["reward"][row], arrays["activation"][row] = sample["reward"][0], sample["control"][0]
                 for name in ROWS:
-                    arrays[name][row] = look[name][0]
+                    arrays[name][row] = sample[name][0]
                 self._next = (row + 1) % self._room
                 self._count = min(self._count + 1, self._room)
             self._publish(arrays)

@@ -26,12 +26,12 @@ from motorgrad.sim.live._messages import (
     Subject,
 )
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Look, SharedArrays, TrailRecorder, layout
+from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Sample, SharedArrays, TrailRecorder, layout
 
 FRAME = 1 / 30  # s of wall time between two snapshots
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept
 CURVE_EVERY = 0.1  # s of wall time, at least, between two additions to the learning curve
-SLICE = 1 / 60  # s of wall time between two looks at the pipe
+SLICE = 1 / 60  # s of wall time between two samples at the pipe
 LOOKS = 150.0  # decisions a second that are sampled one by one
 STRETCH = 600  # decisions sampled in a row, after which a faster run pauses sampling
 REFUSED = (ValueError, OSError, RuntimeError)
@@ -75,7 +75,7 @@ class Worker:
         self._framed = self._counted = 0.0
         self._kept = time.perf_counter()
         self._resets = self._tallied = 0
-        self._latest = self.subject.tick, self.subject.look()
+        self._latest = self.subject.tick, self.subject.sample()
         self._publish()
 
     def run(self) -> None:
@@ -126,7 +126,7 @@ class Worker:
                     text, kind = self.playback.change(order.resolve(subject)), order.kind
                     self._drop_after(subject.tick)
                     self._keep()
-                    self._latest = subject.tick, subject.look()
+                    self._latest = subject.tick, subject.sample()
                 case _:
                     raise ValueError(f"unknown order {order!r}")
         except REFUSED as error:
@@ -155,31 +155,31 @@ class Worker:
             self._drop_after(self.subject.tick)
         start, subject = time.perf_counter(), self.subject
         sampled = self._budget.take(count) if sampled is None else sampled
-        looks = self._sample(sampled)
+        samples = self._sample(sampled)
         if rest := count - sampled:
             shown = start - self._framed >= FRAME - SLICE  # the next snapshot needs what the last decision led to
             self.playback.advance(rest - shown)
-            looks = self._steps(1) if shown else []
-        if looks:
-            self._latest = subject.tick, looks[-1]
+            samples = self._steps(1) if shown else []
+        if samples:
+            self._latest = subject.tick, samples[-1]
         if count:
-            self.clock.made(count, time.perf_counter() - start)
+            self.clock.record(count, time.perf_counter() - start)
         if subject.tick - self._tallied >= self._curve.window and start - self._counted >= CURVE_EVERY:
             self._curve.add(subject.tick, subject.tally(), subject.frozen)
             self._tallied, self._counted = subject.tick, start
         if start - self._kept >= KEEP_EVERY:
             self._keep()
 
-    def _sample(self, count: int) -> list[Look]:
+    def _sample(self, count: int) -> list[Sample]:
         """Make decisions and record each in the trail."""
-        looks = self._steps(count)
-        self._trail.add(self.subject.tick, looks)
-        return looks
+        samples = self._steps(count)
+        self._trail.add(self.subject.tick, samples)
+        return samples
 
-    def _steps(self, count: int) -> list[Look]:
+    def _steps(self, count: int) -> list[Sample]:
         """Make decisions and sample each."""
         pieces = self.playback.advance(count, lambda ticks: [self.subject.step() for _ in range(ticks)])
-        return [look for piece in pieces for look in piece]
+        return [sample for piece in pieces for sample in piece]
 
     def _keep(self) -> None:
         self.playback.keep()
@@ -198,9 +198,9 @@ class Worker:
         sampled = min(count, STRETCH)
         playback.advance(count - sampled)
         self._trail.drop_after(subject.tick)
-        looks = self._sample(sampled)
+        samples = self._sample(sampled)
         subject.tally()  # the repeated decisions are in the curve already
-        self._latest = decision, looks[-1] if looks else subject.look()
+        self._latest = decision, samples[-1] if samples else subject.sample()
         self.clock.pause()
         self._tallied = decision
         self._resets += 1
@@ -218,14 +218,14 @@ class Worker:
         self._tallied = 0
         self._resets += 1
         self.clock.restart()
-        self._latest = 0, self.subject.look()
+        self._latest = 0, self.subject.sample()
 
     def _publish(self) -> None:
         """Write the present moment to shared memory."""
         subject = self.subject
-        seen, look = self._latest
+        seen, sample = self._latest
         if seen != subject.tick:
-            look = subject.look()
+            sample = subject.sample()
         numbers: dict[str, float] = {
             "decision": subject.tick,
             "seconds": subject.tick * subject.period,
@@ -235,13 +235,13 @@ class Worker:
             "reset_count": self._resets,
             "oldest": self.playback.history.oldest,
             "newest": self.playback.end,
-            "bodies": len(look["position"]),
+            "bodies": len(sample["position"]),
         }
         with self._shared["moment"].writing() as arrays:
             for name, value in numbers.items():
                 arrays[name][...] = value
             for name in (*ARRAYS, *SCALARS):
-                arrays[name][: len(look[name])] = look[name]
+                arrays[name][: len(sample[name])] = sample[name]
         self._framed = time.perf_counter()
 
 

@@ -1,4 +1,4 @@
-"""What is learnt: the learning curve, the numbers behind it, the settings, and policies in files."""
+"""What is learned: the learning curve, the numbers behind it, the settings, and policies in files."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class LearningPanel(Panel):
                 ("parameters", f"{snapshot.parameters.shape[1]:,}"),
             ]
         )
-        self._form.follow()
+        self._form.refresh()
 
     def tell(self, events: list[Event]) -> None:
         for event in events:

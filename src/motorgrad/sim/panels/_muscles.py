@@ -147,7 +147,7 @@ class MusclesPanel(Panel):
             low, high = self._limits()
             self._drive = gui.add_slider("Drive", low, high, step=(high - low) / 200, initial_value=low)
             self._drive.on_update(self.guarded(self._control))
-        self._which.on_update(self._choose)
+        self._which.on_update(self._select)
         self._pose: Pose | None = None
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
@@ -176,7 +176,7 @@ class MusclesPanel(Panel):
         self._range = self._range.holding(length, velocity, law.rest_length)
         self._curve.content = draw_operating(law, activation, length, velocity, self._range)
         if self._editable:
-            self._form.follow()
+            self._form.refresh()
 
     def tell(self, events: list[Event]) -> None:
         if self._editable and any(event.kind == "error" for event in events):
@@ -201,7 +201,7 @@ class MusclesPanel(Panel):
     def _settings_of(self, muscle: str) -> list[str]:
         return [name for name in self.session.settings if name.startswith(f"body.{muscle}.")]
 
-    def _choose(self, _: Any) -> None:
+    def _select(self, _: Any) -> None:
         self._range = _fresh()
         if self._editable:
             self._form.point_at(self._settings_of(self._which.value))

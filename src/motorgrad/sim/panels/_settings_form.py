@@ -57,7 +57,7 @@ class SettingsForm:
         for row, field in enumerate(self._fields):
             field.visible = row < len(names)
 
-    def follow(self) -> None:
+    def refresh(self) -> None:
         """Show what was changed elsewhere: by another browser, or by going back in time."""
         for field, name in zip(self._fields, self._names, strict=False):
             if self._shown.get(name) != self._panel.session.settings[name]:
@@ -89,7 +89,7 @@ class SettingsForm:
     def refused(self) -> None:
         """Put every field back to what the run has."""
         self._shown.clear()
-        self.follow()
+        self.refresh()
 
 
 def words_of(name: str, agent: Any = None) -> tuple[str, str]:

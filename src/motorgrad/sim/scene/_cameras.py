@@ -227,7 +227,7 @@ class Cameras:
             with viewer.client.atomic():
                 viewer.mode.move(viewer.client.camera, pose)
 
-    def choose(self, client_id: int, name: str) -> None:
+    def select(self, client_id: int, name: str) -> None:
         """Give a browser another camera in the next frame. **Raises** `ValueError` for an unknown name."""
         check(name in self.names, "camera", name, f"one of {', '.join(self.names)}")
         viewer = self._viewers[client_id]
@@ -277,7 +277,7 @@ class Cameras:
         for number, name in enumerate(self.names):
             key = KEYS.get(name, str(number - 2) if number < 12 else None)
             command = client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon="camera")
-            command.on_trigger(lambda _, name=name: self.choose(client.client_id, name))
+            command.on_trigger(lambda _, name=name: self.select(client.client_id, name))
         with self._lock:
             self._viewers[client.client_id] = viewer
 

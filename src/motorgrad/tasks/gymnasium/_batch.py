@@ -1,18 +1,13 @@
 """Gymnasium environments of all seeds: making, stepping, saving and restoring them."""
 
 import contextlib
+import functools
 import pickle
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    import gymnasium
-import weakref
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
-
 from jaxtyping import Float
 
 from motorgrad._errors import check
@@ -20,6 +15,7 @@ from motorgrad.tasks.gymnasium._spaces import ActionCode
 
 if TYPE_CHECKING:
     import gymnasium
+
 STEPS = 20  # of a trial, before a copy is made and after
 
 
@@ -97,10 +93,9 @@ class EnvironmentBatch:
         for row in range(len(self.seeds)) if rows is None else rows:
             self._begin(int(row), None)
 
-    def unpack(self, packed: Any) -> EnvironmentState:
-        size = self._size
-        flags = (packed[..., size], packed[..., size + 1] > 0, packed[..., size + 2] > 0, packed[..., size + 3])
-        return EnvironmentState(packed[..., :size], *flags)
+    @property
+    def unpack(self) -> Callable[[Any], EnvironmentState]:
+        return functools.partial(_unpack, self._size)
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """The environments as bytes, empty if they cannot be saved, and the packed rows."""
@@ -197,6 +192,11 @@ def serialize(environment: "gymnasium.Env") -> bytes:
 def deserialize(content: bytes) -> "gymnasium.Env":
     """Restore an environment from bytes. This runs code named in the bytes: restore only what you trust."""
     return pickle.loads(content)
+
+
+def _unpack(size: int, packed: Any) -> EnvironmentState:
+    flags = (packed[..., size], packed[..., size + 1] > 0, packed[..., size + 2] > 0, packed[..., size + 3])
+    return EnvironmentState(packed[..., :size], *flags)
 
 
 def _close_all(environments: Sequence["gymnasium.Env"]) -> None:

@@ -91,7 +91,7 @@ class Hexapod(WalkingTask):
 
     Observed: the six lateral angles divided by `angle_scale`, and the other senses in `observes`. Actions: each muscle
     fires or not; with `synergies`, each unit drives several muscles. Reward: `reward_scale` × the velocity (m/s) of the
-    middle section along the direction `paid`. An episode ends when the trunk overturns.
+    middle section along the direction that `reward_type` names. An episode ends when the trunk overturns.
 
     **Arguments:**
 
@@ -105,8 +105,8 @@ class Hexapod(WalkingTask):
     - `lag` (decisions): delay of `"lateral"`; 0 in the thesis.
     - `angle_scale` (degrees): the lateral angle that is observed as 1.
     - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
-    - `paid`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the start
-      of a course; or the world's `"x"` axis.
+    - `reward_type`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the
+      start of a course; or the world's `"x"` axis.
     - `course` (decisions): the length of a course; the batch size of the learner gives a new course per batch.
     - `reward_scale`: reward per m/s.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
@@ -125,7 +125,7 @@ class Hexapod(WalkingTask):
     lag: int = 1
     angle_scale: float = 30.0
     yaw_smoothing: float = 0.1
-    paid: Literal["heading", "course", "x"] = "course"
+    reward_type: Literal["heading", "course", "x"] = "course"
     course: int = BATCH
     reward_scale: float = 4.0
     action_period: float = 0.02
@@ -219,7 +219,7 @@ class Hexapod(WalkingTask):
             stalled=jnp.where(over, (run / second < STALL) * 1.0, memory.stalled),
             net=jnp.linalg.norm(reading.position[:2] - memory.origin) / (self._span * self.period),
         )
-        return after, self.reward_scale * along[self.paid], overturned(reading)
+        return after, self.reward_scale * along[self.reward_type], overturned(reading)
 
     def readings(self, memory: HexapodMemory, state: BodyState) -> dict[str, Reading]:
         """Speed, net displacement, stalls and falls.
@@ -277,4 +277,4 @@ class HexapodSynergy(Hexapod):
     synergies: tuple[str, ...] = TRIPOD_SYNERGIES
     observes: tuple[Sense, ...] = ("lateral",)
     lag: int = 0
-    paid: Literal["heading", "course", "x"] = "heading"
+    reward_type: Literal["heading", "course", "x"] = "heading"

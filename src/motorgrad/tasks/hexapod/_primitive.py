@@ -1,4 +1,4 @@
-"""The hexapod walks in steps, as motor primitives: the start of each step and the duration of its phases are learnt
+"""The hexapod walks in steps, as motor primitives: the start of each step and the duration of its phases are learned
 (section 5.4.1 of the thesis)."""
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""The hexapod walks by a clock, up and down slopes: the period of the stride is learnt (section 5.4.1 of the
+"""The hexapod walks by a clock, up and down slopes: the period of the stride is learned (section 5.4.1 of the
 thesis)."""
 
 import dataclasses

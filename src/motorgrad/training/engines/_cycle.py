@@ -155,11 +155,11 @@ class Cycle:
 
     @property
     def rests(self) -> bool:
-        """Whether there are decisions that can be learnt from `resting`; `rest` counts them."""
+        """Whether there are decisions that can be learned from `resting`; `rest` counts them."""
         return self.mode != "learn" or self.agent.rests
 
     def rest(self, cycle: CycleState) -> Int[Array, ""]:
-        """How many decisions at least can be learnt from `resting`."""
+        """How many decisions at least can be learned from `resting`."""
         return self.learner(cycle).rest(cycle.agent) if self.mode == "learn" else jnp.asarray(NEVER, jnp.int32)
 
     def restart(

@@ -111,7 +111,7 @@ class HostProgram(Program):
         return call
 
     def _still(self, example: CycleState, row: Array, uniforms: Uniforms) -> list[int]:
-        """The leaves of a cycle that a decision learnt from resting returns unchanged."""
+        """The leaves of a cycle that a decision learned from resting returns unchanged."""
         still: list[int] = []
 
         def learn(cycle: CycleState, row: Array) -> None:
@@ -153,7 +153,7 @@ class HostProgram(Program):
 
     def _out_row(self, cycle: CycleState, ended: Any) -> Float[Array, " size"]:
         """What crosses to the host: the control of the dynamics, whether the episode has ended, and how many decisions
-        can be learnt from resting."""
+        can be learned from resting."""
         control = jnp.asarray(self.task.control(cycle.action, cycle.memory), jnp.result_type(float))
         ends = jnp.asarray(ended, control.dtype)
         return jnp.append(control, jnp.stack([ends, self._rest(cycle, control.dtype)]))
@@ -237,11 +237,11 @@ class HostStepper(Stepper):
         return jax.tree.map(np.array, found)
 
     def policies(self) -> Policy:
-        return jax.tree.map(np.array, self.agent.kept(self.program.unpack(self._cycles).agent))
+        return jax.tree.map(np.array, self.agent.final_policy(self.program.unpack(self._cycles).agent))
 
-    def use(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: Any = None) -> None:
         cycles = self.program.unpack(self._cycles)
-        cycles = cycles._replace(agent=self.agent.use(cycles.agent, jax.tree.map(jnp.array, policies)))
+        cycles = cycles._replace(agent=self.agent.set_policy(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
             cycles = self.program.resume(self.seeds, cycles, jnp.array(self.batch.packed), memory)
         if self.mode == "learn":  # the present action has its score in the trace; the next is the new policy's

@@ -27,7 +27,7 @@ class SideBySide(Stepper):
     """Learning in a body, with the seeds shared out to engines that do not wait for each other.
 
     Within one engine, physics and learners wait for each other at every decision, and threads share physics alone. So
-    many seeds are learnt in several engines, a thread for each; only their learners take turns. The shares depend on
+    many seeds are learned in several engines, a thread for each; only their learners take turns. The shares depend on
     the number of seeds alone, so results are the same in every bit for any number of threads.
 
     **Arguments:** as `BodyStepper`, in the mode "learn".
@@ -78,10 +78,10 @@ class SideBySide(Stepper):
     def policies(self) -> Policy:
         return self._joined([engine.policies() for engine in self.engines])
 
-    def use(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: Any = None) -> None:
         parts = zip(self.engines, self._parted(policies), self._parted(memory), strict=True)
         for engine, policy, remembered in parts:
-            engine.use(policy, remembered)
+            engine.set_policies(policy, remembered)
 
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
         views = [engine.viewer(view) for engine in self.engines]

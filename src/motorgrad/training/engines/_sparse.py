@@ -85,8 +85,8 @@ class SparseStepper(WorldStepper):
         index = agent.index._replace(table=agent.index.table[..., :0])
         return {**state, "cycle": state["cycle"]._replace(agent=agent._replace(index=index))}
 
-    def use(self, policies: Policy, memory: Any = None) -> None:
-        super().use(policies, memory)
+    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+        super().set_policies(policies, memory)
         cycle, world = self._carry
         axes = self._axes[0].agent
         agent = jax.vmap(_sparse(self.agent).take_up, in_axes=(axes,), out_axes=axes)(cycle.agent)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, unknown
 from motorgrad._random import key_of
-from motorgrad._tree import with_number
+from motorgrad._tree import is_live, with_number
 from motorgrad.learning import Agent, AgentState
 from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Task
@@ -127,9 +127,9 @@ class Stepper(abc.ABC):
         """The present policies of all seeds, stacked along a leading axis."""
 
     @abc.abstractmethod
-    def use(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: Any = None) -> None:
         """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
-        the task had when they had been learnt, with which it continues frozen."""
+        the task had when they had been learned, with which it continues frozen."""
 
     @abc.abstractmethod
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
@@ -143,7 +143,7 @@ class Stepper(abc.ABC):
     def set_number(self, path: str, value: float) -> None:
         """Change a hyperparameter of all seeds from the next decision on. Nothing is compiled.
 
-        **Raises** `ValueError` for an unknown path or a value out of range.
+        **Raises** `ValueError` for an unknown path, a value out of range, or a number that is used only at the start.
         """
 
     def _checked_place(self, path: str, value: float) -> int:
@@ -152,6 +152,8 @@ class Stepper(abc.ABC):
         if path not in places:
             raise unknown("number", path, places)
         agent = with_number(self.agent, path, value)
+        if not is_live(self.agent, path):
+            raise ValueError(f"{path} is used only at the start of a run; start a new run to change it")
         validate_episodes(self.task, agent)
         self.agent = agent
         return places[path]

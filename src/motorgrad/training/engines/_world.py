@@ -126,11 +126,11 @@ class WorldStepper(Stepper):
         return seeds_first(found)
 
     def policies(self) -> Policy:
-        return seeds_first(self.agent.kept(self._carry[0].agent))
+        return seeds_first(self.agent.final_policy(self._carry[0].agent))
 
-    def use(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: Any = None) -> None:
         cycle, world = self._carry
-        cycle = cycle._replace(agent=self.agent.use(cycle.agent, seeds_last(policies)))
+        cycle = cycle._replace(agent=self.agent.set_policy(cycle.agent, seeds_last(policies)))
         if memory is not None:
             cycle = self.program.resume(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)

@@ -102,7 +102,7 @@ class ActiveLearning(Experiment):
                     note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
                 ),
                 Claim(
-                    f"Over uniform loads, the learnt force is no worse ({words}).",
+                    f"Over uniform loads, the learned force is no worse ({words}).",
                     "our own expectation",
                     "root mean square error in the end, relative to uniform loads: the whole interval at "
                     f"most {NO_WORSE}",

@@ -1,4 +1,4 @@
-"""Figure 4.10: the local effect of a new unit on a learnt pool."""
+"""Figure 4.10: the local effect of a new unit on a learned pool."""
 
 from collections.abc import Sequence
 from typing import Self
@@ -18,12 +18,12 @@ LOADS = np.linspace(0, 1, 401)
 
 @experiment("fig-4.10", "the local effect of a new unit", "figure 4.10")
 class LocalEffect(Experiment):
-    """A pool that has learnt the linear mapping receives one more unit: the change of the mean activation at each load,
-    before anything more is learnt, against the gain of the new unit.
+    """A pool that has learned the linear mapping receives one more unit: the change of the mean activation at each
+    load, before anything more is learned, against the gain of the new unit.
 
     **Arguments:**
 
-    - `units`: in the learnt pools.
+    - `units`: in the learned pools.
     - `threshold`: of the new unit, a load.
     - `gains`: of the new unit, rising, the first 0.
     - `seeds`: pools that learn.
@@ -68,7 +68,7 @@ class LocalEffect(Experiment):
             without.plot(load, row, color="C0", linewidth=0.5, alpha=0.5)
         units = LinearRecruitment(units=self.units, output="ratio")
         without.plot(load, units.target(load), color="0.4", linestyle="--", linewidth=1)
-        without.set(xlabel="load", ylabel="mean activation", title=f"{self.units} units, learnt", ylim=(-0.02, 1.02))
+        without.set(xlabel="load", ylabel="mean activation", title=f"{self.units} units, learned", ylim=(-0.02, 1.02))
         shades = np.linspace(0.85, 0.15, len(values["gain"]))
         from matplotlib import colormaps
 
@@ -122,7 +122,7 @@ class LocalEffect(Experiment):
                 "at most 0.75 times as much: the whole interval",
                 narrower,
                 narrower.high <= 0.75,
-                note="The change falls in steps from the threshold to both ends, because the learnt "
+                note="The change falls in steps from the threshold to both ends, because the learned "
                 "activation is a staircase.",
             ),
             below(

@@ -20,7 +20,7 @@ LAST = 0.25  # share of a practice, the last, that counts as its end
 
 @experiment("sec-4.4.1-gain-decay", "gains that decay", "section 4.4.1")
 class GainDecay(Experiment):
-    """Gains that decay by a small fraction at every decision. Pools that have learnt the linear mapping continue to
+    """Gains that decay by a small fraction at every decision. Pools that have learned the linear mapping continue to
     learn with decaying gains: with a constant muscle, and with one that loses part of its strength and regains it.
     Measured: how stochastic the pools remain, how well they track the muscle, and what that costs if nothing changes.
     In comparison, pools whose gains decay from the start.
@@ -29,7 +29,7 @@ class GainDecay(Experiment):
 
     - `units`: in each pool.
     - `seeds`: pools of each kind.
-    - `learnt` (decisions): of each pool's first practice.
+    - `learned` (decisions): of each pool's first practice.
     - `steps` (decisions): of the second.
     - `period` (decisions): of the muscle, strong in the first half and weak in the second.
     - `amount`: relative change of its strength.
@@ -39,7 +39,7 @@ class GainDecay(Experiment):
 
     units: int = 2
     seeds: int = 20
-    learnt: int = 4_000_000
+    learned: int = 4_000_000
     steps: int = 3_000_000
     period: int = 2_000_000
     amount: float = -0.5
@@ -48,7 +48,7 @@ class GainDecay(Experiment):
     def __post_init__(self) -> None:
         self.check_range(2, 10_000, "seeds")
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
-        self.check_range(200, 10**9, "learnt")
+        self.check_range(200, 10**9, "learned")
         check(
             len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,
             "decays",
@@ -60,7 +60,7 @@ class GainDecay(Experiment):
 
     @classmethod
     def quick(cls) -> Self:
-        return cls(seeds=3, learnt=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
+        return cls(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
 
     def task(self, drifts: bool) -> LinearRecruitment:
         return LinearRecruitment(
@@ -70,7 +70,7 @@ class GainDecay(Experiment):
     def run(self, work: Workspace) -> Values:
         still, middle = self.task(False), self.decays[1]
         settings = {d: agent_for(still, weight_decay={"gain": d} if d else None) for d in (0.0, *self.decays)}
-        first = [work.train(still, settings[decay], self.learnt, self.seeds) for decay in (0.0, middle)]
+        first = [work.train(still, settings[decay], self.learned, self.seeds) for decay in (0.0, middle)]
         found: Values = {
             "decay": np.array(list(settings)),
             "changes": np.arange(1, 2 * self.steps // self.period) * (self.period // 2),
@@ -93,8 +93,8 @@ class GainDecay(Experiment):
         labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]
         columns = {
             "first": "from the start",
-            "still": "learnt pools: constant muscle",
-            "drifting": "learnt pools: weak muscle shaded",
+            "still": "learned pools: constant muscle",
+            "drifting": "learned pools: weak muscle shaded",
         }
         for column, (name, title) in enumerate(columns.items()):
             decision = values["first decision" if name == "first" else "decision"]

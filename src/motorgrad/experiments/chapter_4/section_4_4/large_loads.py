@@ -15,17 +15,17 @@ from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import agent_for
 
 SILENT = 0.05  # a pool that fires less than this fraction at large loads counts as silent
-PAID = ("height", "complete")
+REWARD_TYPES = ("height", "complete")
 SEEN = ("large", "all")
 PROBABILITY = np.linspace(0.0, 1.0, 101)
 HALF = 50
-TITLES = {"height": "paid by height", "complete": "paid only if complete"}
+TITLES = {"height": "rewarded by height", "complete": "rewarded only if complete"}
 
 
 @experiment("sec-4.4-large-loads", "only large loads", "section 4.4")
 class LargeLoads(Experiment):
     """Pools of several sizes learn to lift only large loads, for which more than 85 % of the pool must fire, or all
-    loads. The reward is the height of the lift, or is paid only for a complete lift. In addition, computed exactly: the
+    loads. The reward is the height of the lift, or only a complete lift is rewarded. In addition, computed exactly: the
     reward at large loads of a pool whose units all fire with the same probability.
 
     **Arguments:**
@@ -51,26 +51,28 @@ class LargeLoads(Experiment):
     def quick(cls) -> Self:
         return cls(sizes=(2, 4), seeds=3, steps=2_000)
 
-    def task(self, paid: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
+    def task(self, reward_type: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
         """The task of pools of this size, with this reward and these loads."""
-        task = ArmRecruitment(units=units, paid=paid)
+        task = ArmRecruitment(units=units, reward_type=reward_type)
         return dataclasses.replace(task, low=self.least) if seen == "large" else task
 
     def run(self, work: Workspace) -> Values:
         loads = np.linspace(self.least, 14.0, 41)
         found: Values = {"size": np.array(self.sizes), "probability": PROBABILITY}
-        for paid in PAID:
-            pays = [common_pay(self.task(paid, "large", units), loads) for units in self.sizes]
-            found[f"{paid} pay"] = np.array(pays)
+        for reward_type in REWARD_TYPES:
+            pays = [common_pay(self.task(reward_type, "large", units), loads) for units in self.sizes]
+            found[f"{reward_type} pay"] = np.array(pays)
             for seen in SEEN:
-                found[f"{paid} {seen}"] = np.array([self._active(work, paid, seen, n, loads) for n in self.sizes])
+                found[f"{reward_type} {seen}"] = np.array(
+                    [self._active(work, reward_type, seen, n, loads) for n in self.sizes]
+                )
         return found
 
     def _active(
-        self, work: Workspace, paid: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
+        self, work: Workspace, reward_type: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
     ) -> np.ndarray:
         """The fraction of each pool that fires at large loads after learning, `(seeds,)`."""
-        task = self.task(paid, seen, units)
+        task = self.task(reward_type, seen, units)
         run = work.train(task, agent_for(task), self.steps, self.seeds)
         return firing_probability(run.policies, loads).mean(axis=(1, 2))
 
@@ -79,21 +81,21 @@ class LargeLoads(Experiment):
         the number of silent pools."""
         figure = new_figure(8, 6.4)
         axes = figure.subplots(2, 2, sharex="row", sharey="row")
-        for column, (paid, title) in enumerate(TITLES.items()):
-            _pay(axes[0, column], values, paid)
+        for column, (reward_type, title) in enumerate(TITLES.items()):
+            _pay(axes[0, column], values, reward_type)
             axes[0, column].set_title(title, fontsize=11)
-            _active(axes[1, column], values, paid, SILENT)
+            _active(axes[1, column], values, reward_type, SILENT)
         axes[0, 0].set_ylabel("mean reward at large loads")
         axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
         axes[0, 0].legend(title="units")
-        axes[1, 0].legend(title="learnt from")
+        axes[1, 0].legend(title="learned from")
         return figure
 
     def claims(self, values: Values) -> Sequence[Claim]:
         sizes, made = values["size"], []
-        for paid, words in (("height", "paid by height"), ("complete", "paid only if complete")):
-            silent = {seen: values[f"{paid} {seen}"] < SILENT for seen in SEEN}
-            pay, shares = values[f"{paid} pay"][-1], share_of(silent["large"][-1])
+        for reward_type, words in (("height", "rewarded by height"), ("complete", "rewarded only if complete")):
+            silent = {seen: values[f"{reward_type} {seen}"] < SILENT for seen in SEEN}
+            pay, shares = values[f"{reward_type} pay"][-1], share_of(silent["large"][-1])
             slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
             made += [
                 Claim(
@@ -112,7 +114,7 @@ class LargeLoads(Experiment):
                     slope,
                     slope.value < 0,
                     "reward per unit of probability",
-                    f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, paid, 0):.2f}.",
+                    f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, reward_type, 0):.2f}.",
                 ),
                 more_than_half(
                     f"With only large loads, a large pool falls silent (lifts {words}).",
@@ -130,13 +132,13 @@ class LargeLoads(Experiment):
         return [
             *made,
             positive(
-                "Large pools fall silent more often than small ones (lifts paid only if complete).",
+                "Large pools fall silent more often than small ones (lifts rewarded only if complete).",
                 "section 4.4",
                 f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
                 grown,
             ),
             Claim(
-                "Exposure to small loads prevents it (lifts paid only if complete).",
+                "Exposure to small loads prevents it (lifts rewarded only if complete).",
                 "section 4.4",
                 f"with all loads, fewer pools of {sizes[-1]} fall silent: difference of shares above 0, and "
                 "fewer than half",
@@ -147,8 +149,8 @@ class LargeLoads(Experiment):
         ]
 
 
-def _slope(values: Values, paid: str, row: int) -> float:
-    return float(np.gradient(values[f"{paid} pay"][row], PROBABILITY)[HALF])
+def _slope(values: Values, reward_type: str, row: int) -> float:
+    return float(np.gradient(values[f"{reward_type} pay"][row], PROBABILITY)[HALF])
 
 
 def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
@@ -161,19 +163,19 @@ def common_pay(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
     return stats.binom.pmf(counts, task.units, PROBABILITY[:, None]) @ pay
 
 
-def _pay(axes: Axes, values: Values, paid: str) -> None:
+def _pay(axes: Axes, values: Values, reward_type: str) -> None:
     for row, size in enumerate(values["size"]):
-        axes.plot(values["probability"], values[f"{paid} pay"][row], color=f"C{row}", label=str(size))
+        axes.plot(values["probability"], values[f"{reward_type} pay"][row], color=f"C{row}", label=str(size))
     axes.axvline(0.5, color="0.6", linewidth=0.8, linestyle="--")
     axes.text(0.51, 5.9, "start", color="0.4", fontsize=9)
     axes.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     axes.set_xlabel("probability that each unit fires")
 
 
-def _active(axes: Axes, values: Values, paid: str, silent: float) -> None:
-    spread = np.linspace(-0.13, 0.13, values[f"{paid} large"].shape[1])
+def _active(axes: Axes, values: Values, reward_type: str, silent: float) -> None:
+    spread = np.linspace(-0.13, 0.13, values[f"{reward_type} large"].shape[1])
     for shift, seen, colour in ((-0.2, "large", "C3"), (0.2, "all", "C0")):
-        for place, active in enumerate(values[f"{paid} {seen}"]):
+        for place, active in enumerate(values[f"{reward_type} {seen}"]):
             axes.plot(
                 place + shift + spread, np.sort(active), ".", color=colour, markersize=5,
                 label=f"{seen} loads" if place == 0 else None,

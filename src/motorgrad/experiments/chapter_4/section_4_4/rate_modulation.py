@@ -18,7 +18,7 @@ KINDS = {"binary": "motoneurons", "graded": "graded-motoneurons"}
 DAMPING = NATURAL["metric"]["damping"] | {"log_deviation": 0.01}
 """Without damping of its own, the logarithm of the deviation would diverge: see the page about graded units."""
 
-REACHED = 1.25  # a pool has learnt at this multiple of the least error of binary units
+REACHED = 1.25  # a pool has learned at this multiple of the least error of binary units
 LAST = 0.1  # share of the records, the last, that counts as the end
 INPUTS = np.linspace(0, 1, 201)
 CURVES = (("binary", "C1", "binary"), ("graded", "C0", "graded"))

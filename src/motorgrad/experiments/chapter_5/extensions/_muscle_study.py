@@ -107,7 +107,7 @@ def frozen_readings(
     count = len(jax.tree.leaves(policies)[0])
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
     stepper = stepper_for(task, agent, [FRESH + row for row in range(count)], mode, work.threads)
-    stepper.use(policies)
+    stepper.set_policies(policies)
     stepper.advance(round(SETTLING / task.period))
     stepper.harvest()
     stepper.advance(round(seconds / task.period))

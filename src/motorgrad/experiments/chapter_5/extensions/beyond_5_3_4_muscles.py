@@ -147,7 +147,7 @@ def muscle_claims(values: Values) -> Sequence[Claim]:
             gaits,
         ),
         Claim(
-            "The learnt walks lead somewhere.",
+            "The learned walks lead somewhere.",
             OURS,
             f"most probable actions: median net displacement over 20 s at least {NET} m/s",
             net,

@@ -1,4 +1,4 @@
-"""Beyond section 5.4.1: synergies extracted from learnt gaits, and learning on them with four units."""
+"""Beyond section 5.4.1: synergies extracted from learned gaits, and learning on them with four units."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -24,9 +24,9 @@ COLOURS = {"found": "#0072B2", "by lot": "#D55E00", "by hand": "#4d4d4d"}
 MUSCLES = ("protractor", "levator", "retractor", "depressor")
 
 
-@experiment("beyond-5.4.1-synergies", "synergies found in learnt gaits", "beyond section 5.4.1")
+@experiment("beyond-5.4.1-synergies", "synergies found in learned gaits", "beyond section 5.4.1")
 class FoundSynergies(MuscleStudy):
-    """The activations of hexapods that learnt to walk on 24 muscles are factorised into four synergies each. Other
+    """The activations of hexapods that learned to walk on 24 muscles are factorised into four synergies each. Other
     hexapods then learn to walk on those four, by OLGARB, from weights of 0. For comparison, some learn on synergies of
     the same sizes with randomly drawn muscles, and some on synergies made by hand.
 
@@ -71,7 +71,7 @@ class FoundSynergies(MuscleStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        """Synergies of the gait that gets farthest, synergies made by hand, and what is learnt on them."""
+        """Synergies of the gait that gets farthest, synergies made by hand, and what is learned on them."""
         figure = new_figure(9.8, 7.6)
         panels: Any = figure.subplot_mosaic(
             [["found", "found"], ["hand", "hand"], ["practice", "frozen"]],
@@ -102,14 +102,14 @@ class FoundSynergies(MuscleStudy):
         explained = mean_of(values["explained"])
         return [
             more_than_half(
-                "Four synergies account for most of the activity of 24 muscles in a learnt gait.",
+                "Four synergies account for most of the activity of 24 muscles in a learned gait.",
                 OURS,
                 "fraction of the activations' sum of squares: above one half",
                 explained,
             ),
             above(
                 level,
-                "On synergies found in learnt gaits, four units learn to walk.",
+                "On synergies found in learned gaits, four units learn to walk.",
                 OURS,
                 f"frozen, sampled actions: median speed above that of the fixed controller, {level:.2f} m/s",
                 speed,

@@ -74,7 +74,7 @@ class Forces(Experiment):
         def strengthened(section: Section) -> Section:
             return dataclasses.replace(section, leg=dataclasses.replace(section.leg, **pairs))
 
-        return HexapodSynergy(body=HexapodBody().each(strengthened))
+        return HexapodSynergy(body=HexapodBody().map_sections(strengthened))
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"levels": np.array(self.levels)}

@@ -1,4 +1,4 @@
-"""Section 5.4.1: motor primitives whose preconditions and movement parameters are learnt together."""
+"""Section 5.4.1: motor primitives whose preconditions and movement parameters are learned together."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -21,12 +21,12 @@ from motorgrad.tasks import HexapodPrimitive
 from motorgrad.training import agent_for
 
 WORDS = {
-    "both": "precondition and movement learnt together",
+    "both": "precondition and movement learned together",
     "precondition": "the precondition alone",
     "movement": "the movement alone",
 }
 STILL = 0.021
-"""The deviation of a movement that is not learnt: close to none."""
+"""The deviation of a movement that is not learned: close to none."""
 
 SURE = 7.0
 """The negative logarithm of a deviation that adds almost nothing to the floor."""
@@ -39,16 +39,16 @@ TRIPOD = ("first", "second")
 
 
 @experiment("sec-5.4.1-primitive", "motor primitives: when they begin and how they move", "section 5.4.1")
-class LearntPrimitives(Experiment):
+class LearnedPrimitives(Experiment):
     """A hexapod walks by steps of its two tripods: motor primitives, each a swing and a stance. The start of a step
-    (its precondition) and the durations of its parts (its movement parameters) are learnt together from zero weights;
+    (its precondition) and the durations of its parts (its movement parameters) are learned together from zero weights;
     or one of them alone, while the other keeps its initial form: random starts of steps, or initial durations.
 
     **Arguments:**
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
-    - `watched` (simulated s): for which the learnt policies are evaluated, without learning.
+    - `watched` (simulated s): for which the learned policies are evaluated, without learning.
     """
 
     seconds: float = 400.0
@@ -69,7 +69,7 @@ class LearntPrimitives(Experiment):
         return HexapodPrimitive()
 
     def learner(self, kind: str) -> Agent:
-        """The task's own learner, with step sizes of 0 for what is not learnt."""
+        """The task's own learner, with step sizes of 0 for what is not learned."""
         rates: dict[str, float] = dict(self.task.learner["learning_rate"])
         changes: dict[str, Any] = {}
         if kind == "precondition":
@@ -90,13 +90,13 @@ class LearntPrimitives(Experiment):
             sure = work.part(f"{kind} sure", lambda run=run: self._watch(work, _sure(run.policies)))
             found[f"{kind} sure"] = sure["speed"]
             if kind == "both":
-                found |= self._learnt(run.policies, int(np.argsort(seen["speed"])[self.seeds // 2]))
+                found |= self._learned(run.policies, int(np.argsort(seen["speed"])[self.seeds // 2]))
         return found
 
     def _watch(self, work: Workspace, policies: Any) -> Values:
         return frozen_readings(work, policies, self.task, self.watched, "sample", ("speed",))
 
-    def _learnt(self, policies: Any, middle: int) -> Values:
+    def _learned(self, policies: Any, middle: int) -> Values:
         """Parameters of all seeds; and, for the median one, the preconditions."""
         weights = np.asarray(policies.precondition.weights)
         level = jnp.asarray(policies.movement.level)
@@ -138,7 +138,7 @@ class LearntPrimitives(Experiment):
             gained = mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1))
             made.append(
                 positive(
-                    f"Learning {words.removesuffix(' learnt together')} makes the hexapod faster.",
+                    f"Learning {words.removesuffix(' learned together')} makes the hexapod faster.",
                     "section 5.4.1",
                     "the last fifth of the practice minus the first twentieth: above 0",
                     gained,

@@ -21,10 +21,10 @@ from motorgrad.tasks import HexapodStride
 from motorgrad.training import agent_for
 
 KINDS = ("slope", "constant")
-"""Learnt as a function of the pitch, and as a constant."""
+"""Learned as a function of the pitch, and as a constant."""
 
 RECORDS = 60
-LOOKS = {"slope": ("C0", "learnt, function of the pitch"), "constant": ("C1", "learnt, constant")}
+LOOKS = {"slope": ("C0", "learned, function of the pitch"), "constant": ("C1", "learned, constant")}
 
 
 @experiment("sec-5.4.1-stride", "a stride period that adapts to slopes", "section 5.4.1")
@@ -122,7 +122,7 @@ class StridePeriod(Experiment):
             positive(
                 "Policy gradient learns a stride period that is faster than the initial one.",
                 source,
-                "one learnt period, mean over the slopes: difference above 0",
+                "one learned period, mean over the slopes: difference above 0",
                 gained,
                 "m/s",
                 f"{constant.mean():.2f} m/s; at {values['grid'][-1]:g} s, {began:.2f} m/s.",

@@ -1,4 +1,4 @@
-"""The study of learnt gaits: the learner of section 5.3.4, its training and evaluation, and walks of the fixed
+"""The study of learned gaits: the learner of section 5.3.4, its training and evaluation, and walks of the fixed
 controller."""
 
 import dataclasses

@@ -22,11 +22,11 @@ MEMBERS = [np.array([LEGS.index(leg) for leg in tripod]) for tripod in TRIPODS]
 NAMES = {"pronk": "pronking", "tripod": "tripod"}
 
 
-@experiment("fig-5.8", "two learnt gaits", "figure 5.8")
+@experiment("fig-5.8", "two learned gaits", "figure 5.8")
 class TwoGaits(SynergyStudy):
-    """Lateral angles and ground contacts of two hexapods that have learnt to walk on four synergies: the seed with the
+    """Lateral angles and ground contacts of two hexapods that have learned to walk on four synergies: the seed with the
     clearest pronk and the seed with the clearest tripod gait, by the correlation between the mean lateral angles of the
-    two tripods; over all lags, with sampled actions. A gait that no seed learnt is not shown.
+    two tripods; over all lags, with sampled actions. A gait that no seed learned is not shown.
 
     **Arguments:** those of the study, and
 
@@ -73,7 +73,7 @@ class TwoGaits(SynergyStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-        """Lateral angles and ground contacts of one seed for each gait, or a note if no seed learnt the gait."""
+        """Lateral angles and ground contacts of one seed for each gait, or a note if no seed learned the gait."""
         from matplotlib.patches import Patch
 
         figure = new_figure(8.6, 8.0)
@@ -85,7 +85,7 @@ class TwoGaits(SynergyStudy):
             if row < 0:
                 for axes in (angles, feet):
                     axes.set_axis_off()
-                words = f"None of {seeds} seeds learnt the {NAMES[kind]} gait."
+                words = f"None of {seeds} seeds learned the {NAMES[kind]} gait."
                 angles.text(0.5, 0.5, words, ha="center", va="center", transform=angles.transAxes, color="0.3")
                 continue
             draw_angles(angles, time, values[f"{kind} lateral"])
@@ -124,7 +124,7 @@ class TwoGaits(SynergyStudy):
         for kind, statement, holds, expected in rows:
             own = holds[values["gait"] == kind]
             measured = share_of(own) if len(own) else exact(0)
-            note = "" if len(own) else f"None of {len(holds)} seeds learnt this gait."
+            note = "" if len(own) else f"None of {len(holds)} seeds learned this gait."
             expected = f"{expected}: in most seeds of this gait"
             made.append(more_than_half(statement, "section 5.3.2", expected, measured, note=note))
         return made

@@ -1,4 +1,4 @@
-"""Section 5.3.4: gaits learnt on four synergies, over many seeds."""
+"""Section 5.3.4: gaits learned on four synergies, over many seeds."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -42,7 +42,7 @@ ACTIONS = {"sample": "sampled actions", "mode": "most probable actions"}
 
 
 @experiment("sec-5.3.4-gaits", "the gaits that hexapods learn", "section 5.3.4")
-class LearntGaits(SynergyStudy):
+class LearnedGaits(SynergyStudy):
     """Hexapods learn to walk on four synergies, swing and stance of each tripod, with observations delayed by 0, 1 and
     2 decisions: their speed during practice compared with the fixed controller; and the gait, speed and net
     displacement of the frozen policies from a fresh start, with sampled and with most probable actions."""
@@ -150,7 +150,7 @@ def counted(gaits: np.ndarray) -> str:
 
 
 def viable(gaits: np.ndarray) -> np.ndarray:
-    """Which seeds learnt one of the two gaits that the thesis reports."""
+    """Which seeds learned one of the two gaits that the thesis reports."""
     return np.isin(gaits, ("tripod", "pronk"))
 
 
@@ -175,11 +175,11 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
             note=counts,
         ),
         more_than_half(
-            f"Pronking is learnt more often than not ({late}).",
+            f"Pronking is learned more often than not ({late}).",
             source,
-            "most of the seeds that learnt either gait",
+            "most of the seeds that learned either gait",
             pronking,
-            note=counts if either.any() else f"No seed learnt either gait. {counts}",
+            note=counts if either.any() else f"No seed learned either gait. {counts}",
         ),
         Claim(
             f"Learning exceeds the fixed controller's speed after 50 to 100 s of practice ({late}).",
@@ -203,7 +203,7 @@ def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
         ),
         *(
             more_than_half(
-                f"Learnt policies get farther than the fixed controller, with {words} ({late}).",
+                f"Learned policies get farther than the fixed controller, with {words} ({late}).",
                 OURS,
                 f"net displacement in 20 s above {level:.2f} m/s: in most seeds",
                 share_of(values[f"lag {lag} {mode} net"] > level),
@@ -232,7 +232,7 @@ def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
     between = share_of(gaits[first] == "intermediate")
     made = [
         Claim(
-            f"The {words} gait is learnt.",
+            f"The {words} gait is learned.",
             THESIS,
             f"in at least one seed, with lag {first}",
             share_of(gaits[first] == kind),

@@ -1,8 +1,8 @@
 """The study of growing policies: a pool that receives its units one by one, and its history."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Literal, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ import numpy as np
 from motorgrad.experiments._experiment import Experiment, Workspace
 from motorgrad.experiments._films import recorded_policies
 from motorgrad.learning import Agent
-from motorgrad.tasks import Task
+from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
 
 RATES = {"centre": 1e-4, "log_width": 5e-4}
@@ -50,12 +50,41 @@ class GrowingStudy(Experiment):
         """The constructive learner of section 6.4.4, whose numbers are the defaults, or a changed one."""
         return agent_for(task, **{"policy": "growing", "learning_rate": RATES, **changes})
 
-    def learnt(self, work: Workspace, task: Task, settings: Agent) -> Run:
+    def learned(self, work: Workspace, task: Task, settings: Agent) -> Run:
         return work.train(task, settings, self.decisions, self.seeds)
 
     def counts(self, wanted: tuple[int, ...]) -> tuple[int, ...]:
         """The numbers of units among these that are reached."""
         return tuple(count for count in wanted if count <= self.units)
+
+
+@dataclasses.dataclass(frozen=True)
+class GrowthComparison(GrowingStudy):
+    """Base of experiments that compare ways of growing in several layouts of rewards.
+
+    **Arguments:**
+
+    - `units`: of the complete pool.
+    - `seeds`: learners of each kind.
+    - `layouts`: of rewards, by name.
+
+    **Attributes:** `ways`, the settings that each way of growing changes, by its name.
+    """
+
+    ways: ClassVar[Mapping[str, Mapping[str, Any]]]
+
+    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
+
+    @classmethod
+    def quick(cls) -> Self:
+        return cls(units=4, seeds=3, layouts=("R3",))
+
+    def runs(self, work: Workspace) -> Iterator[tuple[str, Run]]:
+        """The run of each layout and way, with its name, such as "R3 clock"."""
+        for layout in self.layouts:
+            task = FallingParticle(layout=layout, units=self.units)
+            for way, changes in self.ways.items():
+                yield f"{layout} {way}", self.learned(work, task, self.growing(task, **changes))
 
 
 def after_units(decision: np.ndarray, values: np.ndarray, units: int) -> np.ndarray:

@@ -44,11 +44,11 @@ class GrowingPolicy(GrowingStudy):
         return FallingParticle(layout="R3", units=self.units)
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
-        return {"animation": self.learnt(work, self.task, self.growing(self.task))}
+        return {"animation": self.learned(work, self.task, self.growing(self.task))}
 
     def run(self, work: Workspace) -> Values:
         task = self.task
-        run = self.learnt(work, task, self.growing(task))
+        run = self.learned(work, task, self.growing(task))
         decision, reward = run.curve()
         found: Values = {"reward": after_units(decision, reward, self.units)}
         row = median_row(found["reward"][:, -1])

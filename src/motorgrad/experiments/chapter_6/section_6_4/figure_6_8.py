@@ -48,7 +48,7 @@ class GrowingReward(GrowingStudy):
             ("grown", FallingParticle(layout="R3", units=self.units)),
             ("right first", FallingParticle(layout="R3", units=self.units, forces=RIGHT_FIRST)),
         ):
-            run = self.learnt(work, task, self.growing(task))
+            run = self.learned(work, task, self.growing(task))
             decision, reward = run.curve()
             found |= {
                 f"{name} reward": reward,
@@ -59,7 +59,7 @@ class GrowingReward(GrowingStudy):
                 found |= {"decision": decision, "episode": np.cumsum(run.curve("episodes")[1], axis=1)}
         for name, changes in STATIC.items():
             task = FallingParticle(layout="R3")
-            found[f"{name} reward"] = self.learnt(work, task, agent_for(task, **changes)).curve()[1]
+            found[f"{name} reward"] = self.learned(work, task, agent_for(task, **changes)).curve()[1]
         found["row"] = np.array(median_row(found["grown after"][:, -1]))
         return found
 

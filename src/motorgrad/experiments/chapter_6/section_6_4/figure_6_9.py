@@ -45,13 +45,13 @@ class Orbits(GrowingStudy):
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
         tasks = {wanted: self.task(wanted) for wanted in WANTED}
-        return {f"animation-{name}": self.learnt(work, task, self.growing(task)) for name, task in tasks.items()}
+        return {f"animation-{name}": self.learned(work, task, self.growing(task)) for name, task in tasks.items()}
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"counts": np.array(self.counts(SHOWN))}
         for wanted in WANTED:
             task = self.task(wanted)
-            run = self.learnt(work, task, self.growing(task))
+            run = self.learned(work, task, self.growing(task))
             decision, radius = run.curve("radius")
             after = after_units(decision, radius, self.units)
             row = median_row(after[:, -1])

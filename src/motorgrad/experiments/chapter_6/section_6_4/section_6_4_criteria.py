@@ -1,15 +1,14 @@
 """Section 6.4.3: when to add a unit, and when to stop."""
 
-from collections.abc import Sequence
-from typing import Any, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, negative, positive, share_of
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
-from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowingStudy, learning_phase
-from motorgrad.tasks import FallingParticle
+from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowthComparison, learning_phase
 
 END = 0.05  # share of the decisions, the last, over which the end is averaged
 QUIET = 0.1  # growth has stopped if this share of the decisions, the last, passes without an addition
@@ -29,32 +28,19 @@ LEAST = 5  # seeds required for a mean over those with this many units
 
 
 @experiment("sec-6.4-criteria", "when to add a unit, and when to stop", "section 6.4")
-class Criteria(GrowingStudy):
+class Criteria(GrowthComparison):
     """When to add the next unit, and when to stop: by the clock, or once the reward no longer rises by more than its
     interval. All learners have the same number of decisions, in the layouts R3 and R1: their reward over decisions and
     against units, the final number of units, and the time of the last addition.
-
-    **Arguments:**
-
-    - `units`: of the pool; growth by the clock fills it.
-    - `seeds`: learners with each criterion.
-    - `layouts`: of rewards, by name.
     """
 
-    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=4, seeds=3, layouts=("R3",))
+    ways: ClassVar[Mapping[str, Mapping[str, Any]]] = WAYS
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
-        for layout in self.layouts:
-            task = FallingParticle(layout=layout, units=self.units)
-            for way, changes in WAYS.items():
-                run = self.learnt(work, task, self.growing(task, **changes))
-                found["decision"], found[f"{layout} {way} reward"] = run.curve()
-                found[f"{layout} {way} units"] = run.curve("units")[1]
+        for name, run in self.runs(work):
+            found["decision"], found[f"{name} reward"] = run.curve()
+            found[f"{name} units"] = run.curve("units")[1]
         return found
 
     def figure(self, values: Values) -> Figure:

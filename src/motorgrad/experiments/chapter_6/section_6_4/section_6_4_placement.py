@@ -1,7 +1,7 @@
 """Sections 6.4.3 and 6.5.4: where a new unit starts."""
 
-from collections.abc import Sequence
-from typing import Any, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
-    GrowingStudy,
+    GrowthComparison,
     after_units,
     grown_policies,
 )
@@ -22,42 +22,28 @@ PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "at a visited pla
 
 
 @experiment("sec-6.4-placement", "where a new unit starts", "section 6.4")
-class Placement(GrowingStudy):
+class Placement(GrowthComparison):
     """Where a new unit starts: at the centre of the box, or at a random place among those that the particle visited
     recently. Units are added by the clock, in the layouts R3 and R1: the reward, and the initial and final places of
     units.
-
-    **Arguments:**
-
-    - `units`: of the complete pool.
-    - `seeds`: learners of each kind.
-    - `layouts`: of rewards, by name.
     """
 
-    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=4, seeds=3, layouts=("R3",))
+    ways: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "centre": {"growth.placement": "none"},
+        "visited": {"growth.placement": "visited"},
+    }
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
-        for layout in self.layouts:
-            task = FallingParticle(layout=layout, units=self.units)
-            for place in PLACES:
-                changes = {"growth.placement": "none" if place == "centre" else place}
-                run = self.learnt(work, task, self.growing(task, **changes))
-                decision, reward = run.curve()
-                found |= {
-                    "decision": decision,
-                    f"{layout} {place} reward": reward,
-                    f"{layout} {place} after": after_units(decision, reward, self.units),
-                }
-                history = np.asarray(grown_policies(run, range(1, self.units + 1)).pool.centre)
-                # a record at an addition contains the initial state of the new unit
-                starts = [history[unit - 1][:, unit] for unit in range(1, self.units)]
-                found[f"{layout} {place} starts"] = np.stack(starts, axis=1)
-                found[f"{layout} {place} ends"] = at_own_interval(history)[:, 1:]
+        for name, run in self.runs(work):
+            found["decision"], reward = run.curve()
+            found[f"{name} reward"] = reward
+            found[f"{name} after"] = after_units(found["decision"], reward, self.units)
+            history = np.asarray(grown_policies(run, range(1, self.units + 1)).pool.centre)
+            # a record at an addition contains the initial state of the new unit
+            starts = [history[unit - 1][:, unit] for unit in range(1, self.units)]
+            found[f"{name} starts"] = np.stack(starts, axis=1)
+            found[f"{name} ends"] = at_own_interval(history)[:, 1:]
         return found
 
     def figure(self, values: Values) -> Figure:

@@ -54,7 +54,7 @@ LEVELS = ("#222222", "#B07500")
 @experiment("sec-6.5.4-hierarchy", "sub-policies behind gates", "section 6.5.4")
 class Hierarchy(Experiment):
     """A hierarchy of gates, local units in the plane of the falling particle, each with two hyperplane units behind it
-    that push left and right only while the gate fires; and one with gates behind gates. All are learnt together, in a
+    that push left and right only while the gate fires; and one with gates behind gates. All are learned together, in a
     layout that requires different actions above and below. For comparison, the same two units without gates, and pools
     of local units with equally many parameters.
 
@@ -141,7 +141,7 @@ class Hierarchy(Experiment):
         counts = dict(zip(WORDS, values["parameters"], strict=True))
         made = []
         for better, worse, statement, source in (
-            ("gated", "ungated", "Gates are useful: actions are learnt separately in each region.", "section 6.5.4"),
+            ("gated", "ungated", "Gates are useful: actions are learned separately in each region.", "section 6.5.4"),
             ("deep", "gated", "Gates behind gates are useful, too.", "section 6.5.4"),
             (
                 "gated",
@@ -168,7 +168,7 @@ class Hierarchy(Experiment):
             *made,
             above(
                 0.05,
-                "Gates are learnt: they move to their regions.",
+                "Gates are learned: they move to their regions.",
                 "section 6.5.4",
                 "mean distance moved: above 0.05",
                 moved,
@@ -176,7 +176,7 @@ class Hierarchy(Experiment):
             ),
             above(
                 0.1,
-                "Different actions are learnt behind each gate.",
+                "Different actions are learned behind each gate.",
                 "section 6.5.4",
                 "mean difference between the pushes of the two pools at the same places: above 0.1 of the force",
                 turned,
@@ -186,7 +186,7 @@ class Hierarchy(Experiment):
 
 
 def parameter_count(learner: tuple[FallingParticle, Agent]) -> int:
-    """Number of learnt parameters."""
+    """Number of learned parameters."""
     policy: Any = learner[1].policy(jax.random.key(0))
     return sum(leaf.size for leaf in jax.tree.leaves(split(policy)[0]))
 

@@ -88,7 +88,7 @@ class LocalHopper(Experiment):
         """The task with this many units, and the learner; all with the thesis's decay."""
         kind = name.removeprefix("knee ")
         units = {"planes": None, "static": self.static, "grown": self.grown}[kind]
-        task = Hopper(paid="apex", action_period=PERIOD, units=units, observe_contact=kind == name)
+        task = Hopper(reward_type="apex", action_period=PERIOD, units=units, observe_contact=kind == name)
         changes: dict[str, Any] = {
             "planes": {"learning_rate": 5e-4},
             "static": {"policy": {"kind": "tiles", "copies": 2, "width": 0.25}, "learning_rate": STATIC_RATES},

@@ -48,12 +48,12 @@ KINDS = {
         },
     ),
     "graded": Kind(
-        "8 local units of learnt strength",
+        "8 local units of learned strength",
         {"forces": (RIGHT,)},
         {"policy": {"kind": "graded-tiles", "copies": 2}, "learning_rate": STRENGTH},
     ),
     "plane": Kind(
-        "8 and 8 local units of learnt strength across and up",
+        "8 and 8 local units of learned strength across and up",
         {"units": 16, "forces": (RIGHT, UP)},
         {"policy": {"kind": "graded-tiles", "copies": 4}, "learning_rate": STRENGTH},
     ),
@@ -68,7 +68,7 @@ AXES = (("graded", 0), ("plane", 0), ("plane", 1))
 GRADED = [name for name, kind in KINDS.items() if "strength" in kind.changes.get("rates", {})]
 
 
-@experiment("sec-6.5-mixtures", "mixtures, and learnt forces", "section 6.5")
+@experiment("sec-6.5-mixtures", "mixtures, and learned forces", "section 6.5")
 class Mixtures(LayoutStudy):
     """Kinds of policies learn R1 and R2: local units that push to fixed sides; the same with two additional
     hyperplanes, which push anywhere; local units that learn the side and strength of their push; and twice as many of
@@ -86,7 +86,7 @@ class Mixtures(LayoutStudy):
         for layout in self.layouts:
             for name, kind in KINDS.items():
                 task = self._task(layout, name)
-                run = self.learnt(work, task, **kind.changes)
+                run = self.learned(work, task, **kind.changes)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
                 found[f"{layout} {name} late"] = late_reward(run)
                 looks = min(self.decisions, 2_500)
@@ -167,7 +167,7 @@ class Mixtures(LayoutStudy):
 
 
 def _forces(task: FallingParticle, run: Run) -> Values:
-    """Learnt strengths of all seeds, their units, and the paths of the median one."""
+    """Learned strengths of all seeds, their units, and the paths of the median one."""
     policies: Any = run.policies
     assert isinstance(policies, GradedPool)
     pool: Any = policies.pool

@@ -1,4 +1,4 @@
-"""Section 6.5.4: a learnt flow field leads around an obstacle to a goal."""
+"""Section 6.5.4: a learned flow field leads around an obstacle to a goal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
@@ -52,19 +52,19 @@ class Navigation(Experiment):
     def quick(cls) -> Self:
         return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 
-    def learnt(self, work: Workspace, name: str) -> Run:
+    def learned(self, work: Workspace, name: str) -> Run:
         """The runs with these step sizes."""
         task = ParticleNavigation()
         settings = agent_for(task, **({} if RATES[name] is None else {"learning_rate": RATES[name]}))
         return work.train(task, settings, self.decisions, self.seeds)
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
-        return {"animation": self.learnt(work, "half")}
+        return {"animation": self.learned(work, "half")}
 
     def run(self, work: Workspace) -> Values:
         task, found = ParticleNavigation(), {}
         for name in RATES:
-            run = self.learnt(work, name)
+            run = self.learned(work, name)
             found |= {"decision": run.curve()[0], f"{name} arrivals": arrival_shares(run.metrics, self.seeds)}
             found |= prefixed(name, frozen_outcome(evaluate(run, self.watched)))
             if name == "half":
@@ -93,7 +93,7 @@ class Navigation(Experiment):
                 panel.quiver(x, y, *flow.T, color="#0061B0", width=0.0045, scale=16 * most, zorder=1.5, alpha=0.75)
             draw_paths(panel, np.split(values[f"{when} paths"], values[f"{when} ends"][:-1]))
         axes[0].set_title("before learning: forces cancel; paths", fontsize=10)
-        axes[1].set_title(f"learnt, seed {int(values['row'])}: mean force, paths", fontsize=10)
+        axes[1].set_title(f"learned, seed {int(values['row'])}: mean force, paths", fontsize=10)
         _arrivals(axes[2], values, WORDS)
         return figure
 
@@ -105,7 +105,7 @@ class Navigation(Experiment):
             found = share_of(after >= ARRIVES)
             made += [
                 positive(
-                    f"A flow field is learnt that leads to the goal ({words}).",
+                    f"A flow field is learned that leads to the goal ({words}).",
                     "section 6.5.4",
                     "share of episodes that end at the goal minus that before learning: above 0",
                     more,

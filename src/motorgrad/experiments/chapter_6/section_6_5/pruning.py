@@ -25,9 +25,9 @@ SIDES = ((0.0, 1.0), (0.0, 1.0))  # of the box
 
 @experiment("sec-6.5.4-pruning", "pruning of junk units", "section 6.5.4")
 class Pruning(LayoutStudy):
-    """Units that hardly ever fire on the learner's own paths are removed from the policies learnt in R1 and R2, and the
-    remaining policy acts from the same starts with the same random numbers. The bound is the expected number of firings
-    per episode: removing such a unit changes at most that share of the episodes.
+    """Units that hardly ever fire on the learner's own paths are removed from the policies learned in R1 and R2, and
+    the remaining policy acts from the same starts with the same random numbers. The bound is the expected number of
+    firings per episode: removing such a unit changes at most that share of the episodes.
 
     **Arguments:**
 
@@ -53,7 +53,7 @@ class Pruning(LayoutStudy):
     def run(self, work: Workspace) -> Values:
         found: Values = {"bounds": np.array(self.bounds)}
         for layout in self.layouts:
-            task, run = FallingParticle(layout=layout), self.learnt(work, layout)  # type: ignore[arg-type]
+            task, run = FallingParticle(layout=layout), self.learned(work, layout)  # type: ignore[arg-type]
             work.say(f"pruning the policies of {layout}")
             each = [self._pruned(task, policy_at(run.policies, row)) for row in range(self.seeds)]
             found |= {f"{layout} {name}": np.stack([made[name] for made in each]) for name in each[0]}

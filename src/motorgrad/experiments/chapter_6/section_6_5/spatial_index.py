@@ -69,8 +69,8 @@ class Index(Experiment):
         runs = {kind: work.train(*_learner(self.units, kind), self.steps, self.seeds) for kind in KINDS}
         for kind, run in runs.items():
             found["decision"], found[f"{kind}_reward"] = run.curve()
-        learnt = runs["indexed"]
-        found |= work.part("neglect", lambda: _neglect(learnt.initial, learnt.policies))
+        learned = runs["indexed"]
+        found |= work.part("neglect", lambda: _neglect(learned.initial, learned.policies))
         return found
 
     def _costs(self) -> dict[str, Any]:
@@ -155,9 +155,9 @@ class Index(Experiment):
         difference = _difference(ends[1], ends[0])
         same = difference.low <= 0 <= difference.high and max(-difference.low, difference.high) <= 0.25 * rise.value
         said = "The indexed learner reaches the same reward as the one that evaluates all units."
-        wanted = "the interval of the difference contains 0 and extends to at most a quarter of the learnt reward"
+        wanted = "the interval of the difference contains 0 and extends to at most a quarter of the learned reward"
         return [
-            positive("Reward is learnt.", SOURCE, "a rise above 0", rise, "reward"),
+            positive("Reward is learned.", SOURCE, "a rise above 0", rise, "reward"),
             Claim(said, SOURCE, wanted, difference, same, "reward"),
         ]
 
@@ -181,18 +181,18 @@ def _difference(one: np.ndarray, other: np.ndarray) -> Measured:
     return Measured(float(one.mean() - other.mean()), float(found.low), float(found.high), len(one), "difference")
 
 
-def _neglect(initial: Any, learnt: Any, looks: int = 20_000) -> dict[str, Any]:
+def _neglect(initial: Any, learned: Any, looks: int = 20_000) -> dict[str, Any]:
     """Firing of units where they are not listed, after they have moved from the places for which the table was made, on
-    the way to what they learnt, as far as their margins permit: the greatest probability, and the mean number that
+    the way to what they learned, as far as their margins permit: the greatest probability, and the mean number that
     would fire."""
     index, rng = SpatialIndex(), np.random.default_rng(0)
     worst, missed = 0.0, []
-    for seed in range(len(learnt.centre)):
-        before, after = (jax.tree.map(lambda leaf, seed=seed: leaf[seed], pools) for pools in (initial, learnt))
+    for seed in range(len(learned.centre)):
+        before, after = (jax.tree.map(lambda leaf, seed=seed: leaf[seed], pools) for pools in (initial, learned))
         pool = _moved(index, before, after)
         low, size = map(jnp.asarray, index.grid(before))
         table, units = index.table(before, np.asarray(low), np.asarray(size)), len(before.centre)
-        seen = jnp.asarray(rng.uniform(0, 1, (looks // len(learnt.centre), 2)), np.float32)
+        seen = jnp.asarray(rng.uniform(0, 1, (looks // len(learned.centre), 2)), np.float32)
         p = np.asarray(jax.vmap(pool.prob)(seen))
         cells = np.asarray(jax.vmap(index.cell, (0, None, None, None))(seen, low, size, units))
         listed = np.zeros((len(table), units + 1), bool)

@@ -71,7 +71,7 @@ class TraceBlock(PartBlock):
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BaselineBlock(PartBlock):
     """The block compares a reward with the baseline, and then learns from it. A reward that is not `valid`, or comes
-    before any action, has the error 0, and nothing is learnt from it."""
+    before any action, has the error 0, and nothing is learned from it."""
 
     @property
     def inputs(self) -> Ports:
@@ -207,7 +207,7 @@ class ObservingBaselineBlock(BaselineBlock):
 
 def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
     """The base class of a baseline's block: with ports for the observation where the baseline looks at it."""
-    observes = part.recalls or part.observe is not learning.Baseline.observe
+    observes = part.needs_decision or part.observe is not learning.Baseline.observe
     return ObservingBaselineBlock if observes else BaselineBlock
 
 

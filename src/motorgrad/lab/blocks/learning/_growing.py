@@ -68,7 +68,7 @@ class _GrowingGaussians(PartBlock, Gaussians):
         growth = where(is_paid(inputs, now), rule.reinforce(state.growth, inputs["reward"]), state.growth)
         parameters, settings = split(state.policy)
         step = self.thawed(state.policy, state.policy.allowed(unflat(parameters, inputs["step"])))
-        step = rule.paced(growth, step)
+        step = rule.scale_updates(growth, step)
         policy = eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
         grown, policy_after, _ = rule.advance(growth, policy)
         return where(now.tick > 0, Growing(policy_after, grown), Growing(policy, growth))

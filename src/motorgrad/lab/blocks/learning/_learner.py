@@ -40,7 +40,7 @@ class Learner(Block):
     observed: Annotated[int, Setting("number of observed numbers")] = 1
     actions: Annotated[int, Setting("number of units or alternatives")] = 1
     settings: Annotated[str | Mapping[str, Any], Setting("the agent as TOML: `policy = 'softmax'`")] = ""
-    frozen: Annotated[Any, Parameter("what was learnt stays as it is", kind="bool")] = False
+    frozen: Annotated[Any, Parameter("what was learned stays as it is", kind="bool")] = False
 
     def validate(self) -> None:
         check_count("observed", self.observed)
@@ -143,9 +143,9 @@ class Learner(Block):
         terminated, truncated = inputs["terminated"], inputs["truncated"]
         diverged = ~inputs["valid"]
         ended = terminated | truncated | diverged
-        learnt = agent.reinforce(state, inputs["reward"], inputs["next_observation"], terminated, truncated, diverged)
-        learnt = agent.improve(learnt, ended, diverged)
-        after = where(now.tick > 0, where(self.frozen, agent.restart(state, ended), learnt), state)
+        learned = agent.reinforce(state, inputs["reward"], inputs["next_observation"], terminated, truncated, diverged)
+        learned = agent.improve(learned, ended, diverged)
+        after = where(now.tick > 0, where(self.frozen, agent.restart(state, ended), learned), state)
         return agent.act(after, inputs["observation"], now.uniforms)
 
 

@@ -40,7 +40,7 @@ class OptimizerBlock(PartBlock):
     groups: Annotated[
         tuple[int, ...], Setting("number of parameters in each group, in their order; none for one group")
     ] = ()
-    frozen: Annotated[Any, Parameter("make no step: what was learnt stays as it is", kind="bool")] = False
+    frozen: Annotated[Any, Parameter("make no step: what was learned stays as it is", kind="bool")] = False
 
     def validate(self) -> None:
         check_count("size", self.size, MOST_PARAMETERS)
@@ -81,7 +81,7 @@ class OptimizerBlock(PartBlock):
         return OptimizerState(
             self.bound_part.init(Vector(zeros)),
             zeros if self._reads_parameters else None,
-            jnp.zeros((), jnp.int32) if self.part.counts else None,  # type: ignore[attr-defined]
+            jnp.zeros((), jnp.int32) if self.part.needs_steps else None,  # type: ignore[attr-defined]
         )
 
     def output(self, state: OptimizerState, inputs: Signals, now: Moment) -> Signals:

@@ -36,7 +36,7 @@ class Units(Block, abc.ABC):
 
     They act on an observation, and output the score $\nabla_\theta \log \pi$ of the action. They own their parameters
     $\theta$: a `step` that comes in is added before they act, within the limits of the parameters. Or the parameters
-    come by a wire, so that several blocks share those of one, or they are learnt by other means.
+    come by a wire, so that several blocks share those of one, or they are learned by other means.
 
     `score`, `step` and `parameters` are vectors in the order of the policy's fields.
     """

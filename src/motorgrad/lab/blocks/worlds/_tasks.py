@@ -53,30 +53,30 @@ class World(Block):
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
-        _ = self.made
+        _ = self.instance
 
     @functools.cached_property
-    def made(self) -> Task:
+    def instance(self) -> Task:
         """The task."""
         return make(self.task, **read_table("settings", self.settings))
 
     @functools.cached_property
     def _dynamics(self) -> worlds.World:
-        dynamics = self.made.dynamics
+        dynamics = self.instance.dynamics
         assert isinstance(dynamics, worlds.World)
         return dynamics
 
     @property
     def _restarts(self) -> bool:
-        return self.made.has_episodes
+        return self.instance.has_episodes
 
     @property
     def inputs(self) -> Ports:
-        return {"action": action_port(self.made)}
+        return {"action": action_port(self.instance)}
 
     @property
     def outputs(self) -> Ports:
-        return scene_ports(self.made)
+        return scene_ports(self.instance)
 
     @property
     def uniforms(self) -> int:
@@ -91,23 +91,23 @@ class World(Block):
         """How many random numbers the start of an episode consumes: for the world, for the task's memory, for its
         observation.
         """
-        return self._dynamics.reset_uniforms, self.made.init_uniforms, self.made.uniforms
+        return self._dynamics.reset_uniforms, self.instance.init_uniforms, self.instance.uniforms
 
     @functools.cached_property
     def _sizes(self) -> tuple[int, ...]:
-        own = self._dynamics.uniforms, self.made.uniforms
+        own = self._dynamics.uniforms, self.instance.uniforms
         return own + self._reset_sizes if self._restarts else own
 
     def init(self, uniforms: Float[Array, " numbers"]) -> _State:
         reset, memory, look = _parts(uniforms, self._reset_sizes)
         state = self._dynamics.reset(reset)
-        return _State(initial_scene(self.made, state, memory, look), state)
+        return _State(initial_scene(self.instance, state, memory, look), state)
 
     def output(self, state: _State, inputs: Signals, now: Moment) -> Signals:
         return scene_outputs(state.scene, now.tick > 0)
 
     def update(self, state: _State, inputs: Signals, now: Moment) -> _State:
-        task, world = self.made, self._dynamics
+        task, world = self.instance, self._dynamics
         chance, observe, *again = _parts(now.uniforms, self._sizes)
         # as in training: without the barrier XLA would step the world again for every use of its state
         moved = jax.lax.optimization_barrier(world.step(state.dynamics, inputs["action"], chance))
@@ -135,17 +135,17 @@ class HostTaskBlock(HostBlock):
     category: ClassVar[str] = "bodies and worlds"
 
     @functools.cached_property
-    def made(self) -> HostTask:
+    def instance(self) -> HostTask:
         """The task."""
         raise NotImplementedError
 
     @functools.cached_property
     def _compiled(self) -> Functions:
-        return functions(self.made, self.made.batch([0], threads=1).unpack)
+        return functions(self.instance, self.instance.batch([0], threads=1).unpack)
 
     @property
     def inputs(self) -> Ports:
-        return {"action": action_port(self.made)}
+        return {"action": action_port(self.instance)}
 
     @property
     def outputs(self) -> Ports:
@@ -153,23 +153,23 @@ class HostTaskBlock(HostBlock):
 
     @functools.cached_property
     def _outputs(self) -> Ports:  # read at every tick
-        return scene_ports(self.made)
+        return scene_ports(self.instance)
 
     @property
     def uniforms(self) -> int:
-        return self.made.init_uniforms + 2 * self.made.uniforms
+        return self.instance.init_uniforms + 2 * self.instance.uniforms
 
     @property
     def init_uniforms(self) -> int:
-        return self.made.init_uniforms + self.made.uniforms
+        return self.instance.init_uniforms + self.instance.uniforms
 
     @property
     def no_restore(self) -> str | None:
-        return self.made.no_resume
+        return self.instance.no_resume
 
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds _"], threads: int = 0) -> TaskHost:
-        batch = self.made.batch([int(seed) for seed in seeds], threads)
-        return TaskHost(self.made, batch, self._compiled, uniforms)
+        batch = self.instance.batch([int(seed) for seed in seeds], threads)
+        return TaskHost(self.instance, batch, self._compiled, uniforms)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,14 +188,14 @@ class Body(HostTaskBlock):
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
-        _ = self.made
+        _ = self.instance
 
     @functools.cached_property
-    def made(self) -> BodyTask:
+    def instance(self) -> BodyTask:
         return cast(BodyTask, make(self.task, **read_table("settings", self.settings)))
 
     def ticks(self, tick: float) -> int:
-        ticks, period = super().ticks(tick), self.made.period
+        ticks, period = super().ticks(tick), self.instance.period
         fits = abs(ticks * tick - period) <= 1e-6 * period
         check(fits, "tick of the block", ticks * tick, f"a decision of the task, {period:g} s")
         return ticks
@@ -222,8 +222,8 @@ class Environment(HostTaskBlock):
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         text = len(self.env_id) <= 200 and ":" not in self.env_id
         check(text, "env_id", self.env_id, "the id of a registered environment; import its module first")
-        _ = self.made
+        _ = self.instance
 
     @functools.cached_property
-    def made(self) -> HostTask:
+    def instance(self) -> HostTask:
         return cast(Gymnasium, make("gymnasium", env_id=self.env_id, **read_table("settings", self.settings)))

@@ -1,7 +1,7 @@
 import { useAsk } from "../session/context";
 import type { BlockView } from "../session/types";
 
-/** Freezes what a block has learnt, all of it or unit by unit, while it runs. */
+/** Freezes what a block has learned, all of it or unit by unit, while it runs. */
 export function Freeze({ path, view }: { path: string; view: BlockView }) {
   const ask = useAsk();
   if (view.frozen === undefined) return null;
@@ -18,7 +18,7 @@ export function Freeze({ path, view }: { path: string; view: BlockView }) {
           aria-label="freeze all"
           onChange={(event) => void freeze(event.target.checked)}
         />
-        all that it has learnt
+        all that it has learned
       </label>
       {units.length > 1 && (
         <div className="chips">

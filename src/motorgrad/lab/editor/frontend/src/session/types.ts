@@ -23,7 +23,7 @@ export interface BlockView {
   position: [number, number] | null;
   /** How a sink shows what it sees. */
   drawing?: string;
-  /** Whether what has been learnt stays as it is: all of it, or each unit's. */
+  /** Whether what has been learned stays as it is: all of it, or each unit's. */
   frozen?: boolean | boolean[];
   /** Parameters that its settings bring beyond those of its type. */
   parameters?: Field[];
