@@ -1,5 +1,6 @@
 """Shared by all tests: the compilation cache, and the cases that are left to `make test-all`."""
 
+import gc
 import os
 from collections import defaultdict
 from pathlib import Path
@@ -19,14 +20,16 @@ _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
 )
 os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
+# Tracing makes millions of small objects that live on. Python would look through all of them again and again.
+gc.set_threshold(200_000, 20, 100)
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves to `make test-all`, as slow, all cases of a test but its `representatives` and all tests in a browser but
-    the `journey` of each page.
+    """Leaves to `make test-all`, as slow, all cases of a test but its `representatives`, all tests in a browser but the
+    `journey` of each page, and tests marked `ci`.
 
-    The slow tests of some folders belong to the share that `.ci/run` runs, as those marked `ci` do. A test in a browser
+    Tests marked `ci`, and the slow tests of some folders, belong to the share that `.ci/run` runs. A test in a browser
     that fails is tried again: pages are drawn by software, and an answer may come late.
     """
     cases: dict[str, list[pytest.Function]] = defaultdict(list)
@@ -47,6 +50,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if item.callspec.id not in names:
                 item.add_marker(pytest.mark.slow)
     for item in items:
+        if item.get_closest_marker("ci") and not item.get_closest_marker("representatives"):
+            item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("slow") and item.path.as_posix().startswith(_SHARE):
             item.add_marker(pytest.mark.ci)
 

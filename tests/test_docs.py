@@ -90,8 +90,14 @@ LONG = (
 """Pages whose code takes so long that only `make test-all` runs it."""
 
 
+QUICK = ("README.md", "docs/getting-started.md")
+"""Pages whose code `make test` runs. `make test-share` runs that of the others."""
+
+
 def paced(page):
-    return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else ())
+    if name_of(page) in QUICK:
+        return page
+    return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else pytest.mark.ci)
 
 
 @pytest.mark.parametrize("page", [paced(page) for page in PAGES if python_of(page)], ids=name_of)

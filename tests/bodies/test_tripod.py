@@ -148,6 +148,7 @@ def test_walks_in_a_tripod_gait():
         np.testing.assert_array_equal(changes[0], (changes[1] + 1) % 4)
 
 
+@pytest.mark.ci
 def test_walks_over_bumps_of_16_cm_and_deadlocks_there_as_the_source_words_it():
     grounds = [OnTerrain(SERVOS, Terrain("bumps", height=0.16, seed=seed)) for seed in range(4)]
     mended = walk(grounds, seconds=20.0)

@@ -120,7 +120,7 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
 # ---- train
 
 
-@pytest.mark.representatives(*SEVERAL)
+@pytest.mark.representatives("hopper", "three-state", "hexapod-synergy")
 @pytest.mark.parametrize("name", TASKS)
 def test_train_learns_every_task(name, runs):
     out = runs[name]

@@ -27,6 +27,14 @@ def _one_thread_of_torch():
 IDS = sorted(_gymnasium_ids.TASK_OF)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives(
+    "motorgrad/Chain-v0",
+    "motorgrad/Hexapod-v0",
+    "motorgrad/Hopper-v0",
+    "motorgrad/LinearRecruitment-v0",
+    "motorgrad/Particle-v0",
+)
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasium_finds_nothing(name):
     environment = gymnasium.make(name)
@@ -48,6 +56,7 @@ def test_stable_baselines_finds_nothing(name):
         environment.close()
 
 
+@pytest.mark.ci
 def test_ppo_of_stable_baselines_learns_a_little():
     """On the chain, one way leads to all reward: a few hundred decisions are enough to prefer it."""
     sb3 = pytest.importorskip("stable_baselines3", reason=SB3)

@@ -134,6 +134,7 @@ def test_no_screen_is_an_error_with_a_reason(monkeypatch, reason):
         gymnasium.make(HOPPER, render_mode="human")
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there may be a screen")
 def test_a_toolkit_without_its_screen_is_an_error_with_a_reason(process_environment):
     code = "from motorgrad.environments import TaskEnv\nTaskEnv('hopper', render_mode='human')"
@@ -143,6 +144,7 @@ def test_a_toolkit_without_its_screen_is_an_error_with_a_reason(process_environm
     assert "RuntimeError: render_mode = 'human': no window can be opened" in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.ci
 def test_the_window_shows_the_pictures_at_the_pace_of_the_clock(process_environment):
     """In a browser's window, the one of matplotlib that needs no display."""
     pytest.importorskip("tornado", reason="matplotlib's window in a browser needs tornado")

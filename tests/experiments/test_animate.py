@@ -69,6 +69,7 @@ def test_the_last_record_is_the_policy_that_was_learned(falling, growing):
             np.testing.assert_array_equal(stored[0], np.asarray(learned))
 
 
+@pytest.mark.ci
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
     shorter = train(task, GROWING, 1_000, [4, 7], window=250, progress=False)
@@ -160,6 +161,7 @@ def test_units_that_are_added_are_seen(growing, tmp_path):
     assert coloured[-1] > 2 * coloured[0] > 0
 
 
+@pytest.mark.ci
 def test_the_same_run_gives_the_same_frames(falling, tmp_path):
     one, two = (frames_of(animate(falling, tmp_path / f"{n}.mp4", seconds=0.4, progress=False).path)[0] for n in "ab")
     np.testing.assert_array_equal(one, two)
@@ -197,6 +199,7 @@ def test_what_cannot_be_filmed(falling, tmp_path, change, words):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.ci
 def test_runs_that_cannot_be_filmed(tmp_path):
     chain = train("chain", steps=40, window=20, progress=False)
     known = "particle, particle-navigation, particle-orbit"

@@ -202,6 +202,7 @@ def test_the_mean_field_is_told_where_it_is_known():
     assert claims[3].source == "the mean field: after 1.5 million decisions (mean of 2 starts)"
 
 
+@pytest.mark.ci
 def test_the_mean_field_starts_where_the_pools_do(done):
     with np.load(done("fig-4.3").folder / "values.npz") as values:
         for units in (2, 4):
@@ -314,6 +315,7 @@ def test_reward_claims_see_each_way_to_be_wrong():
     assert [claim.holds for claim in experiment.claims(found | {"best": best})] == [False] * 3
 
 
+@pytest.mark.ci
 def test_the_best_activation_just_takes_the_load_to_the_top():
     task = ArmRecruitment()
     active = np.linspace(0, 1, 2001)

@@ -188,6 +188,8 @@ def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
 # only large loads
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("complete")
 @pytest.mark.parametrize("reward_type", REWARD_TYPES)
 def test_the_reward_of_a_common_probability_is_that_of_the_oracle(reward_type):
     task, loads = ArmRecruitment(units=3, reward_type=reward_type), np.array([3.0, 12.5])

@@ -91,6 +91,7 @@ def test_the_figure_is_drawn_where_some_got_there_and_some_did_not():
     LargePools(pools=(2, 16, 64)).figure(values())
 
 
+@pytest.mark.ci
 def test_a_pool_of_sixteen_is_equally_spaced_soon_and_stays_so():
     task = LinearRecruitment(units=16)
     run = mg.train(task, NORMAL, 150_000, 3, progress=False)

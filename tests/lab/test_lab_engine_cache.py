@@ -143,6 +143,8 @@ def test_a_timed_file_with_a_sample_period_of_one_tick_is_not_taken_for_one_with
     assert not np.array_equal(*(record_of(diagram)["level.y"] for diagram in pair))
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("0", "2", "5")
 @pytest.mark.parametrize("seed", range(6))
 def test_random_pairs_give_together_what_they_give_alone(seed):
     rng = random.Random(seed)

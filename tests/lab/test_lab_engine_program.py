@@ -71,6 +71,7 @@ def test_a_host_without_feedthrough_makes_a_tick_one_call():
     assert len(Run(hosted())._loop._calls) == 1
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("make", [mixed, pytest.param(hosted, marks=pytest.mark.slow)])
 def test_running_and_retuning_for_long_takes_no_more_memory(make):
     address = "gain.gain" if make is mixed else "host.factor"

@@ -78,6 +78,7 @@ def test_a_thousand_seeds_are_a_thousand_rows_and_the_same_again():
     np.testing.assert_allclose(few, rows[[999, 3]], 1e-6)
 
 
+@pytest.mark.ci
 def test_another_block_changes_no_others_numbers():
     before = Run(mixed(), watch=["dice.y", "dice.start"]).advance(300)
     diagram = mixed()

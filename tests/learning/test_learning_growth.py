@@ -264,6 +264,7 @@ def test_it_grows_with_a_batch_learner_too():
     assert np.isfinite(np.asarray(state.policy.pool.centre)).all()
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("centre-clock", "visited-plateau")
 @pytest.mark.parametrize("criterion", [Clock(2_000), Plateau(window=1_000, patience=5)], ids=["clock", "plateau"])
 @pytest.mark.parametrize("placement", [None, Visited()], ids=["centre", "visited"])

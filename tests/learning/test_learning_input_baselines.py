@@ -138,7 +138,7 @@ TRACES = {
 }
 
 
-@pytest.mark.representatives("told-no memory", "linear-no memory", "binned-no memory", "binned, forgetting-no memory")
+@pytest.mark.representatives("linear-no memory", "binned, forgetting-no memory")
 @pytest.mark.parametrize("trace", TRACES)
 @pytest.mark.parametrize("baseline", [Told(3.0, 0.3), *EXAMPLES.values()], ids=["told", *EXAMPLES])
 def test_no_input_baseline_biases_the_estimate(baseline, trace):
@@ -195,6 +195,7 @@ class Payday(FiniteTask):
 _CACHE: dict[bool, FiniteMDP] = {}
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("baseline2-True-0.2")
 @pytest.mark.parametrize(
     ("baseline", "quadratic", "at_most"),

@@ -208,7 +208,7 @@ def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found[0].policy))
 
 
-@some_parts
+@pytest.mark.representatives("Baseline-critic", "Growth-constructive", "Metric-fisher")
 @every_part
 def test_a_learner_resumes_from_its_state_and_its_seeds_do_not_touch(base, name):
     task, agent = agent_with(base, name)

@@ -73,7 +73,7 @@ RULES = {
 }
 
 
-@pytest.mark.representatives("False-sgd", "False-optax", "True-adam", "True-natural")
+@pytest.mark.representatives("False-sgd", "False-optax", "True-adam")
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):

@@ -218,6 +218,7 @@ def test_trajectories_start_by_the_seed_and_not_by_the_policy():
     assert any(len(a) != len(b) or not np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
+@pytest.mark.ci
 def test_where_episodes_end():
     orbit = ParticleOrbit()
     assert [len(path) for path in trajectories(orbit, tiles(orbit), 3, decisions=30)] == [31] * 3

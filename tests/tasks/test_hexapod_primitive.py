@@ -87,6 +87,7 @@ def test_the_lateral_angles_are_observed_and_speed_is_paid():
     assert bool(task.reward(task.init(NONE), over, jnp.zeros(6))[2])
 
 
+@pytest.mark.ci
 def test_it_learns_both_and_either_alone():
     task = HexapodPrimitive()
     rates = dict(task.learner["learning_rate"])

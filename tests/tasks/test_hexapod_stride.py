@@ -103,6 +103,7 @@ def test_it_is_paid_for_its_speed_and_falls_where_it_overturns():
     assert bool(task.reward(task.init(jnp.zeros(1)), over, jnp.zeros(1))[2])
 
 
+@pytest.mark.ci
 def test_uphill_is_slower_than_downhill():
     task = HexapodStride()
     speed = {}
@@ -112,6 +113,7 @@ def test_uphill_is_slower_than_downhill():
     assert speed[-10.0] > speed[10.0] + 1.0
 
 
+@pytest.mark.ci
 def test_it_learns_on_real_numbers_and_refuses_other_policies():
     task = make("hexapod-stride", stretch=0.1)
     run = train(task, steps=60, seeds=2, progress=False)

@@ -108,6 +108,7 @@ def test_a_course_goes_on_where_headings_jump_by_a_turn():
     assert float(seen[0]) == pytest.approx(2 * math.pi - 6.2, abs=1e-5)
 
 
+@pytest.mark.ci
 def test_velocity_is_paid_along_the_heading_the_course_or_x():
     reading, velocity = read_hexapod(WALK), WALK.sensors["velocity"][:, 0]
     heading = reading.heading[:, 0]
@@ -240,6 +241,7 @@ def test_muscles_that_two_units_drive_fire_once():
     np.testing.assert_array_equal(driven, [name.startswith(("levator", "depressor")) for name in task.body.groups])
 
 
+@pytest.mark.ci
 def test_terrain_is_under_the_body_and_difficulty_0_is_a_plane():
     assert Hexapod().dynamics == HexapodBody()
     task = make("hexapod", terrain={"kind": "waves", "difficulty": 0.5, "seed": 3})

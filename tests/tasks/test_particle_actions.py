@@ -25,6 +25,7 @@ def test_an_action_multiplies_its_force_and_turns_it_round():
     assert moved(0, 1)[0] > 0
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("particle")
 @pytest.mark.parametrize("name", ["particle", "particle-orbit", "particle-navigation"])
 def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):

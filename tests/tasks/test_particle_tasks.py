@@ -123,6 +123,7 @@ def test_the_goal_pays_once_and_ends_the_episode_and_obstacles_cost():
     assert not bool(task.readings(memory, at(0.4, 0.5))["arrival"][1])
 
 
+@pytest.mark.ci
 def test_navigation_without_obstacles_or_limits():
     task = make("particle-navigation", obstacles=[], time_limit=0)
     assert pays(task, at(0.5, 0.5)) == (0.0, False)
@@ -156,6 +157,7 @@ def test_noise_is_compiled_only_where_there_is_some(changes):
     assert ("cosine" in program) == bool(changes)
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("particle-changes0")
 @pytest.mark.parametrize("changes", [{"observation_noise": 0.05}, {"physics": {"noise": 0.2}}])
 @pytest.mark.parametrize("name", NAMES)
@@ -232,6 +234,7 @@ def test_what_cannot_be_is_refused_by_name(name, changes, words):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.ci
 def test_untrained_rewards_and_the_length_of_episodes_are_those_of_the_reading():
     still = {"learning_rate": {"centre": 0.0, "log_width": 0.0}}
     for layout, expected in (("R1", -0.001), ("R2", 0.123)):
@@ -241,6 +244,7 @@ def test_untrained_rewards_and_the_length_of_episodes_are_those_of_the_reading()
         assert 5_000 / record["episodes"].mean() == pytest.approx(24.5, abs=0.2)
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("R1-0.18")
 @pytest.mark.parametrize(("layout", "least"), [("R1", 0.18), ("R2", 0.27)])
 def test_the_default_learner_gets_better(layout, least):
@@ -256,6 +260,7 @@ def test_orbits_widen_or_narrow():
         assert low < radius.mean() < high
 
 
+@pytest.mark.ci
 def test_the_flow_leads_to_the_goal():
     run = train(make("particle-navigation"), steps=24_000, seeds=8, window=6_000, progress=False)
     share = (run.curve("arrival_count")[1] / run.curve("episodes")[1]).mean(0)

@@ -201,6 +201,7 @@ def test_the_best_activation_rises_from_nought_to_one():
     assert (paid.max(1)[1:] > 5.9).all()
 
 
+@pytest.mark.ci
 def test_direct_simulation_pays_what_the_table_does():
     stepped = []
     for height in ("table", "direct"):
@@ -309,6 +310,7 @@ def test_impossible_settings_of_the_arm_are_refused(settings, words):
         make("arm-recruitment", **settings)
 
 
+@pytest.mark.ci
 def test_the_default_learners_get_better():
     linear = train(LinearRecruitment(units=2), steps=400_000, seeds=8, window=20_000, progress=False)
     rewards = linear.curve()[1].mean(0)

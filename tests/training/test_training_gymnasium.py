@@ -246,6 +246,7 @@ def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(re
     mg.train(task, steps=50, seeds=1, progress=False)  # in memory nothing is to be said
 
 
+@pytest.mark.ci
 def test_from_the_command_line(tmp_path, capsys):
     out = str(tmp_path / "run")
     command = ["train", "gymnasium", "--task.env-id", "MountainCar-v0", "--task.kwargs", "max_episode_steps", "40"]
@@ -303,6 +304,7 @@ def evaluated(task, agent, steps, seeds, decisions):
     return (mg.evaluate(run, decisions, untrained=untrained).readings["return"] for untrained in (True, False))
 
 
+@pytest.mark.ci
 def test_cart_pole_is_learned_quickly():
     task = from_gymnasium("CartPole-v1", end_reward=-20.0)
     agent = Agent(mg.policies.softmax(task), olgarb(0.95), SGD(0.01))

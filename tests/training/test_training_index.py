@@ -94,6 +94,7 @@ def test_a_run_is_read_as_any_other(tmp_path):
         np.testing.assert_array_equal(mine, yours)
 
 
+@pytest.mark.ci
 def test_policies_that_are_put_in_place_are_learned_from():
     stepper, _ = engine(200, 200)
     other = jax.tree.map(lambda leaf: np.asarray(leaf) + np.float32(0.01), stepper.policies())

@@ -140,6 +140,8 @@ SWEEPS = {
 }
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("a world", "a body")
 @pytest.mark.representatives("a world", "a body", "a sparse agent")
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_every_setting_of_a_sweep_learns_as_it_does_alone(kind):

@@ -71,6 +71,7 @@ def test_the_expectation_and_its_gradient_are_those_of_the_moments(settings):
     np.testing.assert_allclose(found.gain, by_gain, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.ci
 def test_what_the_learner_estimates_is_the_exact_gradient():
     task, policy = LinearRecruitment(units=3), Motoneurons([0.2, 0.5, 0.9], [3.0, 5.0, -2.0])
     stepper = stepper_for(task, Agent(policy, gpomdp(0.0)), range(64))
@@ -106,6 +107,7 @@ def test_four_thresholds_collapse_to_one_and_then_split(threshold):
     assert (pools.gain[-1] > 10).all()
 
 
+@pytest.mark.ci
 def test_two_thresholds_settle_after_a_million_decisions():
     task = LinearRecruitment(units=2)
     starts = [(low, high) for low in (0.125, 0.375, 0.625, 0.875) for high in (0.2, 0.4, 0.6, 0.8)]

@@ -21,6 +21,7 @@ GAINS = {
 QUICK = ("motoneuron-pool", "leg-controller")
 
 
+@pytest.mark.ci
 @pytest.mark.representatives("motoneuron-pool", "leg-controller")
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GALLERY])
 def test_it_learns(name):

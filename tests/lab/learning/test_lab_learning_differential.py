@@ -42,6 +42,7 @@ def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
+@pytest.mark.ci
 def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     task = mg.make("hopper")
     agent = mg.Agent(policies.hyperplanes(task), learning.olgarb(0.995), learning.SGD(5e-4))

@@ -89,6 +89,7 @@ def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
         session.order(live.Play())
 
 
+@pytest.mark.ci
 def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_environment):
     script = tmp_path / "mine.py"
     script.write_text(
@@ -159,6 +160,7 @@ def soak(seconds, speed, clients):
     return end, grown[0], grown[1] - len(visits) * 0.4 * 2**20
 
 
+@pytest.mark.ci
 def test_clients_that_come_and_go_change_nothing(capfd):
     end, *grown = soak(6.0, 5.0, 3)
     assert "Traceback" not in capfd.readouterr().err

@@ -27,6 +27,7 @@ def read(path):
     return np.frombuffer(run.stdout, np.uint8).reshape(-1, height, width, 3), fps
 
 
+@pytest.mark.ci
 @needs_gl
 def test_a_film_shows_the_run_in_the_time_of_the_clock(hopping, tmp_path):
     film = FilmRecorder(hopping, tmp_path / "new" / "run.mp4", width=160, height=120)
@@ -67,6 +68,7 @@ def test_both_bodies_are_filmed_side_by_side(hopping, tmp_path):
         hopping.order(Compare(False))
 
 
+@pytest.mark.ci
 @needs_gl
 def test_a_film_ends_with_its_run(tmp_path):
     import mujoco

@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import pytest
 import viser
 from scene_moments import moment, walk
 from websockets.sync.client import connect
@@ -22,6 +23,7 @@ def received(socket, seconds):
     return total
 
 
+@pytest.mark.ci
 def test_bytes_of_a_moment_are_bounded_and_do_not_grow(hexapod, server, staged):
     scene, pose = staged(hexapod)
     moments = []
