@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import compilations
+import motorgrad  # noqa: F401 - sets XLA's flags, which must be set before any test module makes an array
 
 # All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
 # for itself. A process that a test starts does so, too, unless it is given `compiled_environment`.

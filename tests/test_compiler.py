@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+from motorgrad._compiler import set_compiler_flags
+
 TELL = "import os, json; print(json.dumps(os.environ.get('XLA_FLAGS', '')))"
 
 
@@ -19,9 +21,18 @@ def flags(code, environment, **changes):
 def test_small_loops_are_one_function(process_environment):
     bare = {name: value for name, value in process_environment.items() if name != "XLA_FLAGS"}
     said = flags("import motorgrad", bare)
+    # where this fails for a new jaxlib, see that the last assertion holds and add the version to `TRIED`
     assert "xla_cpu_small_while_loop_byte_threshold=" in said
+    assert "xla_cpu_disable_new_fusion_emitters" in said
     # XLA ends the process for a flag that it does not know
     assert flags("import motorgrad as mg; mg.train('three-state', steps=10, progress=False)", bare) == said
+
+
+def test_a_version_that_was_not_tried_gets_no_options(monkeypatch):
+    monkeypatch.setattr("jaxlib.version.__version__", "99.1")
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_max_isa=AVX2")
+    set_compiler_flags()
+    assert os.environ["XLA_FLAGS"] == "--xla_cpu_max_isa=AVX2"
 
 
 def test_what_a_user_has_said_stays(process_environment):
