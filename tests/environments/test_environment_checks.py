@@ -25,16 +25,11 @@ def _one_thread_of_torch():
 
 
 IDS = sorted(_gymnasium_ids.TASK_OF)
+FEW = [f"motorgrad/{name}-v0" for name in ("Chain", "Hexapod", "Hopper", "LinearRecruitment", "Particle")]
 
 
 @pytest.mark.ci
-@pytest.mark.representatives(
-    "motorgrad/Chain-v0",
-    "motorgrad/Hexapod-v0",
-    "motorgrad/Hopper-v0",
-    "motorgrad/LinearRecruitment-v0",
-    "motorgrad/Particle-v0",
-)
+@pytest.mark.representatives(*FEW)
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasium_finds_nothing(name):
     environment = gymnasium.make(name)
@@ -48,6 +43,8 @@ def test_gymnasium_finds_nothing_in_a_picture():
     environment.close()
 
 
+@pytest.mark.ci
+@pytest.mark.representatives(*FEW)
 @pytest.mark.parametrize("name", IDS)
 def test_stable_baselines_finds_nothing(name):
     checker = pytest.importorskip("stable_baselines3.common.env_checker", reason=SB3)

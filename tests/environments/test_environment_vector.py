@@ -54,6 +54,7 @@ def test_rows_are_single_environments_bit_for_bit(name, settings, rows):
     theirs.close()
 
 
+@pytest.mark.ci
 def test_another_process_makes_the_same_numbers():
     # not forked: the threads of JAX and MuJoCo would not come along
     options = {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}}

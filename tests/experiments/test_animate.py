@@ -94,6 +94,7 @@ def test_units_are_switched_on_after_those_that_were_there():
     np.testing.assert_array_equal(found.active[-1], run.policy().active)
 
 
+@pytest.mark.ci
 def test_a_loaded_run_has_the_same_course(growing):
     here, there = (course_of(run, 7) for run in (growing, mg.load(growing.path)))
     for one, other in zip(jax.tree.leaves(here.policies), jax.tree.leaves(there.policies), strict=True):

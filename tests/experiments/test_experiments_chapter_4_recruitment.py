@@ -273,6 +273,7 @@ def test_the_arm_s_claims_can_be_refuted():
 # figures 4.6 and 4.7
 
 
+@pytest.mark.ci
 def test_height_claims_see_each_way_to_be_wrong(done):
     experiment = EXPERIMENTS["fig-4.6"].quick()
     found = experiment.run(EmptyWork())

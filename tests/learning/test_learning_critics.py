@@ -173,6 +173,7 @@ def test_samples_with_a_given_critic_average_to_the_exact_expression(name):
     assert (off > 0.1) == (name == "wrong, λ = ½")  # the bias is there to be seen, or is none
 
 
+@pytest.mark.ci
 def test_a_learned_critic_makes_the_estimate_without_a_trace_exact():
     task, mdp = Chain(length=4), Chain(length=4).dynamics
     critic = LinearCritic(Which(mdp), None, 0.0, LeastSquares(0.0, damping=1e-6, interval=20))

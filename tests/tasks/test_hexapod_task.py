@@ -303,6 +303,7 @@ def read_hexapod_of(found):
     return (ahead[..., :2] * velocity[..., :2]).sum(-1) / np.linalg.norm(ahead[..., :2], axis=-1)
 
 
+@pytest.mark.ci
 def test_a_run_of_either_is_loaded_with_its_settings(tmp_path):
     for task in (Hexapod(lag=1, observes=ALL, reward_type="course"), HexapodSynergy(lag=2)):
         run = train(task, steps=10, seeds=1, out=tmp_path / task.name, window=5, progress=False)

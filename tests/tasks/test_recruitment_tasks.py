@@ -188,6 +188,7 @@ def test_where_only_complete_lifts_pay_less_is_nothing():
     assert make("arm-recruitment", units=4, reward_type="complete") == task
 
 
+@pytest.mark.ci
 def test_the_best_activation_rises_from_nought_to_one():
     task = ArmRecruitment()
     loads, activations = np.array([-1.0, 0.01, 1, 3, 6, 9, 12, 14]), np.linspace(0, 1, 2001)

@@ -142,7 +142,6 @@ SWEEPS = {
 
 @pytest.mark.ci
 @pytest.mark.representatives("a world", "a body")
-@pytest.mark.representatives("a world", "a body", "a sparse agent")
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_every_setting_of_a_sweep_learns_as_it_does_alone(kind):
     task, agent, sweep, steps = SWEEPS[kind]
@@ -398,6 +397,7 @@ def test_changing_one_of_a_tasks_settings_keeps_the_others():
     assert agent_for("particle", policy="gaussians").policy.settings == {}
 
 
+@pytest.mark.ci
 def test_the_command_line_says_in_what_a_learner_differs_from_the_tasks_own(tmp_path, capsys):
     command = ["train", "particle", "--task.units", "16", "--steps", "4", "--out", str(tmp_path / "run")]
     assert main([*command, "--agent.policy.p-max", "0.5"]) == 0

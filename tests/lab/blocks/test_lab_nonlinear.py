@@ -121,6 +121,7 @@ def test_reduce_makes_one_number(how, function):
     np.testing.assert_allclose(y, [function(row) for row in u], rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.ci
 @given(st.lists(st.floats(-10, 10, width=32), min_size=20, max_size=20), st.floats(0.125, 4, width=32))
 @settings(max_examples=40, deadline=None)
 def test_backlash_and_rate_limit_stay_near_what_they_follow(values, width):

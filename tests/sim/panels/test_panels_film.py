@@ -53,6 +53,7 @@ def test_a_film_shows_the_run_in_the_time_of_the_clock(hopping, tmp_path):
     assert [path.name for path in film.path.parent.iterdir()] == ["run.mp4"]
 
 
+@pytest.mark.ci
 @needs_gl
 def test_both_bodies_are_filmed_side_by_side(hopping, tmp_path):
     hopping.order(Compare(True))
