@@ -34,6 +34,7 @@ from motorgrad.learning import (
     static,
 )
 from motorgrad.policies import Softmax, trainable
+from motorgrad.sim.live._learner import agent_numbers
 from motorgrad.tasks import ThreeState
 from motorgrad.training import agent_for, agent_from_table, agent_table, stepper_for
 
@@ -224,6 +225,16 @@ def test_a_number_moves_live_and_nothing_out_of_range_does():
     np.testing.assert_array_equal(stepper.policies().weights, before)
     with pytest.raises(ValueError, match=r"optimizer.learning_rate = -1.0: must be a finite number of at least 0"):
         stepper.set_number("optimizer.learning_rate", -1.0)
+
+
+def test_a_number_of_the_first_state_is_refused_while_the_learner_runs():
+    agent = Agent(POINT, olgarb(0.8), SGD(0.1), metric=FisherMetric())
+    stepper = stepper_for(ThreeState(), agent, [0])
+    with pytest.raises(ValueError, match=r"metric.initial is used only at the start of a run"):
+        stepper.set_number("metric.initial", 2.0)
+    assert stepper.agent.metric.initial == FisherMetric().initial
+    assert "agent.metric.initial" not in agent_numbers(agent)
+    assert "agent.metric.rate" in agent_numbers(agent)
 
 
 @pytest.mark.parametrize(

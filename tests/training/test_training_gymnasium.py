@@ -1,5 +1,6 @@
 """Learning in Gymnasium environments: the engine on the host, runs that stop and go on, and what is learned."""
 
+import gc
 import json
 import pickle
 import signal
@@ -41,6 +42,13 @@ class Counted(gymnasium.Env):
         self.time, self.steps = self.time + 1, self.steps + 1
         seen = np.float32([np.nan if self.steps == self.bad else self.time])
         return seen, 1.0, self.time == self.end, self.time == self.cut, {}
+
+
+class Closing(Counted):
+    closed = 0
+
+    def close(self):
+        Closing.closed += 1
 
 
 class Forgetful(Counted, gymnasium.utils.EzPickle):
@@ -116,6 +124,16 @@ def test_returns_and_lengths_are_the_environments_own(register):
     np.testing.assert_array_equal(record["return_count"], 2)
     np.testing.assert_array_equal(record["episodes"], 2)
     np.testing.assert_array_equal(record["reward"], 2 * (5 - 50) + 2)
+
+
+def test_the_environments_close_with_their_engine_although_its_program_is_kept(register):
+    task = from_gymnasium(register(Closing))
+    stepper = learner(task, [0, 1])
+    stepper.advance(2)
+    Closing.closed = 0  # the one by which the task knows its spaces
+    del stepper
+    gc.collect()
+    assert Closing.closed == 2
 
 
 def test_the_actions_of_the_learner_are_those_of_the_environment():
