@@ -73,7 +73,7 @@ torture: $(STAMP)  ## kill training a hundred times, and see that nothing is los
 docs: $(STAMP)  ## the documentation site, in build/site
 	@$(BIN)/python -c 'import mkdocs_jupyter' 2>/dev/null || \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/site/index.html"
 
 figures: $(STAMP)  ## draw the figures of the documentation again

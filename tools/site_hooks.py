@@ -55,7 +55,9 @@ def _in_site(link: re.Match[str]) -> str:
     words, target = link.groups()
     if "://" in target or target.startswith("#"):
         return link[0]
-    path = FROM_ROOT.get(target) or (target.removeprefix("docs/") if target.startswith("docs/") else None)
+    file, mark, place = target.partition("#")
+    path = f"{FROM_ROOT[file]}{mark}{place}" if file in FROM_ROOT else None
+    path = path or (target.removeprefix("docs/") if target.startswith("docs/") else None)
     return f"[{words}]({path})" if path else words
 
 
@@ -63,7 +65,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Links to the root's pages lead to their places in the site."""
     up = "../" * page.file.src_uri.count("/")
     for name, path in FROM_ROOT.items():
-        markdown = markdown.replace(f"]({up}../{name})", f"]({up}{path})")
+        markdown = re.sub(rf"\]\({re.escape(f'{up}../{name}')}(?=[)#])", f"]({up}{path}", markdown)
     return markdown
 
 

@@ -352,7 +352,7 @@ def _check_number(name: str, value: Any, allowed: Range, groups: bool, options: 
 
 
 def _whole_words(low: int, high: int, options: tuple[Any, ...]) -> str:
-    words = f"a whole number of at least {low}" if high >= 2**30 else f"a whole number from {low} to {high:,}"
+    words = f"an integer of at least {low}" if high >= 2**30 else f"an integer from {low} to {high:,}"
     literals = [
         shown(item)
         for option in options

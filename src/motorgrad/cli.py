@@ -8,7 +8,7 @@ from typing import NoReturn
 from motorgrad._signals import asked, interrupt_when_asked
 
 COMMANDS = {
-    "list": "list every task, policy, estimator and experiment",
+    "list": "list every task, policy, estimator, part of a learner and experiment",
     "train": "train a learner, into a run directory that can be resumed",
     "evaluate": "evaluate a learned policy: its numbers and a video",
     "plot": "plot learning curves of one run or of several",
@@ -31,10 +31,17 @@ def main(arguments: list[str] | None = None) -> int:
 
         print(f"motorgrad {__version__}")
         return 0
-    name, *rest = arguments
     from motorgrad._errors import choice
 
+    name = "--import"
     try:
+        while arguments[:1] == ["--import"]:
+            _import(arguments[1:2])
+            arguments = arguments[2:]
+        name, *rest = arguments or ["--help"]
+        if name == "--help":
+            print(_help())
+            return 0
         choice("command", name, COMMANDS)
         with interrupt_when_asked():
             status = _command(name)(rest)
@@ -42,6 +49,20 @@ def main(arguments: list[str] | None = None) -> int:
         return status
     except BaseException as error:
         return _answer(name, error)
+
+
+def _import(names: list[str]) -> None:
+    """Import a module of the user's, from the working folder or an installed one."""
+    import importlib
+
+    if not names:
+        raise ValueError("--import needs the name of a module")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        importlib.import_module(names[0])
+    except ImportError as error:
+        raise ValueError(f"cannot import {names[0]!r}: {error}") from error
 
 
 def _answer(name: str, error: BaseException) -> int:
@@ -71,13 +92,14 @@ def _help() -> str:
     lines = [f"  {name:<10} {what}" for name, what in COMMANDS.items()]
     return "\n".join(
         [
-            "usage: motorgrad COMMAND ...",
+            "usage: motorgrad [--import MODULE] COMMAND ...",
             "",
             "Learning motor control by policy gradients: stochastic units, eligibility traces, muscle-driven bodies.",
             "",
             *lines,
             "",
             "motorgrad COMMAND --help shows the options of a command; motorgrad --version the version.",
+            "--import MODULE imports a module first, so that the tasks and parts that it registers are known by name.",
         ]
     )
 

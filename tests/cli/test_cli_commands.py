@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -115,6 +116,34 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
         for name, what in found[kind].items():
             assert what
             assert f"  {name} " in said
+
+
+def test_a_module_is_imported_first_and_what_it_registers_is_known(tmp_path, monkeypatch, capsys):
+    code = """
+        import motorgrad as mg
+
+        class Short(mg.tasks.Chain):
+            name = "short-chain"
+
+        mg.tasks.TASKS["short-chain"] = Short
+    """
+    (tmp_path / "my_tasks.py").write_text(textwrap.dedent(code))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "my_tasks", raising=False)
+    known = dict(TASKS)
+    try:
+        assert main(["--import", "my_tasks", "list"]) == 0
+        assert "short-chain" in capsys.readouterr().out
+        assert main(["--import", "my_tasks", "train", "short-chain", "--steps", "10", "--out", "run"]) == 0
+        assert main(["evaluate", "run", "--steps", "10"]) == 0
+    finally:
+        TASKS.clear()
+        TASKS.update(known)
+    capsys.readouterr()
+    for arguments, said in ((["--import"], "needs the name of a module"), (["--import", "nope", "list"], "No module")):
+        assert main(arguments) == 2
+        assert said in capsys.readouterr().err
 
 
 # ---- train

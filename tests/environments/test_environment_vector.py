@@ -166,7 +166,7 @@ def test_bad_actions_and_seeds_are_refused():
     vector.reset(seed=1)
     with pytest.raises(ValueError, match=r"action.shape = \(3,\): must be \(2,\)"):
         vector.step([0, 0, 1])
-    with pytest.raises(ValueError, match="must be in 0 … 1"):
+    with pytest.raises(ValueError, match="must be from 0 to 1"):
         vector.step([0, 2])
     vector.close()
     vector.close()

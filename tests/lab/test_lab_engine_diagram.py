@@ -171,7 +171,7 @@ def test_misfits_are_seen_while_a_wire_is_drawn():
         (lambda d: d.replace("c", Gain()), "unknown block 'c'"),
         (lambda d: Diagram(tick=0), "tick = 0: must be a positive number of seconds"),
         (lambda d: Diagram(tick=float("nan")), "tick = nan"),
-        (lambda d: Diagram(substeps=0), "substeps = 0: must be an integer in 1 … 1000"),
+        (lambda d: Diagram(substeps=0), "substeps = 0: must be an integer from 1 to 1000"),
     ],
 )
 def test_impossible_edits_are_refused_and_change_nothing(act, says):

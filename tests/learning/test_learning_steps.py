@@ -303,7 +303,7 @@ def _annealed(start=0.1, **more):
         ),
         (lambda: Annealed(-1.0), "start = -1.0"),
         (lambda: Annealed(1.0, float("inf")), "end = inf"),
-        (lambda: Annealed(1.0, steps=0), "steps = 0: must be a whole number of at least 1"),
+        (lambda: Annealed(1.0, steps=0), "steps = 0: must be an integer of at least 1"),
         (lambda: PolyakAveraging(start=-1), "start = -1"),
         (lambda: PolyakAveraging(rate=1.5), "rate = 1.5"),
         (lambda: Agent(POINT, averaging=0.5), "averaging = 0.5: must be None or a PolyakAveraging"),

@@ -261,7 +261,7 @@ def test_fields_declare_what_they_take():
     for wrong, said in (
         ({"share": 1.0}, r"share = 1.0: must be in \[0, 1\)"),
         ({"share": None}, "share = None"),
-        ({"times": 10}, "times = 10: must be a whole number from 1 to 9"),
+        ({"times": 10}, "times = 10: must be an integer from 1 to 9"),
         ({"times": 2.0}, "times = 2.0"),
         ({"flag": 1}, "flag = 1: must be True or False"),
     ):

@@ -10,7 +10,9 @@ import pytest
 from training_examples import assert_same, learner
 
 import motorgrad as mg
+from motorgrad.learning import Estimator, MeanReward
 from motorgrad.tasks import Chain, Hopper
+from motorgrad.training import agent_for, stepper_for
 
 SEEDS = [0, 1, 2, 3]
 
@@ -106,6 +108,40 @@ def test_a_task_that_ends_its_episodes_must_say_so():
     stepper = learner(Silent(length=3), SEEDS)
     with pytest.raises(TypeError, match="reports `terminated`, so its class must say `episodic = True`"):
         stepper.advance(1)
+
+
+@pytest.mark.parametrize(
+    ("method", "result", "said"),
+    [
+        ("observe", lambda chain: jnp.zeros(chain.observation_size), "observe must return \\(memory, observation\\)"),
+        ("observe", lambda chain: ((), jnp.zeros(7)), "observe returns an observation of shape \\(7,\\), but must of"),
+        ("reward", lambda chain: ((), 0.0), "reward must return \\(memory, reward, terminated\\)"),
+    ],
+)
+def test_a_task_that_returns_something_else_is_told_what(method, result, said):
+    wrong = type("Wrong", (Chain,), {method: lambda self, *_: result(self)})
+    with pytest.raises((TypeError, ValueError), match=f"task 'chain': {said}"):
+        learner(wrong(length=3), SEEDS).advance(1)
+
+
+def test_a_body_does_not_start_with_a_period_of_broken_steps():
+    @dataclasses.dataclass(frozen=True)
+    class Careless(Hopper):
+        def __post_init__(self):
+            """Check nothing."""
+
+    with pytest.raises(ValueError, match=r"action_period = 0.0105: must be a positive multiple of the time step"):
+        learner(Careless(action_period=0.0105), SEEDS)
+
+
+def test_a_baseline_that_returns_something_else_is_told_what():
+    class Wrong(MeanReward):
+        def update(self, state, policy, transition):
+            return (transition.reward, transition.reward), state
+
+    agent = dataclasses.replace(agent_for("chain"), estimator=Estimator(baseline=Wrong()))
+    with pytest.raises(TypeError, match=r"baseline Wrong: update must return \(Advantage, state\)"):
+        stepper_for(Chain(), agent, SEEDS).advance(1)
 
 
 @pytest.mark.parametrize(

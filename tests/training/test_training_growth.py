@@ -121,10 +121,10 @@ def test_a_grown_run_is_taken_up_with_the_units_it_has():
         ),
         ({**RULES["clock"], "growth.width": 0.0}, "growth.width = 0.0: must be positive"),
         ({**RULES["clock"], "growth.cutoff": -1.0}, "growth.cutoff = -1.0: must be positive"),
-        ({**RULES["clock"], "growth.units": 0}, "growth.units = 0: must be a whole number of at least 1"),
+        ({**RULES["clock"], "growth.units": 0}, "growth.units = 0: must be an integer of at least 1"),
         (
             {**RULES["plateau"], "growth.criterion.window": 5},
-            "growth.criterion.window = 5: must be a whole number from 40",
+            "growth.criterion.window = 5: must be an integer from 40",
         ),
         ({**RULES["clock"], "improve": "never"}, "must be None where parameters never move"),
     ],

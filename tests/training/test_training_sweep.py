@@ -10,6 +10,7 @@ from jax import monitoring
 from training_examples import assert_differ, assert_same, assert_same_run, columns
 
 import motorgrad as mg
+from motorgrad._tree import with_number
 from motorgrad.cli import main
 from motorgrad.training import RunDirectoryError, agent_for, clear_programs, evaluate, load, stepper_for
 from motorgrad.training.engines import _programs
@@ -96,6 +97,11 @@ def test_more_lanes_than_a_run_may_have_are_refused():
         go({"decay": np.linspace(0, 0.9, 1001)}, seeds=1000)
 
 
+def test_the_last_word_of_a_path_is_answered_with_the_path():
+    with pytest.raises(ValueError, match=r"'rate': did you mean estimator.baseline.rate\?"):
+        go({"rate": [0.5]}, {"baseline": "fixed-step"})
+
+
 def test_event_files_of_a_sweep_are_refused(tmp_path):
     with pytest.raises(ValueError, match="tensorboard = True: must be False for a sweep"):
         go({"decay": DECAYS}, out=tmp_path / "run", tensorboard=True)
@@ -126,7 +132,7 @@ SWEEPS = {
     ),
     "a critic": (
         FINITE,
-        {"baseline": {"kind": "critic", "features": {}, "fit": "td"}, "improve": 10},
+        {"baseline": {"kind": "critic", "features": {}, "fit": "td", "discount": 0.7}, "improve": 10},
         {"estimator.baseline.discount": [0.5, 0.9]},
         100,
     ),
@@ -147,7 +153,10 @@ def test_every_setting_of_a_sweep_learns_as_it_does_alone(kind):
     task, agent, sweep, steps = SWEEPS[kind]
     run = go(sweep, agent, steps, task=task)
     for index, setting in enumerate(run.settings):
-        alone = go(None, {**agent, **setting}, steps, task=task)
+        learner = agent_for(task, agent)
+        for path, value in setting.items():
+            learner = with_number(learner, path, value)
+        alone = go(None, learner, steps, task=task)
         # another number of lanes may round differently
         for mine, own in zip(jax.tree.leaves(lanes(run, index)), jax.tree.leaves(alone.policies), strict=True):
             np.testing.assert_allclose(mine, own, rtol=1e-4, atol=1e-6)

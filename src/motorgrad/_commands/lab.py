@@ -26,7 +26,7 @@ class Lab:
     """Open the browser; otherwise only print the address."""
 
     def validate(self) -> None:
-        check(0 <= self.port < 2**16, "port", self.port, "a whole number in 0 … 65535, 0 for a free one")
+        check(0 <= self.port < 2**16, "port", self.port, "an integer from 0 to 65535, 0 for a free one")
         if self.gallery is not None:
             check(self.file is None, "gallery", self.gallery, "given without a file")
             choice("diagram of the gallery", self.gallery, gallery.GALLERY)

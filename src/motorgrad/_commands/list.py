@@ -2,11 +2,13 @@
 
 import dataclasses
 import inspect
+import re
 from pathlib import Path
 from typing import Any
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
+from motorgrad._tree import KINDS, Part
 from motorgrad.experiments import EXPERIMENTS
 from motorgrad.learning import Estimator
 from motorgrad.policies import INITIAL
@@ -15,7 +17,8 @@ from motorgrad.tasks import TASKS
 
 @dataclasses.dataclass(frozen=True)
 class List:
-    """List every task, policy, estimator and experiment by the name that configurations and commands take."""
+    """List every task, policy, estimator, part of a learner and experiment by its name in configurations and
+    commands."""
 
     json: Path | None = None
     """Also write the list to this file, as JSON; - for the standard output."""
@@ -25,9 +28,10 @@ def run(arguments: list[str]) -> int:
     options = parse(List, arguments, "list")
     estimators = {name: ", ".join(f"{k} {v}" for k, v in parts.items()) for name, parts in Estimator.presets.items()}
     found = {
-        "tasks": {name: _first_line(task) for name, task in TASKS.items()},
+        "tasks": {name: _first_line(TASKS[name]) for name in sorted(TASKS)},
         "policies": {name: _first_line(make) for name, make in INITIAL.items()},
         "estimators": estimators,
+        **{f"kinds of {_words(place)}": _kinds(place) for place in KINDS if len(KINDS[place]) > 1},
         "experiments": {name: f"{kind.source}: {kind.title}" for name, kind in EXPERIMENTS.items()},
     }
     if str(options.json) != "-":
@@ -40,5 +44,16 @@ def run(arguments: list[str]) -> int:
     return 0
 
 
+def _words(place: type[Part]) -> str:
+    """The name of a class in words, such as "critic fit"."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", place.__name__).lower()
+
+
+def _kinds(place: type[Part]) -> dict[str, str]:
+    return {name: _first_line(kind) for name, kind in KINDS[place].items()}
+
+
 def _first_line(thing: Any) -> str:
-    return (inspect.getdoc(thing) or "").partition("\n")[0]
+    """The first sentence of a docstring, without its formulas."""
+    paragraph = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
+    return re.sub(r",? \$[^$]*\$", "", paragraph).partition(". ")[0].rstrip(".")

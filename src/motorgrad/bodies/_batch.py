@@ -247,7 +247,7 @@ def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjM
 
 def _start_key(model: mujoco.MjModel) -> int:
     names = [model.key(i).name for i in range(model.nkey)]
-    check(START in names, "keyframes of the body", names, f"such that one is {START!r}")
+    check(START in names, "keyframes of the body", names, f"a list with {START!r}")
     return names.index(START)
 
 

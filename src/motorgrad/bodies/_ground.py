@@ -99,7 +99,7 @@ class Terrain:
         field = spec.add_hfield(name="terrain", nrow=len(y), ncol=len(x), userdata=(heights - low).ravel().tolist())
         field.size = (x[-1], y[-1], max(tall, 1e-6), 0.1)
         floor = spec.geom("floor")
-        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "such that one is 'floor'")
+        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "a list with 'floor'")
         ground = spec.worldbody.add_geom(name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain")
         ground.pos, ground.rgba = (0.0, 0.0, low), _ROCK
         for property_ in ("contype", "conaffinity", "friction", "solref", "solimp"):

@@ -65,7 +65,7 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
     if isinstance(space, spaces.Discrete):
         size = int(space.n)
         check(array.dtype.kind in "iu", "action.dtype", array.dtype, "integer")
-        check(((array >= 0) & (array < size)).all(), "action", array.tolist(), f"in 0 … {size - 1}")
+        check(((array >= 0) & (array < size)).all(), "action", array.tolist(), f"from 0 to {size - 1}")
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):

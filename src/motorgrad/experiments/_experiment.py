@@ -138,7 +138,7 @@ class Experiment(abc.ABC):
         """Refuse settings of these names outside of `low` … `high`; `unit` is appended to the range in the message."""
         for name in names:
             value = getattr(self, name)
-            check(low <= value <= high, name, value, f"in {low:,} … {high:,}{unit}")
+            check(low <= value <= high, name, value, f"from {low:,} to {high:,}{unit}")
 
 
 @dataclass_transform(frozen_default=True)

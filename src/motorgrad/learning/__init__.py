@@ -13,6 +13,7 @@ from motorgrad.learning._baselines import (
     LinearBaseline,
     LinearState,
     MeanReward,
+    ScalarBaseline,
     Transition,
 )
 from motorgrad.learning._branching import NEVER
@@ -89,6 +90,7 @@ __all__ = [
     "PolyakAveraging",
     "RootMeanSquare",
     "RunningMean",
+    "ScalarBaseline",
     "SparseAgent",
     "SpatialIndex",
     "TemporalDifference",

@@ -34,8 +34,8 @@ from motorgrad.policies import Policy
 class Transition(NamedTuple):
     """One decision and its outcome.
 
-    `observation` and `action` are `None` where no part of the learner recalls them. `next_observation` is what the
-    world showed before any reset.
+    `observation` and `action` are `None` unless a part of the learner says `needs_decision`. `next_observation` is what
+    the world showed before any reset.
     """
 
     observation: Any
@@ -62,7 +62,7 @@ class Baseline(Part):
     """What rewards are compared with: a baseline or a critic."""
 
     needs_decision: ClassVar[bool] = False
-    """Whether `update` needs the observation and the action of the transition."""
+    """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
 
     @abc.abstractmethod
     def init(self, policy: Policy, dtype: Any) -> Any:
@@ -99,8 +99,8 @@ class Baseline(Part):
         return None
 
 
-class _ScalarBaseline(Baseline):
-    """A baseline that depends on rewards alone."""
+class ScalarBaseline(Baseline):
+    """A baseline that depends on rewards alone. Subclasses define `init`, `level` and `learn`."""
 
     @abc.abstractmethod
     def learn(self, state: Any, reward: Float[Array, ""]) -> Any:
@@ -111,7 +111,7 @@ class _ScalarBaseline(Baseline):
         return Advantage(error, error), where(transition.diverged, state, self.learn(state, transition.reward))
 
 
-class Constant(_ScalarBaseline):
+class Constant(ScalarBaseline):
     r"""A constant baseline, $b \equiv c$: for a task whose average reward is known. It does not bias the estimate.
 
     **Arguments:**
@@ -131,7 +131,7 @@ class Constant(_ScalarBaseline):
         return state
 
 
-class MeanReward(_ScalarBaseline):
+class MeanReward(ScalarBaseline):
     r"""The running mean of all rewards, $b \leftarrow b + \delta/n$ for the n-th reward (Kimura et al., 1995)."""
 
     def init(self, policy: Policy, dtype: Any) -> RunningMean:
@@ -144,7 +144,7 @@ class MeanReward(_ScalarBaseline):
         return add_sample(state, reward)
 
 
-class FixedStep(_ScalarBaseline):
+class FixedStep(ScalarBaseline):
     r"""A mean that forgets, $b \leftarrow b + \gamma\delta$, and so follows a changing task (section 4.4.1).
 
     **Arguments:**
@@ -192,10 +192,10 @@ class LinearState(NamedTuple):
 
 
 class LinearBaseline(InputBaseline):
-    r"""$b(y) = w \cdot \phi(y)$ with $\phi(y) = (y, 1)$, by normalised least mean squares:
-    $w \leftarrow w + \gamma\,(r - b(y))\,\phi/|\phi|^2$ (Nagumo & Noda, 1967).
+    r"""A linear function of the input, fitted by normalised least mean squares (Nagumo & Noda, 1967).
 
-    The step is relative to the length of the input, so no input is too large for it.
+    $b(y) = w \cdot \phi(y)$ with $\phi(y) = (y, 1)$ and $w \leftarrow w + \gamma\,(r - b(y))\,\phi/|\phi|^2$. The step
+    is relative to the length of the input, so no input is too large for it.
 
     **Arguments:**
 

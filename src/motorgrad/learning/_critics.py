@@ -71,8 +71,9 @@ class CriticFit(Part):
 
 
 class TemporalDifference(CriticFit):
-    r"""TD(λ), $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \phi$ (Sutton, 1988; Tsitsiklis
-    & Van Roy, 1999).
+    r"""TD(λ) with accumulating traces (Sutton, 1988; Tsitsiklis & Van Roy, 1999).
+
+    $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \phi$.
 
     **Arguments:**
 

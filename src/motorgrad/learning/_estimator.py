@@ -192,7 +192,10 @@ class Estimator(Part):
     def _advantage(self, state: EstimatorState, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
         if self.baseline is None:
             return Advantage(transition.reward, transition.reward), None
-        return self.baseline.update(state.baseline, policy, transition)
+        found = self.baseline.update(state.baseline, policy, transition)
+        if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Advantage)):
+            raise TypeError(f"baseline {type(self.baseline).__name__}: update must return (Advantage, state)")
+        return found
 
 
 def entropy_gradient(policy: Policy, observation: Float[Array, " inputs"]) -> PyTree[Array]:

@@ -111,9 +111,10 @@ class _Kernel(Trace):
 
 
 class Window(_Kernel):
-    r"""The sum of the last scores, the present one included: $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$.
+    r"""The sum of the last scores, the present one included.
 
-    It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1) and keeps $n$ copies of the parameters.
+    $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$. It estimates
+    $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1) and keeps $n$ copies of the parameters.
 
     **Arguments:**
 
@@ -127,10 +128,11 @@ class Window(_Kernel):
 
 
 class LaggedGaussian(_Kernel):
-    r"""Weights $\exp(-\frac12((k - \text{lag})/\text{width})^2)$ for the score from $k \ge 0$ decisions ago.
+    r"""The sum of past scores with Gaussian weights around a lag.
 
-    For tasks in which an action affects the reward after a certain delay (section 3.2.1). The filter ends four widths
-    beyond the lag, where the weight is below 4e-4. Both numbers set its length, so they are static.
+    The score from $k \ge 0$ decisions ago has the weight $\exp(-\frac12((k - \text{lag})/\text{width})^2)$. For tasks
+    in which an action affects the reward after a certain delay (section 3.2.1). The filter ends four widths beyond the
+    lag, where the weight is below 4e-4. Both numbers set its length, so they are static.
 
     **Arguments:**
 

@@ -14,7 +14,7 @@ from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, pri
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
-from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, split, trainable
+from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
@@ -66,6 +66,7 @@ __all__ = [
     "querying_motoneurons",
     "reach",
     "rebuild",
+    "sizes",
     "soft_boxes",
     "soft_spheres",
     "softmax",

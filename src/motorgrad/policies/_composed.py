@@ -307,7 +307,7 @@ def gated(
     """
     inputs, outputs = sizes(task, units)
     for name, value in (("gates", gates), ("levels", levels)):
-        check(isinstance(value, int) and value >= 1, name, value, "a whole number of at least 1")
+        check(isinstance(value, int) and value >= 1, name, value, "an integer of at least 1")
     check(0 < width < math.inf, "width", width, "positive")
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
     ranges = input_ranges(task, inputs)

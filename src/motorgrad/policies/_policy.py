@@ -284,11 +284,15 @@ def per_unit(values: Float[Array, " units"], array: Array) -> Array:
 
 
 def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
-    """The numbers of inputs and outputs of a policy for a task, or for a number of inputs."""
-    sized = isinstance(task, int) or all(hasattr(task, name) for name in ("observation_size", "action_size"))
+    """The numbers of inputs and outputs of a policy for a task, or for a number of inputs.
+
+    **Raises** `ValueError` for what is neither, and where `outputs` is `None` without a task.
+    """
+    alone = isinstance(task, int)
+    sized = alone or all(hasattr(type(task), name) for name in ("observation_size", "action_size"))
     check(sized and not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
-    inputs = task if isinstance(task, int) else task.observation_size
-    outputs = (None if isinstance(task, int) else task.action_size) if outputs is None else outputs
+    inputs = task if alone else task.observation_size
+    outputs = (None if alone else task.action_size) if outputs is None else outputs
     check(inputs > 0, "inputs", inputs, "a positive number of inputs")
     check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
     return inputs, int(outputs or 0)

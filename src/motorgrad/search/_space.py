@@ -35,7 +35,7 @@ class Range:
         check(self.low > least, "Range.low", self.low, f"a finite number above {least:g}")
         check(self.high > self.low, "Range.high", self.high, f"finite and above low = {self.low!r}")
         if self.start is not None:
-            check(self.low <= self.start <= self.high, "Range.start", self.start, f"in {self.low!r} … {self.high!r}")
+            check(self.low <= self.start <= self.high, "Range.start", self.start, f"from {self.low!r} to {self.high!r}")
 
     def number(self, place: Any) -> Any:
         """The numbers at places from 0, the lower bound, to 1, the upper one; of any shape."""

@@ -16,7 +16,7 @@ from motorgrad.tasks._particle import (
 )
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
 from motorgrad.tasks._registry import TASKS, make
-from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, outcome
+from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks.hexapod._hexapod import Hexapod, HexapodSynergy
@@ -63,6 +63,7 @@ __all__ = [
     "find_synergies",
     "from_gymnasium",
     "make",
+    "observe",
     "outcome",
     "region_reward",
     "spacing_error",

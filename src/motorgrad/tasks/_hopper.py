@@ -81,7 +81,7 @@ class Hopper(BodyTask):
     def __post_init__(self) -> None:
         check_fields(self)
         check_positive("hop_height", self.hop_height)
-        check(0 <= self.centre <= 180, "centre", self.centre, "an angle in 0 … 180 degrees")
+        check(0 <= self.centre <= 180, "centre", self.centre, "an angle from 0 to 180 degrees")
         check_not_negative("penalty", self.penalty)
         self.check_times()
         groups = len(self.body.groups)

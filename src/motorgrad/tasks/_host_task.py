@@ -135,4 +135,5 @@ class BodyTask(HostTask):
         return action if drives is None else jnp.minimum(action @ drives, 1.0)
 
     def batch(self, seeds: Sequence[int], threads: int = 0) -> BodyBatch:
+        self.check_times()
         return BodyBatch(self.dynamics, len(seeds), substeps=self.substeps, threads=threads)

@@ -298,7 +298,7 @@ def check_region(name: str, region: Region, walls: Walls) -> None:
     """Refuse a region without extent, or with its centre outside the box."""
     _, x, y, *widths = region
     check(all(math.isfinite(number) for number in region), name, region, "finite numbers")
-    box = f"within the box, x in {walls.left:g} … {walls.right:g} and y in {walls.bottom:g} … {walls.top:g}"
+    box = f"within the box, x from {walls.left:g} to {walls.right:g} and y from {walls.bottom:g} to {walls.top:g}"
     check(walls.contains(x, y), f"{name} centre", (x, y), box)
     check(min(widths) > 0, f"{name} widths", tuple(widths), "positive")
 

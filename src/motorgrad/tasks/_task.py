@@ -4,6 +4,7 @@ import abc
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
@@ -162,6 +163,19 @@ class Task(abc.ABC):
         return {}
 
 
+def observe(
+    task: Task, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
+) -> tuple[Any, Float[Array, " observation_size"]]:
+    """Call `task.observe`, and refuse what is no memory and observation of the declared size."""
+    found = task.observe(memory, state, uniforms)
+    if not (isinstance(found, tuple) and len(found) == 2):
+        raise TypeError(f"task {task.name!r}: observe must return (memory, observation), not {type(found).__name__}")
+    shape, wanted = jnp.shape(found[1]), (task.observation_size,)
+    if shape != wanted:
+        raise ValueError(f"task {task.name!r}: observe returns an observation of shape {shape}, but must of {wanted}")
+    return found
+
+
 class Outcome(NamedTuple):
     """The result of a step of the dynamics: the task's `memory`; the `observation`, before any reset; the `reward`;
     whether the episode `terminated` or was `truncated` (the Python value `False` if it never is); and the number of
@@ -176,22 +190,26 @@ class Outcome(NamedTuple):
 
 
 def outcome(
-    task: Task, memory: Any, state: Any, action: Array, observe: Float[Array, " uniforms"], elapsed: Array | None
+    task: Task, memory: Any, state: Any, action: Array, uniforms: Float[Array, " uniforms"], elapsed: Array | None
 ) -> Outcome:
     """Evaluate a task after a step of the dynamics. This function defines the order in which a task's functions are
     called.
 
-    **Arguments:** the task and its memory; the state and the action that led to it; `observe`, the U[0, 1) numbers for
+    **Arguments:** the task and its memory; the state and the action that led to it; `uniforms`, the U[0, 1) numbers for
     the observation; `elapsed`, the decisions made in the episode before this one, `None` without a limit.
 
-    **Raises:** `TypeError` if a task ends an episode without being `episodic`.
+    **Raises:** `TypeError` if a task ends an episode without being `episodic`, or if `reward` or `observe` does not
+    return what it should.
     """
-    memory, reward, terminated = task.reward(memory, state, action)
+    found = task.reward(memory, state, action)
+    if not (isinstance(found, tuple) and len(found) == 3):
+        raise TypeError(f"task {task.name!r}: reward must return (memory, reward, terminated)")
+    memory, reward, terminated = found
     truncated: Any = task.truncated(memory, state)
     for flag, name in ((terminated, "terminated"), (truncated, "truncated")):
         if flag is not False and not task.episodic:
             raise TypeError(f"task {task.name!r} reports `{name}`, so its class must say `episodic = True`")
-    memory, observation = task.observe(memory, state, observe)
+    memory, observation = observe(task, memory, state, uniforms)
     if elapsed is not None:
         elapsed = elapsed + 1
         over = elapsed >= (task.episode_limit or 0)

@@ -64,7 +64,7 @@ def check_training(
     valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
-    check(window is None or (_whole(window) and window >= 1), "window", window, "a whole number of at least 1 decision")
+    check(window is None or (_whole(window) and window >= 1), "window", window, "an integer of at least 1 decision")
     timed = isinstance(checkpoint_every, int | float | np.number) and checkpoint_every >= 0
     check(timed, "checkpoint_every", checkpoint_every, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS

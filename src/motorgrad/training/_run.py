@@ -185,7 +185,10 @@ def saved_task(config: dict[str, Any]) -> Task:
     settings = dict(config["task"])
     name = settings.pop("name")
     if name not in TASKS:
-        raise RunDirectoryError(f"task {name!r} is not in the registry: give the task itself, as load(path, task)")
+        raise RunDirectoryError(
+            f"task {name!r} is not in the registry: in Python, give the task itself, as load(path, task); on the "
+            "command line, import the module that registers it, as motorgrad --import MODULE evaluate RUN"
+        )
     return make(name, **settings)
 
 

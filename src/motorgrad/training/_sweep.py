@@ -72,6 +72,9 @@ def _path(name: str, agent: Agent) -> str:
     node: Any = tree
     for part in path.split("."):
         if not isinstance(node, Part) or part not in fields_of(type(node)):
+            ends = [path for path in known if path.endswith(f".{name}")]
+            if ends:
+                raise ValueError(f"unknown number in the sweep {name!r}: did you mean {' or '.join(ends)}?")
             short = [short for short, path in agent.aliases.items() if path in known]
             raise unknown("number in the sweep", name, [*known, *short])
         node = getattr(node, part)

@@ -51,7 +51,7 @@ class FiniteMDP(World):
         check(self.rewards.shape in shapes, "rewards", self.rewards.shape, f"of shape {shapes[0]} or {shapes[1]}")
         seen = self.observations.shape
         check(len(seen) == 2 and seen[0] == states, "observations", seen, f"of shape ({states}, inputs)")
-        check(0 <= start < states, "start", start, f"a state in 0 … {states - 1}")
+        check(0 <= start < states, "start", start, f"a state from 0 to {states - 1}")
         for name in ("rewards", "observations"):
             check(np.isfinite(getattr(self, name)).all(), name, getattr(self, name).tolist(), "finite numbers")
         low, off = self.transitions.min(), np.abs(self.transitions.sum(-1) - 1).max()

@@ -169,7 +169,7 @@ def test_expression_names_are_checked():
     for arguments, message in (
         (("u", ("u", "u")), "reads = .*: must be distinct names; repeated are 'u'"),
         (("u", ("sin",)), "reads\\[0\\] = 'sin': must be another name"),
-        (("u", ("2u",)), "reads\\[0\\] = '2u': must be 1 … 40 letters"),
+        (("u", ("2u",)), "reads\\[0\\] = '2u': must be 1 to 40 letters"),
         (("u", ("u",), ("u",)), "constants\\[0\\] = 'u': must be another name"),
         (("u", ("u",), ("k",), (1.0, 2.0)), "numbers: shape = \\(2,\\)"),
         (("u", "u"), "reads = 'u': must be a list"),

@@ -51,7 +51,7 @@ def test_switch_and_multi_switch():
     index = RNG.integers(-2, 5, 60)
     chosen = np.where(np.clip(index, 0, 1) == 0, on, off)
     np.testing.assert_array_equal(drive(of("multi-switch", 2), 60, index=index, u0=on, u1=off)["y"], chosen)
-    with pytest.raises(ValueError, match="count = 0: must be an integer in 1"):
+    with pytest.raises(ValueError, match="count = 0: must be an integer from 1"):
         of("multi-switch", 0)
 
 

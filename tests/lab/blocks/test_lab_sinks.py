@@ -195,7 +195,7 @@ def test_wrong_sinks_are_refused_by_name():
         ("scope", {"window": 0}, "window = 0.0: must be a positive number"),
         ("recorder", {"labels": ("time",)}, "labels = .*: must be names other than seed"),
         ("histogram", {"bins": 0}, "bins = 0: must be an integer"),
-        ("policy map", {"axes": (0, 2)}, "axes = .*: must be two different integers in 0 … 1"),
+        ("policy map", {"axes": (0, 2)}, "axes = .*: must be two different integers from 0 to 1"),
         ("policy map", {"forces": ((1, 2), (3, 4))}, "forces = .*: must be None, or 1 rows"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -167,7 +167,7 @@ def test_parameters_and_single_units_by_address():
     assert leaves(edited(diagram, operation("freeze", address="optimizer", on=True)))["optimizer"].frozen is True
     for wrong, message in [
         ({"address": "load", "on": True}, "load.*must be a block that learns"),
-        ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be an integer in 0 … 3"),
+        ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be an integer from 0 to 3"),
         ({"address": "optimizer", "on": True, "unit": 0}, "must be null|0 … 0|as one"),
     ]:
         with pytest.raises(ValueError, match=message):

@@ -261,7 +261,7 @@ def test_a_broken_diagram_does_not_play_and_says_where(client):
 @pytest.mark.parametrize(
     ("op", "fields", "message"),
     [
-        ("scrub", {"branch": "main", "tick": 11}, "tick = 11: must be an integer in 0 … 10"),
+        ("scrub", {"branch": "main", "tick": 11}, "tick = 11: must be an integer from 0 to 10"),
         ("scrub", {"branch": "mian", "tick": 1}, "did you mean 'main'"),
         ("fork", {"branch": "main", "name": "main"}, "name = 'main': must be a new name"),
         ("watch", {"addresses": ["gain.z"]}, "unknown output 'gain.z'"),

@@ -181,7 +181,7 @@ def test_a_slow_client_is_not_sent_a_pile_of_samples(server):
 def test_a_port_that_is_taken_is_refused_by_number(server):
     with pytest.raises(ValueError, match=f"port = {server.port}: cannot be used"):
         Server(server.session, server.port)
-    with pytest.raises(ValueError, match="port = -1: must be an integer in 0"):
+    with pytest.raises(ValueError, match="port = -1: must be an integer from 0"):
         Server(server.session, -1)
 
 
@@ -208,7 +208,7 @@ def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--port", "70000"], "port = 70000: must be a whole number in 0 … 65535"),
+        (["--port", "70000"], "port = 70000: must be an integer from 0 to 65535"),
         (["--gallery", "chian"], "did you mean 'chain'"),
         (["x.json", "--gallery", "chain"], "must be given without a file"),
         ([".."], "must be a file, not a folder"),

@@ -139,7 +139,7 @@ def test_blocks_of_one_kind_are_evaluated_as_one():
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: lab.Motoneurons(0), "units = 0: must be a whole number"),
+        (lambda: lab.Motoneurons(0), "units = 0: must be an integer"),
         (lambda: lab.Motoneurons(2, threshold=(1.0, 2.0, 3.0)), "threshold: shape"),
         (lambda: lab.Motoneurons(2, gain=float("nan")), "gain = nan"),
         (lambda: lab.Softmax(2, "one"), "observed = 'one'"),

@@ -31,7 +31,7 @@ from motorgrad.tasks import make
         ({"heading": float("nan")}, "heading"),
         ({"travel": 0.9}, "travel = 0.9"),
         ({"map": "nowhere.npy"}, "map = 'nowhere.npy': No such file"),
-        ({"detail": Detail, "triangles": 10}, "triangles = 10: must be a whole number >= 20,000"),
+        ({"detail": Detail, "triangles": 10}, "triangles = 10: must be an integer of at least 20,000"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(wrong, named):

@@ -41,7 +41,7 @@ class Wrapping(Experiment):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(0 < self.radius < 10, "radius", self.radius, "in 0 … 10 m")
+        check(0 < self.radius < 10, "radius", self.radius, "from 0 to 10 m")
         for name in ("origin_distance", "insertion_distance"):
             value = getattr(self, name)
             check(1.01 * self.radius <= value < 100, name, value, f"at least 1.01 times the radius, {self.radius} m")

@@ -38,7 +38,7 @@ class Circular(Experiment):
     seconds: float = 200.0
 
     def __post_init__(self) -> None:
-        check(1 <= self.seconds <= 1e5, "seconds", self.seconds, "in 1 … 100,000 simulated s")
+        check(1 <= self.seconds <= 1e5, "seconds", self.seconds, "from 1 to 100,000 simulated s")
         self.physics(self.tangential, self.radial)
 
     @classmethod

@@ -60,8 +60,8 @@ class HillClimbing(Experiment):
 
     def __post_init__(self) -> None:
         for name, low, high in (("columns", 5, 1000), ("rows", 5, 1000), ("runs", 2, 10**5), ("rewards", 2, 10**5)):
-            check(low <= getattr(self, name) <= high, name, getattr(self, name), f"in {low:,} … {high:,}")
-        check(RECORDS <= self.decisions <= 10**8, "decisions", self.decisions, f"in {RECORDS} … 100,000,000")
+            check(low <= getattr(self, name) <= high, name, getattr(self, name), f"from {low:,} to {high:,}")
+        check(RECORDS <= self.decisions <= 10**8, "decisions", self.decisions, f"from {RECORDS} to 100,000,000")
 
     @classmethod
     def quick(cls) -> Self:

@@ -46,7 +46,7 @@ class ChainExploration(Experiment):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check(DRAWN <= self.longest <= 20, "longest", self.longest, f"in {DRAWN} … 20 states")
+        check(DRAWN <= self.longest <= 20, "longest", self.longest, f"from {DRAWN} to 20 states")
         self.check_range(2, 10**6, "runs")
 
     @classmethod

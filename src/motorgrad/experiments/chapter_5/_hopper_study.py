@@ -50,7 +50,10 @@ class HopperStudy(Experiment):
         task, _ = self.task, self.learner
         check_practice(self.seconds, self.seeds, task.period)
         check(
-            2 * task.period <= self.watched <= 3600, "watched", self.watched, f"in {2 * task.period} … 3600 simulated s"
+            2 * task.period <= self.watched <= 3600,
+            "watched",
+            self.watched,
+            f"from {2 * task.period} to 3600 simulated s",
         )
 
     @classmethod
@@ -77,7 +80,7 @@ class HopperStudy(Experiment):
 def check_practice(seconds: float, seeds: int, period: float) -> None:
     """Refuse an impossible length of practice or number of seeds."""
     check(period <= seconds < math.inf, "seconds", seconds, f"finite and at least one decision, {period} s")
-    check(1 <= seeds <= 10_000, "seeds", seeds, "in 1 … 10,000")
+    check(1 <= seeds <= 10_000, "seeds", seeds, "from 1 to 10,000")
 
 
 def hop_heights(outcome: Evaluation) -> np.ndarray:

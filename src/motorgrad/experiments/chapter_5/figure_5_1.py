@@ -46,7 +46,7 @@ class MusclePair(Experiment):
     def __post_init__(self) -> None:
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
-            check(10 <= angle <= 175, "angles", angle, "in 10 … 175 degrees")
+            check(10 <= angle <= 175, "angles", angle, "from 10 to 175 degrees")
         self.check_range(3, 100_000, "points")
 
     @classmethod

@@ -30,7 +30,7 @@ class HopperBody(Experiment):
 
     def __post_init__(self) -> None:
         for name, angle in (("angle", self.angle), *(("others", other) for other in self.others)):
-            check(40 <= angle <= 150, name, angle, "in 40 … 150 degrees, between the stops of the knees")
+            check(40 <= angle <= 150, name, angle, "from 40 to 150 degrees, between the stops of the knees")
 
     def run(self, work: Workspace) -> Values:
         return {}

@@ -38,7 +38,7 @@ class Partition(Experiment):
 
     def __post_init__(self) -> None:
         self.check_range(2, 100, "predictors")
-        check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"in {NEAR:g} … {DISTANT:g}")
+        check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"from {NEAR:g} to {DISTANT:g}")
         self.check_range(20, 2_000, "cells")
         self.check_range(2, 10_000, "fits")
 

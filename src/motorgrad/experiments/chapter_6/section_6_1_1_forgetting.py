@@ -102,7 +102,10 @@ class Forgetting(LocalStudy):
         known = len(set(self.kinds)) == len(self.kinds) and set(self.kinds) <= set(KINDS)
         check(known and "local" in self.kinds, "kinds", self.kinds, f"some of {', '.join(KINDS)}, local among them")
         check(
-            rising(self.gaps) and min(self.gaps) >= 0 and max(self.gaps) <= 0.6, "gaps", self.gaps, "in 0 … 0.6, rising"
+            rising(self.gaps) and min(self.gaps) >= 0 and max(self.gaps) <= 0.6,
+            "gaps",
+            self.gaps,
+            "from 0 to 0.6, rising",
         )
 
     @classmethod

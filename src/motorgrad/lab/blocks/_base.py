@@ -67,7 +67,7 @@ def check_names(setting: str, names: tuple[str, ...], taken: Sequence[str] | set
     """Check that a setting is a list of distinct names of letters, digits and `_`, none of which is `taken`."""
     check(least <= len(names) <= MOST_NAMES, setting, names, f"a list of {least} … {MOST_NAMES} names")
     for place, name in enumerate(names):
-        check(_NAME.fullmatch(name), f"{setting}[{place}]", name, "1 … 40 letters, digits or _, a letter or _ first")
+        check(_NAME.fullmatch(name), f"{setting}[{place}]", name, "1 to 40 letters, digits or _, a letter or _ first")
         check(name not in taken, f"{setting}[{place}]", name, "another name: this one is already in use")
     repeated = {name for name in names if names.count(name) > 1}
     check(not repeated, setting, names, f"distinct names; repeated are {', '.join(map(shown, sorted(repeated)))}")

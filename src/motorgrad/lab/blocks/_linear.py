@@ -119,7 +119,7 @@ class Delay(Shaped):
     def validate(self) -> None:
         super().validate()
         most = MOST_HELD // int(np.prod(self.shape))
-        check(1 <= self.length <= most, "length", self.length, f"an integer in 1 … {most}")
+        check(1 <= self.length <= most, "length", self.length, f"an integer from 1 to {most}")
 
     @property
     def inputs(self) -> Ports:

@@ -127,7 +127,7 @@ class MultiSwitch(Shaped):
 
 def check_count(name: str, count: int) -> None:
     """Check a number of inputs."""
-    check(1 <= count <= MOST_PORTS, name, count, f"an integer in 1 … {MOST_PORTS}")
+    check(1 <= count <= MOST_PORTS, name, count, f"an integer from 1 to {MOST_PORTS}")
 
 
 EDGES = ("rising", "falling", "either", "true")

@@ -35,9 +35,9 @@ class PolicyMap(Viewer):
     def validate(self) -> None:
         for name, least in (("units", 1), ("observed", 2)):
             value = getattr(self, name)
-            check(least <= value <= 10_000, name, value, f"an integer in {least} … 10000")
+            check(least <= value <= 10_000, name, value, f"an integer from {least} to 10000")
         valid = len({*self.axes}) == 2 and all(0 <= n < self.observed for n in self.axes)
-        check(valid, "axes", self.axes, f"two different integers in 0 … {self.observed - 1}")
+        check(valid, "axes", self.axes, f"two different integers from 0 to {self.observed - 1}")
         try:
             forces = np.zeros((self.units, 2)) if self.forces is None else np.asarray(self.forces, float)
         except (TypeError, ValueError):  # not numbers, or ragged lists
@@ -61,7 +61,7 @@ class PolicyMap(Viewer):
 
         shown = {name: self.recorded(record, path, name) for name in self.inputs}
         seeds = len(shown["units"])
-        check(isinstance(seed, int) and 0 <= seed < seeds, "seed", seed, f"an integer in 0 … {seeds - 1}")
+        check(isinstance(seed, int) and 0 <= seed < seeds, "seed", seed, f"an integer from 0 to {seeds - 1}")
         centres, widths = shown["parameters"][seed, -1].reshape(2, self.units, self.observed)[:, :, list(self.axes)]
         count = int(shown["units"][seed, -1, 0]) or self.units
         there = np.arange(self.units) < count

@@ -179,7 +179,7 @@ class Histogram(Viewer):
     limits: Annotated[tuple[float, float] | None, Setting("range of the bins; None for automatic")] = None
 
     def validate(self) -> None:
-        check(1 <= self.bins <= 10_000, "bins", self.bins, "an integer in 1 … 10000")
+        check(1 <= self.bins <= 10_000, "bins", self.bins, "an integer from 1 to 10000")
         check_limits("limits", self.limits)
 
     @property

@@ -103,7 +103,7 @@ class Diagram:
         number = isinstance(tick, int | float) and not isinstance(tick, bool)
         check(number and 0 < tick < np.inf, "tick", tick, "a positive number of seconds")
         whole = isinstance(substeps, int) and not isinstance(substeps, bool)
-        check(whole and 1 <= substeps <= 1000, "substeps", substeps, "an integer in 1 … 1000")
+        check(whole and 1 <= substeps <= 1000, "substeps", substeps, "an integer from 1 to 1000")
         self.tick, self.substeps = float(tick), substeps
         self.title, self.comment = title, comment
         self.nodes: dict[str, Node] = {}

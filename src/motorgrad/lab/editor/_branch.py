@@ -32,7 +32,7 @@ def checked_log(log: Any) -> dict[str, Any]:
         check(isinstance(part, dict) and isinstance(part.get("diagram"), str), "part", part, "with a diagram")
         check(part.get("from") == now, "from", part.get("from"), f"{now}, where the previous part ends")
         last: Any = part.get("until")
-        check(isinstance(last, int) and now <= last <= tick, "until", last, f"an integer in {now} … {tick}")
+        check(isinstance(last, int) and now <= last <= tick, "until", last, f"an integer from {now} to {tick}")
         check(isinstance(part.get("changes"), list), "changes", part.get("changes"), "a list")
         for change in part["changes"]:
             known = isinstance(change, dict) and set(change) == {"tick", "address", "value"}

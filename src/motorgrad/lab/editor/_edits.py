@@ -276,7 +276,7 @@ class Freeze(Change):
             value = np.full(frozen.shape, self.on)
         else:
             check(frozen.ndim == 1, "unit", self.unit, "null: the units of this block are frozen together")
-            check(0 <= self.unit < len(frozen), "unit", self.unit, f"an integer in 0 … {len(frozen) - 1}")
+            check(0 <= self.unit < len(frozen), "unit", self.unit, f"an integer from 0 to {len(frozen) - 1}")
             value = np.where(np.arange(len(frozen)) == self.unit, self.on, frozen)
         return SetParameter(f"{path}.frozen", value.tolist()).apply(document)
 

@@ -215,7 +215,7 @@ def read_message(text: str) -> tuple[str, int, Operation]:
         raise ValueError("message: has too many nested lists") from None
     check(isinstance(data, dict), "message", data, "a JSON object")
     client, sequence = data.pop("client", None), data.pop("sequence", None)
-    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a string of 1 … 100 characters")
+    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a string of 1 to 100 characters")
     whole = isinstance(sequence, int) and not isinstance(sequence, bool)
     check(whole and 0 <= sequence < 2**63, "sequence", sequence, "an integer from 0")
     return client, sequence, operation_from(data)

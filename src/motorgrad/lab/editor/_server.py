@@ -46,7 +46,7 @@ class Server:
 
     def __init__(self, session: Session, port: int = 0, static: Path = STATIC):
         whole = isinstance(port, int) and not isinstance(port, bool)
-        check(whole and 0 <= port < 2**16, "port", port, "an integer in 0 … 65535, 0 for a free one")
+        check(whole and 0 <= port < 2**16, "port", port, "an integer from 0 to 65535, 0 for a free one")
         self.session, self.token, self._static = session, secrets.token_urlsafe(24), static
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -107,7 +107,7 @@ class Tree:
     def reseed(self, seeds: int | Sequence[int]) -> None:
         """Restart with other seeds."""
         if isinstance(seeds, int):
-            check(1 <= seeds <= MOST_SEEDS, "n", seeds, f"an integer in 1 … {MOST_SEEDS:,}")
+            check(1 <= seeds <= MOST_SEEDS, "n", seeds, f"an integer from 1 to {MOST_SEEDS:,}")
         chosen = list(range(seeds) if isinstance(seeds, int) else seeds)
         before, self._seeds = self._seeds, chosen
         try:
@@ -176,7 +176,7 @@ class Tree:
     def seek(self, name: str, tick: int) -> None:
         """Go to a known tick: restore the last snapshot before it, and repeat what followed."""
         branch, end = self._branch(name), self._branch(name).timeline.end
-        check(0 <= tick <= end, "tick", tick, f"an integer in 0 … {end}, the ticks that {name!r} has reached")
+        check(0 <= tick <= end, "tick", tick, f"an integer from 0 to {end}, the ticks that {name!r} has reached")
         check(branch.program.fixed is None, "scrub", name, f"a run that can go back; {branch.program.fixed}")
         while tick < branch.first:
             assert branch.parent is not None

@@ -89,7 +89,7 @@ def check_picture(models: Sequence[mujoco.MjModel], width: int, height: int, cam
     """Refuse impossible picture sizes and cameras. **Raises** `ValueError`."""
     for name, value in (("width", width), ("height", height)):
         whole = isinstance(value, int | np.integer) and value >= 64 and value % 2 == 0
-        check(whole, name, value, "an even whole number of pixels, at least 64")
+        check(whole, name, value, "an even number of pixels, at least 64")
     if isinstance(camera, str):
         for model in models:
             find_camera(model, camera)

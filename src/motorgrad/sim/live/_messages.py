@@ -129,7 +129,7 @@ class Step(Order):
 
     def __post_init__(self) -> None:
         whole = isinstance(self.decisions, int) and 1 <= self.decisions <= 1_000_000
-        check(whole, "decisions", self.decisions, "a whole number from 1 to 1,000,000")
+        check(whole, "decisions", self.decisions, "an integer from 1 to 1,000,000")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Scrub(Order):
     decision: int
 
     def __post_init__(self) -> None:
-        check(isinstance(self.decision, int) and self.decision >= 0, "decision", self.decision, "a whole number from 0")
+        check(isinstance(self.decision, int) and self.decision >= 0, "decision", self.decision, "an integer from 0")
 
     def check(self, session: Any) -> None:
         now = session.snapshot()

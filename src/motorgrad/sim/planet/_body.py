@@ -44,7 +44,7 @@ class OnPlanet(WrappedBody):
         held = [part.name for part in spec.worldbody.bodies if [joint.type for joint in part.joints] != [free]]
         check(not held, "parts of the body that the world holds", held, "none, each with a free joint, on a planet")
         floor = spec.geom("floor")
-        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "such that one is 'floor'")
+        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "a list with 'floor'")
         check(not spec.hfields, "height fields of the body", len(spec.hfields), "none: the planet has its own terrain")
         plain = compile_model(self.body)
         self.planet.ground.add(spec, floor)

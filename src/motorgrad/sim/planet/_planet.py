@@ -115,7 +115,7 @@ def _check_positive(settings: object, *names: str) -> None:
 def _check_whole(settings: object, name: str, least: int) -> None:
     value = getattr(settings, name)
     whole = isinstance(value, int) and not isinstance(value, bool)
-    check(whole and least <= value < 2**63, name, value, f"a whole number >= {least:,}")
+    check(whole and least <= value < 2**63, name, value, f"an integer of at least {least:,}")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._tree import Numbers
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
-from motorgrad.tasks import Task, outcome
+from motorgrad.tasks import Task, observe, outcome
 
 Mode = Literal["learn", "sample", "mode"]
 """Learn; or act by a frozen policy, with sampled actions or the most probable ones."""
@@ -85,10 +85,10 @@ class Cycle:
         numbers: Float[Array, " numbers"],
         state: Any,
         init: Float[Array, " _"],
-        observe: Float[Array, " _"],
+        uniforms: Float[Array, " _"],
     ) -> CycleState:
         """The state before the first decision, with the dynamics in `state`."""
-        memory, observation = self.task.observe(self.task.init(init), state, observe)
+        memory, observation = observe(self.task, self.task.init(init), state, uniforms)
         policy = agent.policy
         action = policy.mode(observation)
         readings = len(self.task.reports)
@@ -98,11 +98,11 @@ class Cycle:
         return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
     def resume_from(
-        self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]
+        self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], uniforms: Float[Array, " _"]
     ) -> CycleState:
         """Before the first decision: continue, frozen, from the `memory` of the task at the end of a run."""
         memory = self.task.freeze(self.task.renew(memory, init))
-        memory, observation = self.task.observe(memory, state, observe)
+        memory, observation = observe(self.task, memory, state, uniforms)
         return cycle._replace(memory=memory, observation=observation)
 
     def read_tally(self, tally: Tally) -> dict[str, Array]:
@@ -131,7 +131,7 @@ class Cycle:
         self,
         cycle: CycleState,
         state: Any,
-        observe: Float[Array, " _"],
+        uniforms: Float[Array, " _"],
         diverged: Bool[Array, ""] | bool = False,
         resting: bool = False,
     ) -> tuple[CycleState, Bool[Array, ""] | bool]:
@@ -139,7 +139,7 @@ class Cycle:
 
         `resting` leaves out `Agent.improve`, which changes nothing at this decision, as `rest` has said.
         """
-        led = outcome(self.task, cycle.memory, state, cycle.action, observe, cycle.elapsed)
+        led = outcome(self.task, cycle.memory, state, cycle.action, uniforms, cycle.elapsed)
         agent = cycle.agent
         ended: Any = False
         for flag in (led.terminated, led.truncated, diverged):
@@ -168,10 +168,10 @@ class Cycle:
         state: Any,
         where: Bool[Array, ""],
         init: Float[Array, " _"],
-        observe: Float[Array, " _"],
+        uniforms: Float[Array, " _"],
     ) -> CycleState:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
-        memory, observation = self.task.observe(self.task.renew(cycle.memory, init), state, observe)
+        memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
         fresh = cycle._replace(
             memory=memory,
             observation=observation,

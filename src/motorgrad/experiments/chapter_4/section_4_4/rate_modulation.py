@@ -45,7 +45,7 @@ class RateModulation(Experiment):
     seeds: int = 24
 
     def __post_init__(self) -> None:
-        check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, in 1 … 64")
+        check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, from 1 to 64")
         self.check_range(200, 10**9, "steps")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)

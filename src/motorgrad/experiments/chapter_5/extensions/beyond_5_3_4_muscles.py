@@ -50,7 +50,7 @@ class Muscles(MuscleStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(2 <= self.compared <= self.seeds, "compared", self.compared, f"in 2 … seeds, {self.seeds}")
+        check(2 <= self.compared <= self.seeds, "compared", self.compared, f"from 2 to seeds, {self.seeds}")
         for variant in self.variants:
             check(variant != FULL, "variants", variant, "changed learners only")
             _ = self.learner(variant)

@@ -48,9 +48,9 @@ class FoundSynergies(MuscleStudy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"in 1 … seeds, {self.seeds}")
+        check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"from 1 to seeds, {self.seeds}")
         self.check_range(2, 1000, "learners")
-        check(1 <= self.seconds <= 1e6, "seconds", self.seconds, "in 1 … 1,000,000 simulated s")
+        check(1 <= self.seconds <= 1e6, "seconds", self.seconds, "from 1 to 1,000,000 simulated s")
         _ = HexapodSynergy(lag=self.lag)
 
     @classmethod

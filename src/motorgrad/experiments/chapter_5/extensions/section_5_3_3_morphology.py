@@ -80,11 +80,13 @@ class Morphology(Experiment):
 
     def __post_init__(self) -> None:
         for name, least in (("searches", 2), ("batch", 4), ("again", 2), ("bodies", 2)):
-            check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"in {least} … 10,000")
+            check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"from {least} to 10,000")
         whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
         self.method("boltzmann")
-        check(SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"in {SETTLING + 1:g} … 3600 simulated s")
+        check(
+            SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"from {SETTLING + 1:g} to 3600 simulated s"
+        )
 
     @classmethod
     def quick(cls) -> Self:

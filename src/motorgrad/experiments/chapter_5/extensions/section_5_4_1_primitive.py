@@ -58,7 +58,7 @@ class LearnedPrimitives(Experiment):
     def __post_init__(self) -> None:
         check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
         check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
-        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
+        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
 
     @classmethod
     def quick(cls) -> Self:

@@ -52,7 +52,7 @@ class StridePeriod(Experiment):
         check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
         check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
         self.check_range(2, 1_000, "starts")
-        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"in {self.task.period} … 3600 s")
+        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
         limits = f"from {self.task.shortest} to {self.task.longest} s"
         check(within and rising(self.periods, 2), "periods", self.periods, f"at least two rising ones {limits}")

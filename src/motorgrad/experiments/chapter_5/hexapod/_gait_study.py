@@ -52,7 +52,7 @@ class SynergyStudy(Experiment):
         least = 50 * self.task(min(self.lags)).period
         check(least <= self.seconds < math.inf, "seconds", self.seconds, f"finite and at least {least:g} s")
         self.check_range(2, 10_000, "seeds")
-        check(20.0 <= self.watched <= 3600, "watched", self.watched, "in 20 … 3600 simulated s")
+        check(20.0 <= self.watched <= 3600, "watched", self.watched, "from 20 to 3600 simulated s")
 
     @classmethod
     def quick(cls) -> Self:

@@ -43,7 +43,7 @@ class StateMachine(Experiment):
     seeds: int = 20
 
     def __post_init__(self) -> None:
-        check(SHOWN <= self.seconds <= 3600, "seconds", self.seconds, f"in {SHOWN:g} … 3600 simulated s")
+        check(SHOWN <= self.seconds <= 3600, "seconds", self.seconds, f"from {SHOWN:g} to 3600 simulated s")
         self.check_range(2, 1000, "seeds")
 
     @classmethod

@@ -49,9 +49,9 @@ class BiomimeticHexapod(Experiment):
 
     def __post_init__(self) -> None:
         check(rising(self.frictions, 2, above=0), "frictions", self.frictions, "at least two, above 0 and rising")
-        check(0.0 <= self.highest <= 45.0, "highest", self.highest, "in 0 … 45 degrees")
+        check(0.0 <= self.highest <= 45.0, "highest", self.highest, "from 0 to 45 degrees")
         check(0.0 < self.height <= 1.0, "height", self.height, "in (0, 1] m")
-        check(1.0 <= self.seconds <= 15, "seconds", self.seconds, "in 1 … 15 simulated s: the field ends")
+        check(1.0 <= self.seconds <= 15, "seconds", self.seconds, "from 1 to 15 simulated s: the field ends")
         self.check_range(2, 1000, "seeds")
 
     @classmethod

@@ -51,7 +51,7 @@ class RoughGround(Experiment):
     def __post_init__(self) -> None:
         check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
-        check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"in {LAST:g} … 20 simulated s: the field ends")
+        check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"from {LAST:g} to 20 simulated s: the field ends")
         self.check_range(2, 1000, "seeds")
 
     @classmethod

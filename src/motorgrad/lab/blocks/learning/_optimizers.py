@@ -46,7 +46,7 @@ class OptimizerBlock(PartBlock):
         check_count("size", self.size, MOST_PARAMETERS)
         whole = isinstance(self.groups, tuple) and all(type(n) is int and n >= 1 for n in self.groups)
         fits = whole and (not self.groups or sum(self.groups) == self.size)
-        check(fits, "groups", self.groups, f"none, or whole numbers from 1 that add up to size = {self.size}")
+        check(fits, "groups", self.groups, f"none, or integers from 1 that add up to size = {self.size}")
         self.check_broadcasts("frozen", ())
         super().validate()
 

@@ -266,7 +266,7 @@ def _text(part: type, name: str) -> str:
 def check_count(name: str, value: Any, most: int = MOST_UNITS) -> None:
     """Check a number of units, inputs or parameters."""
     whole = isinstance(value, int) and not isinstance(value, bool)
-    check(whole and 1 <= value <= most, name, value, f"a whole number in 1 … {most}")
+    check(whole and 1 <= value <= most, name, value, f"an integer from 1 to {most}")
 
 
 def is_paid(inputs: Signals, now: Moment, port: str = "valid") -> Any:
