@@ -14,13 +14,16 @@ import motorgrad  # noqa: F401 - sets XLA's flags, which must be set before any 
 # for itself. A process that a test starts does so, too, unless it is given `compiled_environment`.
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
-_CACHE = compilations.environment(_RUN)
+# XLA's new emitters of fused operations take half as long again to compile as the old ones, and pay for large arrays
+# only. The small loops over decisions use neither, so tests run the code that users run.
+_FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_fusion_emitters=false")
+_COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
 # Folders of which `.ci/run` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
 )
-os.environ.update(_CACHE)  # read by JAX when it is imported, so not in a fixture
+os.environ.update(_COMPILER)  # read by JAX when it is imported, so not in a fixture
 # Tracing makes millions of small objects that live on. Python would look through all of them again and again.
 gc.set_threshold(200_000, 20, 100)
 
@@ -66,10 +69,10 @@ def pytest_unconfigure() -> None:
 def process_environment() -> dict[str, str]:
     """The environment of a process that a test starts: a user's, on few threads and without this session's cache."""
     few = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "PYTHONUNBUFFERED": "1"}
-    return {name: value for name, value in os.environ.items() if name not in _CACHE} | few
+    return {name: value for name, value in os.environ.items() if name not in _COMPILER} | few
 
 
 @pytest.fixture(scope="session")
 def compiled_environment(process_environment: dict[str, str]) -> dict[str, str]:
     """The same with this session's cache, for a process that is asked for what it computes, and not how it starts."""
-    return process_environment | _CACHE
+    return process_environment | _COMPILER

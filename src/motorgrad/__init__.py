@@ -15,7 +15,7 @@ Names are loaded when first used, so that importing the package is quick.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from motorgrad._compiler import set_compiler_flags
+from motorgrad._compiler import compile_small_loops_whole
 from motorgrad._gymnasium_ids import register_with_gymnasium
 
 __version__ = "0.1.0"
@@ -72,5 +72,5 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-set_compiler_flags()
+compile_small_loops_whole()
 register_with_gymnasium()

@@ -7,17 +7,14 @@ from typing import Any
 
 THRESHOLD = 4 * 2**20  # bytes, about the cache of a core
 EXTRA = "--xla_backend_extra_options="
-TRIED = ("0.10.",)  # versions of jaxlib whose XLA knows our options
+TRIED = ("0.10.",)  # versions of jaxlib whose XLA knows our option
 
 
-def set_compiler_flags() -> None:
-    """Let XLA compile a loop over little data into one function, and compile everything else quickly.
+def compile_small_loops_whole() -> None:
+    """Let XLA compile a loop over little data into one function.
 
-    By default XLA does the former only below 1 KiB. Above, it calls every operation of the loop's body separately, some
+    By default XLA does so only below 1 KiB. Above, it calls every operation of the loop's body separately, some
     dozens per decision, which for one small learner takes ten times as long.
-
-    XLA's new emitters of fused operations take half as long again to compile as the old ones. They pay for large
-    arrays; the loops over decisions do not use them, and nothing else of ours runs long.
 
     Extra options already present in `XLA_FLAGS` are kept unchanged. This has no effect once JAX has compiled something.
     """
@@ -26,7 +23,7 @@ def set_compiler_flags() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     # XLA ends the process for an option that it does not know, so versions that were not tried get none.
     if EXTRA not in flags and __version__.startswith(TRIED):
-        ours = f"{EXTRA}xla_cpu_small_while_loop_byte_threshold={THRESHOLD},xla_cpu_disable_new_fusion_emitters"
+        ours = f"{EXTRA}xla_cpu_small_while_loop_byte_threshold={THRESHOLD}"
         os.environ["XLA_FLAGS"] = f"{flags} {ours}".strip()
 
 
