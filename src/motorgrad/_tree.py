@@ -231,17 +231,14 @@ def parts_by_path(tree: Any, path: str = "") -> Iterator[tuple[str, Part]]:
             yield from parts_by_path(item, f"{path}.{index}")
 
 
-def range_at(tree: Any, path: str) -> Range:
-    """The range of the number at a path. **Raises** `ValueError` for a path where there is none."""
-    return _metadata_at(tree, path).get("range", Range())
-
-
 def is_live(tree: Any, path: str) -> bool:
     """Whether changing the number at a path during a run has an effect. **Raises** `ValueError` for an unknown path."""
-    return not _metadata_at(tree, path).get("at_start", False)
+    return not metadata_at(tree, path).get("at_start", False)
 
 
-def _metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
+def metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
+    """What the field of the number at a path declares: its `range`, and more. **Raises** `ValueError` for an unknown
+    path."""
     node, metadata = tree, {}
     for name in path.split("."):
         if isinstance(node, Mapping):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from motorgrad._docstrings import descriptions
-from motorgrad._tree import KINDS, Numbers, fields_of, numbers_of, range_at, with_number
+from motorgrad._tree import KINDS, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
     Agent,
     Annealed,
@@ -115,7 +115,7 @@ def agent_with(base, name):
 def nudged(agent):
     """The learner with every number elsewhere in its range."""
     for path, value in numbers_of(agent.hyperparameters).items():
-        low, high, *_ = range_at(agent.hyperparameters, path)
+        low, high, *_ = metadata_at(agent.hyperparameters, path).get("range", Range())
         if np.ndim(value):
             continue
         far = high if value - low < high - value else low
