@@ -288,11 +288,13 @@ def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
 
     **Raises** `ValueError` for what is neither, and where `outputs` is `None` without a task.
     """
-    alone = isinstance(task, int)
-    sized = alone or all(hasattr(type(task), name) for name in ("observation_size", "action_size"))
-    check(sized and not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
-    inputs = task if alone else task.observation_size
-    outputs = (None if alone else task.action_size) if outputs is None else outputs
+    check(not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
+    try:
+        inputs, actions = (task, None) if isinstance(task, int) else (task.observation_size, task.action_size)
+    except AttributeError as error:
+        words = "must be a task, such as motorgrad.make('hopper'), or a number"
+        raise ValueError(f"task = {shown(task)}: {words}; {error}") from error
+    outputs = actions if outputs is None else outputs
     check(inputs > 0, "inputs", inputs, "a positive number of inputs")
     check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
     return inputs, int(outputs or 0)
