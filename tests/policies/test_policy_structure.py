@@ -215,6 +215,20 @@ def test_tiles_are_spread_evenly_over_the_range(places, inputs, rows):
     np.testing.assert_allclose(np.exp(policy.log_width), 0.4, rtol=1e-6)
 
 
+def test_a_task_whose_size_cannot_be_told_says_why():
+    class Broken:
+        action_size = 2
+
+        @property
+        def observation_size(self):
+            return self.body.sensors
+
+    with pytest.raises(
+        ValueError, match=r"task = .*Broken.*: must be a task.*; 'Broken' object has no attribute 'body'"
+    ):
+        INITIAL["hyperplanes"](Broken())
+
+
 def test_tiles_take_the_range_of_the_task_and_share_places():
     task = SimpleNamespace(observation_size=2, action_size=5, observation_range=((0.0, 1.0), (-2.0, 2.0)))
     policy = initial("tiles", task, copies=2, p_max=0.5)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, shown, unknown
 
 
 def fixed(**keywords: Any) -> Any:
