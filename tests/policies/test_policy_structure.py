@@ -223,9 +223,7 @@ def test_a_task_whose_size_cannot_be_told_says_why():
         def observation_size(self):
             return self.body.sensors
 
-    with pytest.raises(
-        ValueError, match=r"task = .*: must be a task.*; 'Broken' object has no attribute 'body'"
-    ):
+    with pytest.raises(ValueError, match=r"task = .*: must be a task.*; 'Broken' object has no attribute 'body'"):
         INITIAL["hyperplanes"](Broken())
 
 
