@@ -114,7 +114,7 @@ def test_a_task_that_ends_its_episodes_must_say_so():
     ("method", "result", "said"),
     [
         ("observe", lambda chain: jnp.zeros(chain.observation_size), "observe must return \\(memory, observation\\)"),
-        ("observe", lambda chain: ((), jnp.zeros(7)), "observe returns an observation of shape \\(7,\\), but must of"),
+        ("observe", lambda chain: ((), jnp.zeros(7)), "observe returns an observation of shape \\(7,\\), not"),
         ("reward", lambda chain: ((), 0.0), "reward must return \\(memory, reward, terminated\\)"),
     ],
 )

@@ -113,8 +113,8 @@ class _Kernel(Trace):
 class Window(_Kernel):
     r"""The sum of the last scores, the present one included.
 
-    $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$. It estimates
-    $\pi'\,\nabla P \sum_{k<n} P^k r$ (section 3.2.1) and keeps $n$ copies of the parameters.
+    $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$. It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section
+    3.2.1) and keeps $n$ copies of the parameters.
 
     **Arguments:**
 

@@ -166,13 +166,13 @@ class Task(abc.ABC):
 def observe(
     task: Task, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
 ) -> tuple[Any, Float[Array, " observation_size"]]:
-    """Call `task.observe`, and refuse what is no memory and observation of the declared size."""
+    """Call `task.observe`, and check that it returns a memory and an observation of the declared size."""
     found = task.observe(memory, state, uniforms)
     if not (isinstance(found, tuple) and len(found) == 2):
         raise TypeError(f"task {task.name!r}: observe must return (memory, observation), not {type(found).__name__}")
     shape, wanted = jnp.shape(found[1]), (task.observation_size,)
     if shape != wanted:
-        raise ValueError(f"task {task.name!r}: observe returns an observation of shape {shape}, but must of {wanted}")
+        raise ValueError(f"task {task.name!r}: observe returns an observation of shape {shape}, not {wanted}")
     return found
 
 

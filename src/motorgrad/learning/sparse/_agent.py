@@ -250,8 +250,8 @@ class SparseAgent(Agent):
         """The tables that are due, and those that a saved state is without. It is done outside compiled code.
 
         **Arguments:** the index of many seeds, along a leading axis, which is used up, and their policies, for what is
-        not learned. Where a cell has more units than there was room for, all tables grow: compiled code is then
-        another.
+        not learned. Where a cell has more units than there was room for, all tables grow, and the program is
+        compiled again.
         """
         due = np.asarray(index.moved) > MOVED
         room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]
