@@ -5,16 +5,19 @@ import threading
 import time
 from types import SimpleNamespace
 
+import jax
 import mujoco
 import numpy as np
 import pytest
 
 from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
+from motorgrad.sim.live._policy import save_policy
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
 from motorgrad.sim.live._worker import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import TASKS, make
+from motorgrad.training import agent_for, fingerprint
 
 MUSCLE = """
 <mujoco>
@@ -232,3 +235,11 @@ def test_who_walks_on_a_planet_stands_on_its_ground():
     np.testing.assert_allclose(ground, [3.0, 5.0, -3.0], atol=1e-6)
     np.testing.assert_allclose(up, [1.0, 0.0, 0.0], atol=1e-6)
     assert ground_finder(make("hexapod"), model, pose) is None
+
+
+def test_a_saved_policy_is_the_first_one(tmp_path):
+    task = make("hopper")
+    policy = agent_for(task).init(jax.random.key(3)).policy
+    save_policy(str(tmp_path / "kept.npz"), policy, "hopper")
+    found = live.setup_of(task, run=tmp_path / "kept.npz").initial
+    assert fingerprint(found) == fingerprint(jax.tree.map(lambda leaf: np.asarray(leaf)[None], policy))

@@ -30,7 +30,7 @@ def save_policy(path: str, policy: Policy, task: str) -> None:
     write_atomically(file, content.getvalue())
 
 
-def load_policy(path: str, shape: Policy, task: str, seed: int | None = None) -> tuple[Policy, Any]:
+def load_policy(path: Path | str, shape: Policy, task: str, seed: int | None = None) -> tuple[Policy, Any]:
     """Read a policy from a file that `save_policy` wrote, or from a run directory.
 
     **Arguments:** `shape`: a policy of the structure wanted; `task`: the name of its task; `seed`: of the run, by

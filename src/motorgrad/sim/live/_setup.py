@@ -19,7 +19,7 @@ from motorgrad._errors import check, unknown
 from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.sim.live._policy import policy_of_run
+from motorgrad.sim.live._policy import load_policy, policy_of_run
 from motorgrad.tasks import TASKS, BodyTask, Task
 from motorgrad.training import Run, check_training
 
@@ -194,7 +194,7 @@ def setup_of(
       MJCF file.
     - `agent`: as `motorgrad.train` takes it.
     - `seed`: of the learner, or of the run that it continues.
-    - `run`: a run of the same task, or its directory; its policy for this seed is the first.
+    - `run`: a run of the same task, its directory, or a saved policy (.npz): the first policy.
     - `frozen`: whether to start without learning.
     - `stage`: surroundings other than the subject's own.
     - `planet`: a round world instead of level ground, for a task.
@@ -230,7 +230,8 @@ def _of_task(
     initial, memory = None, None
     if run is not None:
         shape = jax.eval_shape(asked.agent.init, jax.random.key(0)).policy
-        initial, memory = policy_of_run(run, shape, asked.task.name, seed)
+        read = policy_of_run if isinstance(run, Run) else load_policy
+        initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
     return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model)
