@@ -230,7 +230,7 @@ def _of_task(
     initial, memory = None, None
     if run is not None:
         shape = jax.eval_shape(asked.agent.init, jax.random.key(0)).policy
-        read = policy_of_run if isinstance(run, Run) else load_policy
+        read: Any = policy_of_run if isinstance(run, Run) else load_policy
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
