@@ -26,7 +26,6 @@ Watch a body, its muscles and its learner live in the browser. They run in a pro
 or an MJCF file is simulated without a learner, and a run continues from its learned policy.
 """
 
-AUTOSAVE = 10.0  # seconds between two automatic saves
 NEW = "a new file with --run, which starts with the policy of the run"
 
 
@@ -39,7 +38,9 @@ class Options:
     seed: int | None = None
     """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
     autosave: Path | None = None
-    """Save the policy to this file (.npz) every ten seconds and at the end; start with it if the file exists."""
+    """Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists."""
+    autosave_every: float = 10.0
+    """Seconds of wall time between two automatic saves, at least 0.1."""
     frozen: bool = False
     """Start without learning."""
     paused: bool = False
@@ -69,6 +70,7 @@ class Options:
         if self.autosave is not None:
             live.Save(str(self.autosave))
             check_writable("autosave", self.autosave)
+            check(0.1 <= self.autosave_every < math.inf, "autosave_every", self.autosave_every, "at least 0.1 s")
             check(self.run is None or not self.autosave.exists(), "autosave", str(self.autosave), NEW)
         check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
 
@@ -150,7 +152,7 @@ def _show(setup: Any, options: Options) -> int:
         try:
             while time.monotonic() < until and not session.ended:
                 time.sleep(min(0.2, max(0.0, until - time.monotonic())))
-                if save is not None and time.monotonic() > saved + AUTOSAVE:
+                if save is not None and time.monotonic() > saved + options.autosave_every:
                     session.order(save)
                     saved = time.monotonic()
         except KeyboardInterrupt:
