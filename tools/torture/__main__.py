@@ -1,8 +1,9 @@
 """Attack the library and the applications, and count: `python -m tools.torture`, from the root of a checkout.
 
-Each test of `TESTS` is repeated `--count` times. With `--record FILE`, the counts are added to those of earlier
-sessions with the same version of motorgrad, so that a thousand kills can be spread over a week. `--table` prints the
-record as the table of docs/reliability.md. The exit status is 1 if anything failed; the files of what failed are kept.
+Each test of `TESTS` is repeated `--count` times; the soak lasts for so many minutes. With `--record FILE`, the counts
+are added to those of earlier sessions with the same version of motorgrad, so that a thousand kills can be spread over a
+week. `--table` prints the record as the table of docs/reliability.md. The exit status is 1 if anything failed; the
+files of what failed are kept.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import motorgrad as mg
-from tools.torture import _applications, _damage, _mutations, _training
+from tools.torture import _applications, _damage, _mutations, _soak, _training
 from tools.torture._training import Failure, say
 
 TESTS = {
@@ -24,6 +25,7 @@ TESTS = {
     **{f"kill {name}": (attack, name) for name, attack in _applications.ATTACKS.items()},
     **{f"damage {name}": (attack, name) for name, attack in _damage.ATTACKS.items()},
     **{f"mutate {name}": (attack, name) for name, attack in _mutations.ATTACKS.items()},
+    **{f"soak {name}": (attack, name) for name, attack in _soak.ATTACKS.items()},
 }
 """Every test by name: a function of a name, a folder, a count and a random generator, which returns the outcomes
 counted by kind and the number of comparisons, and raises `Failure`."""

@@ -30,10 +30,10 @@ def edit(name: str, folder: Path, count: int, random: np.random.Generator) -> tu
     env = os.environ | {"XDG_STATE_HOME": str(folder / "state")}
     for number in range(count):
         edits, acknowledged = int(random.integers(1, MOST)), 0
-        server, address = _lab(file, env)
-        with _socket(address) as connection:
+        server, address = lab_server([str(file)], env)
+        with lab_socket(address) as connection:
             for sequence in range(1, edits + 1):
-                acknowledged += _ask(connection, sequence, op="add", at=[], type="gain")["event"] == "done"
+                acknowledged += ask(connection, sequence, op="add", at=[], type="gain")["event"] == "done"
             if random.integers(2):  # an edit on its way may be lost, or not
                 connection.send(
                     json.dumps({"client": "a", "sequence": edits + 1, "op": "add", "at": [], "type": "gain"})
@@ -81,9 +81,9 @@ def _policy(file: Path) -> str:
     return fingerprint(setup_of("chain", run=file).initial)
 
 
-def _lab(file: Path, env: Any) -> tuple[subprocess.Popen[str], tuple[str, str]]:
-    """Start TimLab's server on a file. **Returns** the process, and port and token."""
-    command = [sys.executable, "-m", "motorgrad", "lab", str(file), "--port", "0", "--no-browser"]
+def lab_server(diagram: list[str], env: Any = None) -> tuple[subprocess.Popen[str], tuple[str, str]]:
+    """Start TimLab's server on a diagram. **Returns** the process, and port and token."""
+    command = [sys.executable, "-m", "motorgrad", "lab", *diagram, "--port", "0", "--no-browser"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=env)
     assert server.stdout is not None
     line = server.stdout.readline()
@@ -93,12 +93,14 @@ def _lab(file: Path, env: Any) -> tuple[subprocess.Popen[str], tuple[str, str]]:
     return server, (match[1], match[2])
 
 
-def _socket(address: tuple[str, str]) -> Connection:
+def lab_socket(address: tuple[str, str]) -> Connection:
+    """Connect to a server."""
     port, token = address
     return connect(f"ws://127.0.0.1:{port}/{token}/socket", origin=f"http://127.0.0.1:{port}", open_timeout=PATIENCE)  # type: ignore[arg-type]
 
 
-def _ask(connection: Connection, sequence: int, **operation: Any) -> dict[str, Any]:
+def ask(connection: Connection, sequence: int, **operation: Any) -> dict[str, Any]:
+    """Send an operation. **Returns** the answer."""
     connection.send(json.dumps({"client": "a", "sequence": sequence, **operation}))
     while True:
         event = json.loads(connection.recv(PATIENCE))
@@ -108,16 +110,16 @@ def _ask(connection: Connection, sequence: int, **operation: Any) -> dict[str, A
 
 def _recovered(file: Path, env: Any) -> int:
     """The number of blocks that a new server recovers and saves."""
-    server, address = _lab(file, env)
+    server, address = lab_server([str(file)], env)
     try:
-        with _socket(address) as connection:
+        with lab_socket(address) as connection:
             connection.send(json.dumps({"client": "a", "sequence": 1, "op": "hello"}))
             while (event := json.loads(connection.recv(PATIENCE)))["event"] != "recoverable":
                 pass
             if not event["list"]:
                 return 0
-            _ask(connection, 2, op="recover", id=event["list"][0]["id"])
-            _ask(connection, 3, op="save")
+            ask(connection, 2, op="recover", id=event["list"][0]["id"])
+            ask(connection, 3, op="save")
         return len(json.loads(file.read_text())["blocks"])
     finally:
         server.kill()
