@@ -17,11 +17,11 @@ import websockets.asyncio.server
 from viser import _messages as viser_messages
 from viser.infra import _infra
 from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError
 from websockets.http11 import Request, Response
 
 from motorgrad._errors import check, choice, shown
-from motorgrad._gate import HEADERS, Answer, Gate, Pace
+from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -114,6 +114,8 @@ class _Front:
         def process(connection: Any, request: Request) -> Response | None:
             upgrade = "Upgrade" in request.headers
             verdict = self._gate.judge(request.path, request.headers.raw_items(), upgrade)
+            if isinstance(verdict, Passed) and not upgrade and verdict.path != "/":  # the page is one file
+                verdict = Answer(404, HEADERS, "There is no such page.\n")
             if isinstance(verdict, Answer):
                 status = http.HTTPStatus(verdict.status)
                 body = verdict.text.encode()
@@ -121,7 +123,7 @@ class _Front:
                 return Response(status, status.phrase, headers, body)
             if upgrade:
                 return None
-            page = serve_page(connection, dataclasses.replace(request, path=verdict.path))
+            page = serve_page(connection, dataclasses.replace(request, path="/"))
             if page is not None:
                 policy = POLICY.format(host=request.headers["Host"])
                 page.headers.update({**HEADERS, "Content-Security-Policy": policy})
@@ -170,7 +172,8 @@ class _Client:
                 self._refused += 1
                 log.warning("a browser's message was refused: %s", _line(error))
                 if self._refused >= TOLERATED:
-                    await self._connection.close(1008, "too many refused messages")
+                    self._connection.transport.abort()  # a proper end would wait for everything else that was sent
+                    raise ConnectionClosedError(None, None) from None
                 continue
             return raw
 
