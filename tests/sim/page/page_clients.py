@@ -6,6 +6,7 @@ import importlib.metadata
 import time
 
 import msgspec
+import zstandard
 from websockets.sync.client import connect
 
 from motorgrad.benchmarks._watcher import CAMERA, origin_of
@@ -67,6 +68,14 @@ def until(true, seconds=30.0):
             return True
         time.sleep(0.01)
     return False
+
+
+def hear(connection):
+    """The messages that come next, as the page in a browser reads them."""
+    raw = connection.recv(TIMEOUT)
+    size, packed = (int.from_bytes(raw[start : start + 8], "little") for start in (0, 8))
+    text = zstandard.ZstdDecompressor().decompress(raw[16 : 16 + packed], max_output_size=size)
+    return msgspec.msgpack.decode(text)["messages"]
 
 
 def hear_out(connection, *messages):
