@@ -67,13 +67,22 @@ def hear_out(connection):
         connection.recv(TIMEOUT)
 
 
+def enter(server):
+    """The place to which the printed address leads, and the headers of a browser that has been there."""
+    status, headers, _ = get(server, f"/{server.token}/")
+    assert status == 303
+    return headers["location"], {"Cookie": headers["set-cookie"].split(";")[0]}
+
+
 def test_pages_are_served_to_who_knows_the_token(server):
-    status, headers, text = get(server, f"/{server.token}/")
+    place, cookie = enter(server)
+    assert server.token not in place
+    status, headers, text = get(server, place, **cookie)
     assert (status, text) == (200, "<!doctype html><title>TimLab</title>")
     assert "default-src 'self'" in headers["content-security-policy"]
     assert headers["referrer-policy"] == "no-referrer"
-    assert get(server, f"/{server.token}/assets/main.js")[0] == 200
-    assert get(server, f"/{server.token}/assets/none.js")[0] == 404
+    assert get(server, f"{place}assets/main.js", **cookie)[0] == 200
+    assert get(server, f"{place}assets/none.js", **cookie)[0] == 404
     assert len(server.token) >= 32
     assert server.url == f"http://127.0.0.1:{server.port}/{server.token}/"
 
@@ -89,29 +98,31 @@ def test_without_the_token_nothing_is_served(server, path):
 
 @pytest.mark.parametrize("path", ["../secret.txt", "%2e%2e/secret.txt", "..%2fsecret.txt", "/etc/passwd", "assets"])
 def test_nothing_outside_the_built_pages_is_served(server, path):
-    status, _, text = get(server, f"/{server.token}/{path}")
+    place, cookie = enter(server)
+    status, _, text = get(server, f"{place}{path}", **cookie)
     assert status in (403, 404)
     assert "secret" not in text
 
 
 def test_foreign_origins_and_hosts_are_refused(server):
-    page = f"/{server.token}/"
+    page, cookie = enter(server)
     for origin in (
         "http://evil.example",
         "null",
         f"http://127.0.0.1:{server.port + 1}",
         f"https://127.0.0.1:{server.port}",
     ):
-        assert get(server, page, Origin=origin)[0] == 403
+        assert get(server, page, Origin=origin, **cookie)[0] == 403
+        assert get(server, f"/{server.token}/", Origin=origin)[0] == 403
         with pytest.raises(InvalidStatus, match="403"):
             socket(server, origin=origin)
-    assert get(server, page, Host="evil.example")[0] == 403  # a foreign name that leads to this machine
+    assert get(server, page, Host="evil.example", **cookie)[0] == 403  # a foreign name that leads to this machine
     for token in ("x", server.token[:-1], server.token + "x"):
         with pytest.raises(InvalidStatus, match="403"):
             socket(server, token)
     with pytest.raises(InvalidStatus, match="403"):
         socket(server, origin=None)
-    assert get(server, page, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
+    assert get(server, page, Origin=f"http://127.0.0.1:{server.port}", **cookie)[0] == 200
     with socket(server):
         pass
 

@@ -164,6 +164,7 @@ class Setup:
       task remembers from when that policy was learned.
     - `frozen`: whether to start without learning.
     - `model`: of the body in view, with the page's cameras; None for worlds in JAX.
+    - `folder`: of the run whose policy is the first.
     """
 
     name: str
@@ -174,6 +175,7 @@ class Setup:
     memory: Any = None
     frozen: bool = False
     model: mujoco.MjModel | None = None
+    folder: Path | None = None
 
 
 def setup_of(
@@ -227,14 +229,15 @@ def _of_task(
 
         check(isinstance(staged, BodyTask), "planet", planet, "left out where the task has no body")
         staged = on_planet(staged, planet)
-    initial, memory = None, None
+    initial, memory, folder = None, None, None
     if run is not None:
+        folder = run.path if isinstance(run, Run) else Path(run)
         shape = jax.eval_shape(asked.agent.init, jax.random.key(0)).policy
         read: Any = policy_of_run if isinstance(run, Run) else load_policy
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
-    return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model)
+    return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model, folder)
 
 
 def _of_model(subject: Any, stage: Stage) -> Setup:
