@@ -208,7 +208,7 @@ class _Training:
         self._check_resumable(path, about is not None and about["decision"])
         if found is not None and about is not None:
             self.continues = about["decision"] < steps
-            self.finished = not self.continues and not allow_changed and directory.is_whole(about)
+            self.finished = not self.continues and not allow_changed and directory.has_its_end(about)
             state = fill_tree(self.stepper.state, found[0])
             if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
                 state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])

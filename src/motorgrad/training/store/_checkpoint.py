@@ -70,6 +70,15 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     return found, {**about, "checksum": mark.decode(), "ours": mark.decode() in _written}
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a file matches its checksum. One that is gone was replaced by a newer one."""
+    try:
+        mark, _, body = path.read_bytes().partition(b"\n")
+    except FileNotFoundError:
+        return True
+    return checksum(body).encode() == mark
+
+
 def checksum(content: bytes) -> str:
     """The SHA-256 of bytes, in hexadecimal."""
     return hashlib.sha256(content).hexdigest()

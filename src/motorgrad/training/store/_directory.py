@@ -31,11 +31,17 @@ from jaxtyping import PyTree
 from motorgrad._errors import check
 from motorgrad._files import read_json, read_toml, remove_partials, write_atomically
 from motorgrad._settings import build
-from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, load, save
+from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is_whole, load, save
 from motorgrad.training.store._metrics import Damage, MetricsFiles
 from motorgrad.training.store._provenance import provenance, provenance_changes, versions
 
+AGAIN = "training makes them again from the checkpoint before them"
+LOST = "no checkpoint before them is kept, so they are left out, unless you delete the folder checkpoint to begin again"
 ON_PURPOSE = "put it back, or use it on purpose with allow_changed=True (train and evaluate: --allow-changed)"
+
+
+Commit = tuple[dict[str, np.ndarray], dict[str, Any]]
+"""A checkpoint: its arrays by path, and the facts about them."""
 
 
 class RunDirectoryError(RuntimeError):
@@ -218,35 +224,40 @@ class RunDirectory:
         about = load(self._initial)[1] if self._initial.exists() else {}
         return about.get("learner")
 
-    def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
+    def latest(self) -> Commit | None:
         """The newest whole checkpoint, `None` before the first.
 
         For a damaged checkpoint it warns (`RunWarning`) and uses the one before. **Raises** `RunDirectoryError` if all
         are damaged, so that nothing is discarded silently.
         """
-        return next(self._whole(), None)
+        for before, path in reversed(list(enumerate(self._checkpoints()))):
+            try:
+                return load(path)
+            except FileNotFoundError:  # its process has saved newer ones since
+                return self.latest()
+            except CorruptCheckpoint as error:
+                if not before:
+                    raise RunDirectoryError(
+                        f"{error}; there is none before it. Delete the folder {path.parent} to train from the start"
+                    ) from None
+                _warn(f"{error}; using the checkpoint before it")
+        return None
 
-    def to_continue(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
+    def to_continue(self) -> Commit | None:
         """The checkpoint from which training continues: the newest whole one, or the one before it if that one's
         records are damaged and can so be made again. It warns (`RunWarning`) of all damage."""
-        whole = self._whole()
-        found = next(whole, None)
-        if found is None:
-            return None
-        damage = self._read(found[1])[1]
-        if not damage:
+        found = self.latest()
+        damage = [] if found is None else self._read(found[1])[1]
+        if found is None or not damage:
             return found
-        before = next(whole, None)
-        again = 0 if before is None else before[1]["recorded"]
+        before = self._before(found[1])
         for each in damage:
-            made = before is not None and each.decision > again
-            lost = "they are made again from the checkpoint before them" if made else "they are lost"
-            _warn(self._said(each, lost))
-        return before if before is not None and any(each.decision > again for each in damage) else found
+            _warn(self._said(each, before))
+        return before if before is not None and any(each.decision > before[1]["recorded"] for each in damage) else found
 
-    def is_whole(self, about: dict[str, Any]) -> bool:
+    def has_its_end(self, about: dict[str, Any]) -> bool:
         """Whether nothing is to be made again at a checkpoint at the end of a run."""
-        return not self._read_short(about)[1]
+        return not self._read_short(about)[1] and not self._wrong_provenance(about)
 
     def roll_back(self, about: dict[str, Any] | None, finished: bool = False) -> None:
         """Return to a checkpoint: discard later ones and metrics that it does not cover, which will be recomputed.
@@ -257,6 +268,9 @@ class RunDirectory:
         known = {} if about is None else self._metrics.listed(about["metrics"], recorded)[0]
         for path in self._checkpoints():
             if int(path.stem) > decision:
+                path.unlink()
+            elif int(path.stem) < decision and not is_whole(path):
+                _warn(f"{path}: the checksum does not match; removed, as the newer checkpoint is whole")
                 path.unlink()
         about = None if about is None else {**about, "short": about["short"] if finished else None}
         self._metrics.roll_back(recorded, known, about["short"][0] if about and about["short"] else None)
@@ -272,14 +286,20 @@ class RunDirectory:
             return None
         (tables, damage), (last, more) = self._read(about), self._read_short(about)
         tables += last
-        for each in [*damage, *more]:
-            _warn(self._said(each, "they are left out; training on makes them again where a checkpoint before is kept"))
+        before = self._before(about) if damage else None
+        for each in damage:
+            _warn(self._said(each, before))
+        for each in more:
+            _warn(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
         return pa.concat_tables(tables) if tables else None
 
     def check_rest(self, about: dict[str, Any]) -> None:
-        """Warn of a damaged `provenance.json`; refuse initial policies of another run."""
+        """Warn of a damaged `provenance.json` or older checkpoint; refuse initial policies of another run."""
         for wrong in self._wrong_provenance(about):
             _warn(wrong)
+        for path in self._checkpoints():
+            if int(path.stem) < about["decision"] and not is_whole(path):
+                _warn(f"{path}: the checksum does not match; the newer checkpoint is whole")
         if self.has_initial_policies and load(self._initial)[1]["checksum"] != about["initial"]:
             raise RunDirectoryError(f"{self._initial}: is not that of this run")
 
@@ -292,9 +312,18 @@ class RunDirectory:
         """The record of the unfinished window at the end of a run, which follows from the state."""
         return self._metrics.read({} if about["short"] is None else dict([about["short"]]))
 
-    def _said(self, damage: Damage, then: str) -> str:
+    def _said(self, damage: Damage, before: Commit | None) -> str:
+        """What is wrong with a file, and what becomes of its records if there is a commit `before`."""
         said = f"{self._metrics.folder / damage.name} {damage.what}"
-        return f"{said}; it has records up to decision {damage.decision:,}: {then}" if damage.decision else said
+        if not damage.decision:
+            return said
+        then = AGAIN if before is not None and damage.decision > before[1]["recorded"] else LOST
+        return f"{said}; it has records up to decision {damage.decision:,}: {then}"
+
+    def _before(self, about: dict[str, Any]) -> Commit | None:
+        """The whole checkpoint before another one."""
+        earlier = [path for path in self._checkpoints() if int(path.stem) < about["decision"] and is_whole(path)]
+        return load(earlier[-1]) if earlier else None
 
     def _wrong_provenance(self, about: dict[str, Any]) -> list[str]:
         file, known = self.path / "provenance.json", about["provenance"]
@@ -304,26 +333,6 @@ class RunDirectory:
         except (OSError, ValueError, KeyError, TypeError) as error:
             return [f"{file}: damaged: {type(error).__name__}: {error}"]
         return [] if mark == known["checksum"] else [f"{file}: damaged: its checksum does not match"]
-
-    def _whole(self) -> Iterator[tuple[dict[str, np.ndarray], dict[str, Any]]]:
-        """The whole checkpoints, newest first."""
-        whole = 0
-        for before, path in reversed(list(enumerate(self._checkpoints()))):
-            try:
-                yield load(path)
-                whole += 1
-            except FileNotFoundError:  # its process has saved two newer ones since
-                if not whole:
-                    yield from self._whole()
-                return
-            except CorruptCheckpoint as error:
-                if whole:
-                    return
-                if not before:
-                    raise RunDirectoryError(
-                        f"{error}; there is none before it. Delete the folder {path.parent} to train from the start"
-                    ) from None
-                _warn(f"{error}; using the checkpoint before it")
 
     @property
     def _initial(self) -> Path:
