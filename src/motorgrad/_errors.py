@@ -10,6 +10,10 @@ LONGEST = 100  # characters of a value in a message
 MOST = 40  # names in a message; of more, only the nearest are listed
 
 
+class NotTrusted(RuntimeError):
+    """A file names code that would run, and nobody has said that it may."""
+
+
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:
     """Raise `ValueError` unless `condition` holds.
 

@@ -1,5 +1,6 @@
 """Reading and writing files: atomic writes, and errors that name the file."""
 
+import contextlib
 import io
 import json
 import os
@@ -17,17 +18,29 @@ LARGEST = 2**20  # bytes of a settings file
 def write_atomically(path: Path, content: bytes) -> None:
     """Write `content` to `path`, so that a reader or a crash sees either the old file or the new one."""
     aside = path.with_name(f".{path.name}.partial")
-    with aside.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(aside, path)
+    try:
+        with aside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(aside, path)
+    except BaseException:
+        with contextlib.suppress(OSError):  # on a full disk its space is wanted
+            aside.unlink()
+        raise
     if os.name == "posix":  # the rename itself must reach the disk; Windows cannot sync a folder
         folder = os.open(path.parent, os.O_RDONLY)
         try:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def remove_partials(folder: Path) -> None:
+    """Remove what `write_atomically` left in a folder when its process was killed. Nobody may be writing there."""
+    for orphan in folder.glob(".*.partial"):
+        with contextlib.suppress(OSError):
+            orphan.unlink()
 
 
 def write_arrays(path: Path, arrays: "Mapping[str, np.ndarray]") -> None:

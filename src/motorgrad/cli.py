@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
+from motorgrad._errors import NotTrusted
 from motorgrad._signals import asked, interrupt_when_asked
 
 COMMANDS = {
@@ -44,11 +45,25 @@ def main(arguments: list[str] | None = None) -> int:
             return 0
         choice("command", name, COMMANDS)
         with interrupt_when_asked():
-            status = _command(name)(rest)
+            status = _run(name, rest)
         sys.stdout.flush()
         return status
     except BaseException as error:
         return _answer(name, error)
+
+
+def _run(name: str, rest: list[str]) -> int:
+    """Run a command. Where it would run code that a file names, ask at a terminal."""
+    try:
+        return _command(name)(rest)
+    except NotTrusted as error:
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise
+        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        print("Run it? [y/N] ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+            return 2
+    return _command(name)([*rest, "--trust"])
 
 
 def _import(names: list[str]) -> None:

@@ -1,5 +1,6 @@
 """Gymnasium environments as tasks: how they are made, errors by name, what a batch does, copies."""
 
+import itertools
 import pickle
 import re
 import sys
@@ -203,14 +204,20 @@ class Unpicklable(Told):
 
 
 class Forgetful(Told, gymnasium.utils.EzPickle):
-    """Pickled as what it was made from, as many environments are: a copy is at the beginning."""
+    """Pickled as what it was made from, as many environments are: a copy is at the beginning. What it holds of C's
+    cannot be written as data."""
 
     def __init__(self):
         gymnasium.utils.EzPickle.__init__(self)
         super().__init__()
+        self.count = itertools.count()
 
 
 class Fragile(Told):
+    def __init__(self):
+        super().__init__()
+        self.count = itertools.count()
+
     def __setstate__(self, state):
         pass
 

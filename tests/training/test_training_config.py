@@ -1,6 +1,6 @@
 """What a run keeps of its configuration; going on from the directory alone; where and by what a run was made."""
 
-import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +14,7 @@ from training_examples import TASK_NAMES, assert_same_run, checkpoints
 import motorgrad as mg
 from motorgrad.tasks import TASKS
 from motorgrad.training import RunDirectoryError, RunWarning, agent_for, agent_from_table, agent_table
+from motorgrad.training.store import _directory
 
 FINITE = "three-state"
 
@@ -21,6 +22,12 @@ FINITE = "three-state"
 def small(task=FINITE, agent=None, steps=60, out=None, **options):
     options = {"seeds": [4, 1], "window": 20, "threads": 1, "progress": False} | options
     return mg.train(task, agent, steps, out=out, **options)
+
+
+@pytest.fixture(scope="module")
+def finite(tmp_path_factory):
+    """The directory of a run. Copy it before changing anything there."""
+    return small(out=tmp_path_factory.mktemp(FINITE)).path
 
 
 @pytest.mark.representatives("hopper", "linear-recruitment")
@@ -83,20 +90,29 @@ def test_a_task_of_ones_own_must_be_given_to_go_on(tmp_path, monkeypatch):
         ("[run]\nsteps = 1\nseeds = [1]\nwindow = 1\n[task]\nname = 'chain'\n[agent]\n", "a table with policy"),
     ],
 )
-def test_a_spoilt_configuration_is_refused_by_name(content, named, tmp_path):
-    small(out=tmp_path)
+def test_a_spoilt_configuration_is_named_and_the_checkpoints_used(finite, content, named, tmp_path):
+    shutil.copytree(finite, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "config.toml").write_text(content)
+    with pytest.warns(
+        RunWarning, match=rf"config\.toml: .*{named}.*; using the configuration in the newest checkpoint"
+    ):
+        assert mg.load(tmp_path).config == mg.load(finite).config
+    with pytest.warns(RunWarning, match=named):
+        assert mg.resume(tmp_path, progress=False).complete
+    assert (tmp_path / "config.toml").read_bytes() == (finite / "config.toml").read_bytes()
+    for file in checkpoints(tmp_path):
+        file.unlink()
     (tmp_path / "config.toml").write_text(content)
     for call in (mg.load, mg.resume):
-        with pytest.raises((RunDirectoryError, ValueError), match=named) as refused:
+        with pytest.raises(RunDirectoryError, match=rf"config\.toml: .*{named}"):
             call(tmp_path)
-        assert "config.toml" in str(refused.value)
 
 
 def test_a_change_of_the_settings_by_hand_is_noticed(tmp_path):
     small(out=tmp_path)
     file = tmp_path / "config.toml"
     file.write_text(file.read_text().replace("decay = 0.8", "decay = 0.7"))
-    with pytest.raises(RunDirectoryError, match=r"agent.estimator.trace.decay was 0.8 and is now 0.7"):
+    with pytest.raises(RunDirectoryError, match=r"config.toml: agent.estimator.trace.decay is 0.7, and was 0.8 when"):
         mg.resume(tmp_path)
 
 
@@ -122,21 +138,27 @@ def test_the_constants_of_an_optax_rule_are_compared(kind, tmp_path):
 # ---- provenance
 
 
-def altered(path, **changes):
-    """Pretend that a run's last session had other versions, or another processor."""
-    file = path / "provenance.json"
-    told = json.loads(file.read_text())
-    last = told["sessions"][-1]
-    for name, value in changes.items():
-        (last if name in last else last["versions"])[name] = value
-    file.write_text(json.dumps(told))
+@pytest.fixture
+def pretend(monkeypatch):
+    """Pretend to have other versions, or another processor."""
+    provenance = _directory.provenance
+
+    def to_have(**changes):
+        told = provenance()
+        for name, value in changes.items():
+            (told if name in told else told["versions"])[name] = value
+        monkeypatch.setattr(_directory, "provenance", lambda: told)
+        monkeypatch.setattr(_directory, "versions", lambda: told["versions"])
+
+    return to_have
 
 
 @pytest.mark.representatives("changes0")
 @pytest.mark.parametrize("changes", [{"jax": "0.0.1"}, {"processor": "an abacus"}, {"mujoco": "3.0", "numpy": "1.0"}])
-def test_going_on_under_other_conditions_is_said(changes, tmp_path):
+def test_going_on_under_other_conditions_is_said(changes, pretend, tmp_path):
+    pretend(**changes)
     small(out=tmp_path)
-    altered(tmp_path, **changes)
+    pretend()
     with pytest.warns(RunWarning, match="continues, but not bit for bit: ") as said:
         small(steps=80, out=tmp_path)
     for name, value in changes.items():
@@ -144,9 +166,10 @@ def test_going_on_under_other_conditions_is_said(changes, tmp_path):
     small(steps=100, out=tmp_path)  # said once
 
 
-def test_a_finished_run_is_given_back_without_a_word(tmp_path):
+def test_a_finished_run_is_given_back_without_a_word(pretend, tmp_path):
+    pretend(jax="0.0.1")
     small(out=tmp_path)
-    altered(tmp_path, jax="0.0.1")
+    pretend()
     assert small(out=tmp_path).complete
 
 

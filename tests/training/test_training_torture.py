@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from training_examples import sign
 
 import motorgrad as mg
 
@@ -40,6 +41,7 @@ def alter_metrics(path, name, change):
     table = pq.read_table(part)
     column = change(table[name].to_numpy().copy())
     pq.write_table(table.set_column(table.column_names.index(name), name, [column]), part)
+    sign(path)
 
 
 @pytest.mark.slow
@@ -72,6 +74,7 @@ def test_a_difference_in_the_last_bit_of_a_record_is_named(torture, run, twin):
 def test_a_lost_record_is_named(torture, run, twin):
     (part,) = (twin / "metrics").glob("*.parquet")
     pq.write_table(pq.read_table(part)[:2], part)
+    sign(twin)
     assert "metrics, reward: float32(2,), not float32(4,)" in list(torture.differences(twin, run))
 
 

@@ -43,6 +43,10 @@ COMMON: list[Any] = [
 ]
 
 
+ASKED = ("trust", "allow_changed")
+"""Options that a file cannot give, as it is the file that they are about."""
+
+
 class Arguments(NamedTuple):
     """The arguments of a command before its options are known.
 
@@ -110,6 +114,8 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
 
 def parse_values(cls: type, given: Arguments, prog: str) -> dict[str, Any]:
     """The values of the given options, each converted to its type. Nothing else is checked yet."""
+    for name in ASKED:
+        check(name not in given.table, f"{given.file}: {name}", given.table.get(name), "an option of the command line")
     try:
         values = convert(cls, given.table)
     except ValueError as error:

@@ -11,7 +11,7 @@ from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED
 from motorgrad.tasks import TASKS, Task
-from motorgrad.training import RunDirectoryError, agent_for, agent_table
+from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports
 
 
 def command_with_learner(base: type, name: str, does: str, task_name: str, given: Arguments) -> tuple[Any, Arguments]:
@@ -22,6 +22,9 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
 
     **Arguments:** `base`, the command's own options; the `name` of the class and what the command `does`, for the help.
     """
+    own = given.table.get("task")
+    if isinstance(own, dict):
+        check_imports({**own, "name": task_name}, str(given.file), "--trust" in given.rest, given.rest)
     blank = TASKS[task_name]()
     rest = _expand_aliases(given.rest)
     task = blank

@@ -13,7 +13,7 @@ from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of
 from motorgrad.tasks import BodyTask
-from motorgrad.training import Evaluation, evaluate, load
+from motorgrad.training import Evaluation, Run, evaluate, load
 
 Mode = Literal["sample", "mode"]
 MOST = 10_000_000
@@ -40,11 +40,15 @@ class Evaluate:
     """Whether to film."""
     seconds: float = 10.0
     """Length of the film."""
+    trust: bool = False
+    """Run code that the run directory names: the module of its task."""
+    allow_changed: bool = False
+    """Evaluate with the settings in config.toml, where they are not those with which the run was made."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
-        trained = load(self.run)
+        trained = self.load()
         trained.policy(self.seed)  # refuses a seed that the run does not have
         check(1 <= self.steps <= MOST, "steps", self.steps, f"from 1 to {MOST} decisions")
         check(0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
@@ -53,6 +57,9 @@ class Evaluate:
         if self.film and body:
             check(self.film_path.suffix == ".mp4", "video", str(self.film_path), "a path that ends in .mp4")
             check_writable("video", self.film_path)
+
+    def load(self) -> Run:
+        return load(self.run, trust=self.trust, allow_changed=self.allow_changed)
 
     @property
     def film_path(self) -> Path:
@@ -63,7 +70,7 @@ class Evaluate:
 
 def run(arguments: list[str]) -> int:
     options = parse(Evaluate, arguments, "evaluate")
-    trained = load(options.run)
+    trained = options.load()
     modes: tuple[Mode, ...] = ("sample", "mode") if options.mode == "both" else (options.mode,)
     outcomes = {mode: evaluate(trained, options.steps, mode=mode, untrained=options.untrained) for mode in modes}
     summaries = {mode: _summaries(outcome) for mode, outcome in outcomes.items()}

@@ -11,14 +11,14 @@ from typing import Any, ClassVar, Literal
 from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
-from motorgrad._files import check_writable, read_toml
+from motorgrad._files import check_writable
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
 from motorgrad.sim import live
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
-from motorgrad.training import RunDirectoryError, agent_table, load
+from motorgrad.training import agent_table, load, saved_config
 
 USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
 
@@ -53,6 +53,8 @@ class Options:
     """The page's port; by default 8080, or the next free one."""
     browser: bool = True
     """Open the page in the browser, where there is a screen."""
+    trust: bool = False
+    """Run code that the run directory or the scene file names: the module of its task."""
     record: Path | None = None
     """Film the simulation from its start to this file (.mp4), with or without a browser."""
     seconds: float | None = None
@@ -75,7 +77,7 @@ class Options:
         check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
 
     def effective(self: Any) -> dict[str, Any]:
-        values = {**table(self), **self.scene}
+        values = {name: value for name, value in {**table(self), **self.scene}.items() if name != "trust"}
         if self.task is None:
             return values
         return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
@@ -208,13 +210,8 @@ def _with_run(given: Arguments) -> Arguments:
     if not isinstance(word, str):
         return given
     file = Path(word) / "config.toml"
-    if not file.is_file():
-        raise RunDirectoryError(f"{word} is not a run directory: it has no config.toml")
-    config, values = read_toml(file), dict(given.table)
-    try:
-        own_name, settings = config["task"]["name"], config["agent"]["policy"]
-    except (KeyError, TypeError):
-        raise RunDirectoryError(f"{file}: damaged: it lacks the task's name or the policy") from None
+    config, values = saved_config(word), dict(given.table)
+    own_name, settings = config["task"]["name"], config["agent"]["policy"]
     if settings.get("kind") == "given":  # made in Python
         config["agent"] = {}
     asked = given.rest[0] if given.rest and not given.rest[0].startswith("-") else None

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._commands._configuration import pop_option, read_arguments, resolve
+from motorgrad._commands._configuration import ASKED, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
 from motorgrad._errors import check
@@ -16,11 +16,11 @@ from motorgrad._settings import table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
     Run,
-    RunDirectoryError,
     agent_table,
     check_tensorboard,
     check_training,
     given_initial,
+    saved_config,
     train,
 )
 
@@ -48,6 +48,12 @@ class Options:
     """Seconds between checkpoints."""
     threads: int = 0
     """Threads for the physics of bodies; 0 for one per processor."""
+    give_up_after: float = 3600.0
+    """Seconds after which the run ends if nothing could be saved in them; until then it learns on and tries again."""
+    trust: bool = False
+    """Run code that the run directory or the file of options names: the module of its task, pickled environments."""
+    allow_changed: bool = False
+    """Continue a run whose settings, or version of motorgrad, are not those with which it was made."""
     tensorboard: bool = False
     """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
     file_sweep: ClassVar[Any] = None
@@ -65,6 +71,7 @@ class Options:
             checkpoint_every=self.checkpoint_every,
             threads=self.threads,
             sweep=self.swept,
+            give_up_after=self.give_up_after,
         )
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
@@ -98,13 +105,13 @@ class Options:
         return self.out or Path("runs") / self.task.name
 
     def effective(self: Any) -> dict[str, Any]:
-        values = {name: value for name, value in table(self).items() if name != "sweep"}
+        values = {name: value for name, value in table(self).items() if name not in ("sweep", *ASKED)}
         values |= {} if self.swept is None else {"sweep": self.swept}
         return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
 
 
 def run(arguments: list[str]) -> int:
-    given = read_arguments(_expand_resume(arguments))
+    given = _arguments(arguments)
     about = given.table.get("run")
     from_policies = isinstance(about, dict) and "initial" in about
     name, given = split_task(given)
@@ -139,6 +146,9 @@ def run(arguments: list[str]) -> int:
         threads=options.threads,
         tensorboard=options.tensorboard,
         initial=initial,
+        give_up_after=options.give_up_after,
+        trust=options.trust,
+        allow_changed=options.allow_changed,
     )
     found = _result(result)
     if str(options.json) != "-":
@@ -147,19 +157,19 @@ def run(arguments: list[str]) -> int:
     return 0 if result.complete else 130
 
 
-def _expand_resume(arguments: list[str]) -> list[str]:
-    """The arguments with `--resume RUN` replaced by the run's own configuration and directory."""
+def _arguments(arguments: list[str]) -> Arguments:
+    """The arguments; for `--resume RUN`, with the run's own configuration and directory."""
     path, rest = pop_option("resume", arguments)
     if path is None:
-        return arguments
+        return read_arguments(arguments)
     if rest and not rest[0].startswith("-"):
         raise ValueError(f"--resume {path}: the run has its own task, so leave out {rest[0]!r}")
     for option in ("config", "out"):
         if pop_option(option, rest)[0] is not None:
             raise ValueError(f"--resume {path}: cannot be combined with --{option}")
-    if not (Path(path) / "config.toml").is_file():
-        raise RunDirectoryError(f"{path} is not a run directory: it has no config.toml")
-    return ["--config", f"{path}/config.toml", "--out", path, *rest]
+    config = saved_config(path, "--allow-changed" in rest)
+    given = read_arguments(rest)
+    return given._replace(file=Path(path) / "config.toml", table=config, rest=["--out", path, *given.rest])
 
 
 def _result(run: Run) -> dict[str, Any]:

@@ -73,6 +73,13 @@ class Task(abc.ABC):
     def action_size(self) -> int:
         """Number of binary or graded actions, or of alternatives."""
 
+    @classmethod
+    def imports(cls, settings: Mapping[str, Any]) -> list[str]:
+        """The modules that making this task with these settings imports, for settings that a stranger may have
+        written; by default none."""
+        del settings
+        return []
+
     @property
     def accepted_actions(self) -> tuple[str, ...]:
         """The kinds of actions that the task accepts, as in `Policy.actions`; by default only `actions`."""

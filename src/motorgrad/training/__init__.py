@@ -1,10 +1,13 @@
 """Training: the loop over seeds and decisions, sweeps, run directories, checkpoints and resume."""
 
+from motorgrad._errors import NotTrusted
 from motorgrad.training._agents import NamedPolicy, agent_for, agent_from_table, agent_table, policy_settings
 from motorgrad.training._arguments import check_training
 from motorgrad.training._evaluate import Evaluation, evaluate
-from motorgrad.training._run import Run, given_initial, load, saved_agent
+from motorgrad.training._run import Run, given_initial, load, saved_agent, saved_config
+from motorgrad.training._saving import NotSaved
 from motorgrad.training._train import resume, train
+from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import (
     BodyStepper,
     HostStepper,
@@ -24,6 +27,8 @@ __all__ = [
     "Evaluation",
     "HostStepper",
     "NamedPolicy",
+    "NotSaved",
+    "NotTrusted",
     "Run",
     "RunDirectoryError",
     "RunWarning",
@@ -33,6 +38,7 @@ __all__ = [
     "agent_for",
     "agent_from_table",
     "agent_table",
+    "check_imports",
     "check_tensorboard",
     "check_training",
     "clear_programs",
@@ -47,6 +53,7 @@ __all__ = [
     "provenance_changes",
     "resume",
     "saved_agent",
+    "saved_config",
     "stepper_for",
     "train",
     "training_stepper_for",

@@ -46,6 +46,7 @@ def check_training(
     threads: int = 0,
     initial: Policy | None = None,
     sweep: Any = None,
+    give_up_after: float = 3600.0,
 ) -> TrainingArguments:
     """Check the arguments of `train`, without allocating anything of the size of the run.
 
@@ -65,8 +66,8 @@ def check_training(
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
     check(window is None or (_whole(window) and window >= 1), "window", window, "an integer of at least 1 decision")
-    timed = isinstance(checkpoint_every, int | float | np.number) and checkpoint_every >= 0
-    check(timed, "checkpoint_every", checkpoint_every, "at least 0 seconds")
+    for name, seconds in (("checkpoint_every", checkpoint_every), ("give_up_after", give_up_after)):
+        check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
     learner = agent if isinstance(agent, Agent) else agent_for(task, agent)

@@ -53,6 +53,8 @@ def evaluate(
     mode: Literal["sample", "mode"] = "sample",
     untrained: bool = False,
     threads: int = 0,
+    trust: bool = False,
+    allow_changed: bool = False,
 ) -> Evaluation:
     """Evaluate the policies of all seeds of a run from a fresh start, without learning.
 
@@ -63,8 +65,9 @@ def evaluate(
     - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
     - `untrained`: evaluate the policies as they were before learning.
     - `threads`: as in `train`.
+    - `trust`, `allow_changed`: as in `load`, for a directory.
     """
-    run = run if isinstance(run, Run) else load(run)
+    run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
     check(isinstance(steps, int | np.integer) and steps >= 1, "steps", steps, "a positive integer")
     choice("mode", mode, ("sample", "mode"))
     policies = run.initial if untrained else run.policies

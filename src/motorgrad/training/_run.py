@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +17,18 @@ from motorgrad.learning import Agent
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._agents import agent_from_table
+from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import Record
 from motorgrad.training.plots import Axis, Format, learning_curves
-from motorgrad.training.store import RunDirectory, RunDirectoryError, fill_tree, name_of
+from motorgrad.training.store import (
+    RunDirectory,
+    RunDirectoryError,
+    RunWarning,
+    fill_tree,
+    name_of,
+    release_changes,
+    versions,
+)
 
 if TYPE_CHECKING:
     from motorgrad.training.plots._plot_figure import LearningCurves
@@ -49,6 +59,7 @@ class Run:
     gradient: Policy | None = None
     path: Path | None = None
     _task: Task | None = None
+    _trust: bool = False
     _memory: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -109,8 +120,11 @@ class Run:
 
     @property
     def task(self) -> Task:
-        """The task, rebuilt from the configuration where the run was loaded."""
-        return saved_task(self.config) if self._task is None else self._task
+        """The task, rebuilt from the configuration where the run was loaded.
+
+        **Raises:** `NotTrusted` where that imports a module, and `load` was not told to `trust` the run.
+        """
+        return saved_task(self.config, self.path, self._trust) if self._task is None else self._task
 
     @property
     def memory(self) -> Any:
@@ -180,8 +194,12 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
     return found
 
 
-def saved_task(config: dict[str, Any]) -> Task:
-    """The task of a run's configuration. **Raises** `RunDirectoryError` for one that is not in the registry."""
+def saved_task(config: dict[str, Any], path: Any = None, trust: bool = False) -> Task:
+    """The task of a run's configuration.
+
+    **Raises:** `RunDirectoryError` for one that is not in the registry, `NotTrusted` for one that imports a module.
+    """
+    check_imports(config["task"], "the run" if path is None else str(path), trust)
     settings = dict(config["task"])
     name = settings.pop("name")
     if name not in TASKS:
@@ -200,28 +218,63 @@ def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
         raise RunDirectoryError(f"{error}: train(task, agent, out=...)") from None
 
 
-def load(path: Path | str, task: Task | None = None) -> Run:
+def load(path: Path | str, task: Task | None = None, *, trust: bool = False, allow_changed: bool = False) -> Run:
     """Load the run in a directory. Reading takes no lock, so the run may still be training.
 
-    **Arguments:** `path`; `task`, for a run of a task that is not in the registry.
+    **Arguments:**
 
-    **Raises:** `RunDirectoryError` where there is no run, or no whole checkpoint.
+    - `path`: the run directory.
+    - `task`: for a run of a task that is not in the registry.
+    - `trust`: whether the run's `task` may import a module that its configuration names. Loading itself runs no code
+      of the directory.
+    - `allow_changed`: whether the settings in `config.toml` may differ from those with which the run was made. They are
+      then used.
+
+    It warns (`RunWarning`) of damaged files, and loads what is whole. It warns, too, where another release of motorgrad
+    or MuJoCo made the run.
+
+    **Raises:** `RunDirectoryError` where there is no run or no whole checkpoint, and where a setting in `config.toml`
+    was changed.
     """
     directory = RunDirectory(path)
-    config = directory.read_config()
     found = directory.latest()
+    config = directory.config(found and found[1], allow_changed)
     if found is None:
         raise RunDirectoryError(f"{path} has no whole checkpoint yet")
     arrays, about = found
     if (learner := directory.learner()) is None:
         raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; training on restores it")
+    directory.check_rest(about)
+    if not allow_changed and (changes := release_changes(about["versions"], versions(), ("motorgrad", "mujoco"))):
+        warnings.warn(f"{path}: {'; '.join(changes)}: what it computes may differ", RunWarning, stacklevel=2)
     shapes = rebuild(learner["structure"])
     policies, initial = _filled(shapes, arrays, "kept."), _filled(shapes, directory.initial())
-    metrics = directory.metrics()
-    metrics = pa.table({}) if metrics is None else metrics.filter(pc.field("decision") <= about["decision"])
+    metrics = directory.metrics(about)
     mean = "cycle.agent.gradient.mean."
     estimate = _filled(trainable(shapes), arrays, mean) if any(name.startswith(mean) for name in arrays) else None
-    return Run(config, about["decision"], metrics, policies, initial, estimate, Path(path), task, memory_in(arrays))
+    return Run(
+        config,
+        about["decision"],
+        pa.table({}) if metrics is None else metrics,
+        policies,
+        initial,
+        estimate,
+        Path(path),
+        task,
+        trust,
+        memory_in(arrays),
+    )
+
+
+def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any]:
+    """The configuration of the run in a directory, compared with that of its newest checkpoint.
+
+    **Raises:** `RunDirectoryError` where there is no run, or a setting in `config.toml` was changed, unless
+    `allow_changed`.
+    """
+    directory = RunDirectory(path)
+    found = directory.latest() if directory.is_run else None
+    return directory.config(found and found[1], allow_changed)
 
 
 def given_initial(path: Path | str) -> Policy | None:
@@ -230,7 +283,8 @@ def given_initial(path: Path | str) -> Policy | None:
     **Raises** `RunDirectoryError` where they are missing.
     """
     directory = RunDirectory(path)
-    run = directory.read_config()["run"] if directory.is_run else {}
+    found = directory.latest() if directory.is_run else None
+    run = found[1]["config"]["run"] if found else directory.read_config()["run"] if directory.is_run else {}
     if "initial" not in run:
         return None
     learner = directory.learner() if directory.has_initial_policies else None

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,24 @@ from motorgrad.policies import Policy, describe
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
-from motorgrad.training._run import Records, Run, given_initial, memory_in, saved_agent, saved_task
+from motorgrad.training._run import Records, Run, given_initial, memory_in, saved_agent, saved_config, saved_task
+from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
 from motorgrad.training._sweep import numbers_by_lane
+from motorgrad.training._trust import check_pickles
 from motorgrad.training.engines import training_stepper_for
 from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
-from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, by_name, fill_tree, fingerprint
+from motorgrad.training.store import (
+    CorruptCheckpoint,
+    RunDirectory,
+    RunDirectoryError,
+    RunWarning,
+    by_name,
+    differences,
+    fill_tree,
+    fingerprint,
+    release_changes,
+    versions,
+)
 
 SLICE = 0.2  # seconds of work between two checks of the clock and of Ctrl-C
 
@@ -43,6 +56,9 @@ def train(
     progress: bool = True,
     tensorboard: bool = False,
     initial: Policy | None = None,
+    give_up_after: float = GIVE_UP_AFTER,
+    trust: bool = False,
+    allow_changed: bool = False,
 ) -> Run:
     """Train an agent on a task, for many seeds at once.
 
@@ -67,11 +83,17 @@ def train(
       record up to the newest checkpoint exactly once, also after a kill.
     - `initial`: the policies from which the seeds start, along a leading axis, such as the `policies` of a run; by
       default the agent's own. They must have the structure of the agent's policy.
+    - `give_up_after`: seconds after which the run ends if nothing could be saved in them, because the disk is full or
+      the directory is gone. Until then it learns on, warns, tries again at every checkpoint, and loses nothing.
+    - `trust`: whether to unpickle environments that another process saved in the directory.
+    - `allow_changed`: whether to continue a run whose settings, or version of motorgrad, are not those with which it
+      was made. The present ones are used.
 
     **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
 
-    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
-    before any work starts.
+    **Raises** `ValueError` for impossible settings, `RunDirectoryError` for a directory that cannot be used and
+    `NotTrusted` for pickles, all before any work starts; `NotSaved`, whose `run` is all that was learned, where a run
+    ends and could not be saved.
 
     ```python
     run = mg.train("hopper", steps=100_000, seeds=16, out="runs/hopper")
@@ -79,13 +101,20 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
-    arguments = check_training(task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep)
+    arguments = check_training(
+        task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after
+    )
     if tensorboard:
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
         check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
-        return _Training(arguments, directory, window, checkpoint_every, threads, tensorboard).run(progress)
+        saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
+        training = _Training(arguments, saving, window, threads)
+        if directory is not None:
+            training.open(directory, window, trust, allow_changed)
+            training.write_events(directory, tensorboard)
+        return training.run(progress)
 
 
 def resume(
@@ -95,6 +124,9 @@ def resume(
     checkpoint_every: float = 30.0,
     threads: int = 0,
     progress: bool = True,
+    give_up_after: float = GIVE_UP_AFTER,
+    trust: bool = False,
+    allow_changed: bool = False,
 ) -> Run:
     """Resume the run in a directory, with its own task, learner, seeds and sweep.
 
@@ -102,21 +134,23 @@ def resume(
 
     - `path`: the run directory.
     - `steps`: decisions per seed, by default those of the run.
+    - `trust`: whether to run code that the directory names: the module of its task, pickled environments.
+    - `allow_changed`: whether settings in `config.toml` may differ from those with which the run was made, and the
+      version of motorgrad. The present ones are used.
     - the others as in `train`; they do not change any number.
 
     **Returns** the `Run`; a finished one is returned as it is.
 
-    **Raises** `RunDirectoryError` where there is no run, or one whose task or agent was made in Python: pass
-    these to `train` with `out=path`.
+    **Raises** `RunDirectoryError` where there is no run, where a setting was changed, and where the task or agent was
+    made in Python: pass these to `train` with `out=path`. `NotTrusted` where code would run.
     """
-    config = RunDirectory(path).read_config()
-    task, run = saved_task(config), config["run"]
+    config = saved_config(path, allow_changed)
+    task, run = saved_task(config, path, trust), config["run"]
     agent = saved_agent(task, config["agent"], f"{path}: agent")
-    total = run["steps"] if steps is None else steps
     return train(
         task,
         agent,
-        total,
+        run["steps"] if steps is None else steps,
         run["seeds"],
         path,
         checkpoint_every=checkpoint_every,
@@ -124,23 +158,18 @@ def resume(
         progress=progress,
         initial=given_initial(path),
         sweep=config.get("sweep"),
+        give_up_after=give_up_after,
+        trust=trust,
+        allow_changed=allow_changed,
     )
 
 
 class _Training:
     """One call of `train`."""
 
-    def __init__(
-        self,
-        arguments: TrainingArguments,
-        directory: RunDirectory | None,
-        window: int | None,
-        checkpoint_every: float,
-        threads: int,
-        tensorboard: bool,
-    ):
+    def __init__(self, arguments: TrainingArguments, saving: Saving | None, window: int | None, threads: int):
         task, agent, steps, seeds, initial, settings = arguments
-        self.task, self.directory, self.checkpoint_every = task, directory, checkpoint_every
+        self.task, self.saving = task, saving
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
         mark = None if initial is None else fingerprint(initial)
@@ -157,47 +186,90 @@ class _Training:
         if mark is not None:
             self.config["run"]["initial"] = mark
         start = self.stepper.state["cycle"].agent
-        begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
-        self.learner = {**self.config["agent"], **begins}
+        self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
         self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.initial = self.stepper.policies()
         self.wall, self.recorded = 0.0, 0
-        self.events: EventFiles | None = None
-        if directory is not None:
-            self._open(directory, window)
-            if tensorboard or (directory.path / "tensorboard").is_dir():
-                check_tensorboard()
-                self.events = EventFiles(directory.path / "tensorboard", seeds, start_time(directory.path))
-                self.events.add(directory.metrics())
+        self.continues = self.finished = False
+        self._ending: tuple[Any, ...] | None = None
 
-    def _open(self, directory: RunDirectory, window: int | None) -> None:
+    def open(self, directory: RunDirectory, window: int | None, trust: bool, allow_changed: bool) -> None:
         """Resume the run in the directory, or start one."""
-        learner, found = None, directory.latest() if directory.is_run else None
+        path, steps = directory.path, self.config["run"]["steps"]
+        found = directory.to_continue() if directory.is_run else None
+        about = None if found is None else found[1]
         if directory.is_run:
-            before = directory.read_config()
+            before = directory.config(about, allow_changed)
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
-            learner = directory.learner()
-            now = self.config if learner is None else {**self.config, "agent": self.learner}
-            _check_same_configuration(before if learner is None else {**before, "agent": learner}, now, directory.path)
-            if found is not None:
-                _check_steps(directory.path, self.config["run"]["steps"], before["run"]["steps"], found[1]["decision"])
-        self._check_resumable(directory.path, found is not None and found[1]["decision"])
-        directory.write_config(self.config)
-        if learner is None or not directory.has_initial_policies:
-            directory.save_initial(self.initial, self.learner)
-        if found is None:
-            directory.roll_back(0)
-        else:
-            arrays, about = found
-            directory.roll_back(about["decision"], about["recorded"])
-            self.stepper.restore(fill_tree(self.stepper.state, arrays))
+            self._compare(directory, before, about, allow_changed)
+            if about is not None:
+                _check_steps(path, steps, before["run"]["steps"], about["decision"])
+        self._check_resumable(path, about is not None and about["decision"])
+        if found is not None and about is not None:
+            self.continues = about["decision"] < steps
+            self.finished = not self.continues and not allow_changed and directory.has_its_end(about)
+            state = fill_tree(self.stepper.state, found[0])
+            if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
+                state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
+            check_pickles(self.task, by_name(state), str(path), trust or about["ours"])
+            self.stepper.restore(state)
             self.recorded, self.wall = about["recorded"], about["wall"]
-            if about["decision"] > self.config["run"]["steps"]:
-                self.config["run"]["steps"] = about["decision"]
-                directory.write_config(self.config)
-        continues = found is not None and found[1]["decision"] < self.config["run"]["steps"]
-        directory.add_session(self.config["run"]["seeds"], continues)
+            self.config["run"]["steps"] = max(steps, about["decision"])
+        directory.write_config(self.config)
+        directory.roll_back(about, self.finished)
+        self._restore_initial(directory, about)
+        directory.add_session(self.config["run"]["seeds"], about, self.continues)
+
+    def _compare(
+        self, directory: RunDirectory, before: dict[str, Any], about: dict[str, Any] | None, allow_changed: bool
+    ) -> None:
+        """Refuse to resume a run of another configuration, or of another release of motorgrad."""
+        if allow_changed:
+            return
+        path, now = directory.path, self.config
+        begins = self._stored_beginning(directory) if about is None else about["begins"]
+        if begins is not None:
+            before = {**before, "agent": {**before["agent"], **begins}}
+            now = {**now, "agent": {**now["agent"], **self.begins}}
+        # name a number rather than the fingerprint of the initial learner, which changes with it
+        found = (f"{where} was {then!r} and is now {new!r}" for where, new, then in differences(now, before))
+        changed = sorted(
+            (difference for difference in found if not difference.startswith("run.steps")),
+            key=lambda difference: difference.startswith("agent.initial"),
+        )
+        if changed:
+            raise RunDirectoryError(
+                f"{path} holds a run of another configuration: {changed[0]}; choose another directory, or the same "
+                "settings, or continue on purpose with allow_changed=True (--allow-changed)"
+            )
+        if about is not None and (changes := release_changes(about["versions"], versions(), ("motorgrad",))):
+            raise RunDirectoryError(
+                f"{path} holds a run of another version: {changes[0]}; continue it with that version, or on purpose "
+                "with allow_changed=True (--allow-changed)"
+            )
+
+    def _stored_beginning(self, directory: RunDirectory) -> dict[str, Any] | None:
+        learner = directory.learner()
+        return None if learner is None else {name: learner[name] for name in self.begins}
+
+    def _restore_initial(self, directory: RunDirectory, about: dict[str, Any] | None) -> None:
+        """Write the policies before learning, where they are missing or damaged."""
+        try:
+            if directory.has_initial_policies and directory.learner() is not None:
+                return
+        except CorruptCheckpoint as error:
+            warnings.warn(f"{error}; made again", RunWarning, stacklevel=2)
+        directory.save_initial(self.initial, {**self.config["agent"], **self.begins})
+
+    def write_events(self, directory: RunDirectory, asked: bool) -> None:
+        """Begin or continue the event files, where they are asked for or there."""
+        if self.saving is None or not (asked or (directory.path / "tensorboard").is_dir()):
+            return
+        check_tensorboard()
+        seeds = self.config["run"]["seeds"]
+        self.saving.events = EventFiles(directory.path / "tensorboard", seeds, start_time(directory.path))
+        self.saving.events.add(directory.metrics())
 
     def _check_resumable(self, path: Path, made: int | bool) -> None:
         """Warn where the dynamics cannot be saved; refuse to resume such a run."""
@@ -214,12 +286,14 @@ class _Training:
 
     def run(self, progress: bool) -> Run:
         steps, window = self.config["run"]["steps"], self.config["run"]["window"]
-        stepper, saved, count = self.stepper, time.monotonic(), 1
+        stepper, saving, count = self.stepper, self.saving, 1
+        if self.continues:
+            self._commit()  # the files of this session are covered from its beginning
         with (
             stop_when_asked() as stopped,
             _TrainingProgress(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
         ):
-            while stepper.decision < steps and not stopped():
+            while stepper.decision < steps and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
                 made, start = min(count, due - stepper.decision), time.perf_counter()
                 stepper.advance(made)
@@ -229,25 +303,34 @@ class _Training:
                 count = max(1, min(2 * count, round(made * SLICE / took)))
                 latest = {} if stepper.decision % window else self._record()
                 report.report(stepper.decision, made / took, latest)
-                if self.directory and time.monotonic() - saved >= self.checkpoint_every and stepper.decision < steps:
+                if saving and saving.due and stepper.decision < steps:
                     self._commit()
-                    saved = time.monotonic()
-            self._commit()
-        metrics = self.directory.metrics() if self.directory else self.records.take()
-        path = self.directory and self.directory.path
-        state = stepper.state
+            while not self.finished and not self._commit() and saving and not stopped() and not saving.given_up:
+                _wait(saving.pause, stopped)
+        run = self._outcome()
+        if saving is not None and saving.why is not None:
+            error = NotSaved(
+                f"{saving.directory.path}: the run ended after {stepper.decision:,} decisions, and could not be saved: "
+                f"{saving.why}. The last checkpoint that was saved stands; in Python, `run` of this error has all"
+            )
+            error.run = run
+            raise error
+        return run
+
+    def _outcome(self) -> Run:
+        saving, state = self.saving, self.stepper.state
         learner = state["cycle"].agent
-        estimate = learner.gradient.mean if isinstance(learner.gradient, RunningMean) else None
+        metrics = self.records.take() if saving is None else saving.metrics()
         return Run(
             self.config,
-            stepper.decision,
+            self.stepper.decision,
             pa.table({}) if metrics is None else metrics,
             self.stepper.policies(),
             self.initial,
-            estimate,
-            path,
+            learner.gradient.mean if isinstance(learner.gradient, RunningMean) else None,
+            None if saving is None else saving.directory.path,
             self.task,
-            memory_in(by_name(state)),
+            _memory=memory_in(by_name(state)),
         )
 
     def _record(self) -> dict[str, float]:
@@ -260,25 +343,34 @@ class _Training:
         self.recorded = self.stepper.decision
         return latest
 
-    def _commit(self) -> None:
-        """Save everything, where there is a directory.
+    def _commit(self) -> bool:
+        """Save everything, where there is a directory; whether that succeeded.
 
         At the end, the unfinished window has a record, too. It is not part of the state, so more steps complete it.
         """
-        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
         short = self.recorded < self.stepper.decision == self.config["run"]["steps"]
-        if self.directory is None:
+        if self.saving is None:
             if short:
                 self._record()
-            return
-        state, records = self.stepper.state, [self.records.take()]
+            return True
+        if self._ending is not None:  # to make the last record has changed the state
+            return self.saving.save(*self._ending)
+        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
+        about |= {"config": self.config, "begins": self.begins}
+        state = {**self.stepper.state, "kept": self.stepper.policies()}
+        records, last = self.records.take(), None
         if short:
             self._record()
-            records.append(self.records.take())
-        self.directory.save({**state, "kept": self.stepper.policies()}, about, records)
-        if self.events is not None:
-            for part in records:
-                self.events.add(part)
+            last = self.records.take()
+            self._ending = (state, about, None, last)
+        return self.saving.save(state, about, records, last)
+
+
+def _wait(seconds: float, stopped: Callable[[], bool]) -> None:
+    """Wait, but not on after a request to stop."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not stopped():
+        time.sleep(min(SLICE, max(0.0, end - time.monotonic())))
 
 
 def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
@@ -287,25 +379,6 @@ def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
         raise RunDirectoryError(
             f"{path} holds a run of {before:,} decisions, of which {made:,} are made, but steps = {steps:,}: "
             f"give {before:,} or more, or choose another directory"
-        )
-
-
-def _check_same_configuration(before: dict[str, Any], now: dict[str, Any], path: Path) -> None:
-    """Refuse to resume a run of another configuration, naming the first difference."""
-
-    def differ(old: Any, new: Any, where: str) -> Iterator[str]:
-        if isinstance(old, dict) and isinstance(new, dict):
-            for key in [*new, *(k for k in old if k not in new)]:
-                yield from differ(old.get(key), new.get(key), f"{where}.{key}" if where else key)
-        elif old != new and where != "run.steps":
-            yield f"{where} was {old!r} and is now {new!r}"
-
-    # name a number rather than the fingerprint of the initial learner, which changes with it
-    differences = sorted(differ(before, now, ""), key=lambda difference: difference.startswith("agent.initial"))
-    if differences:
-        raise RunDirectoryError(
-            f"{path} holds a run of another configuration: {differences[0]}; "
-            "choose another directory, or the same settings"
         )
 
 

@@ -3,15 +3,17 @@
 import contextlib
 import functools
 import pickle
+import pickletools
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.tasks.gymnasium._spaces import ActionCode
+from motorgrad.tasks.gymnasium._state import read_state, write_state
 
 if TYPE_CHECKING:
     import gymnasium
@@ -49,9 +51,9 @@ class EnvironmentBatch:
         size: int,
         code: ActionCode,
         repeat: int,
-        copies: bool,
+        saved_as: "SavedAs",
     ):
-        self.seeds, self.repeat, self.copies = [int(seed) for seed in seeds], repeat, copies
+        self.seeds, self.repeat, self.saved_as = [int(seed) for seed in seeds], repeat, saved_as
         self._env_id, self._decode, self._size = env_id, code.decode, size
         self._environments = [make_environment(env_id, kwargs) for _ in self.seeds]
         self._close = weakref.finalize(self, _close_all, self._environments)
@@ -99,18 +101,21 @@ class EnvironmentBatch:
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """The environments as bytes, empty if they cannot be saved, and the packed rows."""
-        # A pickle ends in a full stop, so NumPy's byte strings, which drop trailing zeros, keep all of it.
-        content = [serialize(environment) if self.copies else b"" for environment in self._environments]
+        write = {"data": write_state, "pickle": serialize}.get(self.saved_as, lambda environment: b"")
+        # JSON and pickles end in a character, so NumPy's byte strings, which drop trailing zeros, keep all of them.
+        content = [write(environment) for environment in self._environments]
         return {"environments": np.array(content, np.bytes_), "packed": self.packed.copy()}
 
     def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
-        """Return to a snapshot. Environments that could not be saved stay as they are."""
+        """Return to a snapshot. Environments that could not be saved stay as they are. Pickled ones run code."""
         content = snapshot["environments"].tolist()
         check(len(content) == len(self.seeds), "environments", len(content), f"one for each of {len(self.seeds)} seeds")
-        if all(content):
-            replaced = self._environments[:]
-            self._environments[:] = [deserialize(each) for each in content]
-            _close_all(replaced)
+        for row, each in enumerate(content):
+            if is_pickle(each):
+                replaced, self._environments[row] = self._environments[row], deserialize(each)
+                _close_all([replaced])
+            elif each:
+                read_state(each, self._environments[row])
         np.copyto(self.packed, snapshot["packed"])
 
     def _begin(self, row: int, seed: int | None) -> None:
@@ -145,37 +150,68 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
         ) from None
 
 
-def why_no_copy(env_id: str, kwargs: Mapping[str, Any]) -> str | None:
-    """Why an environment cannot be saved and restored; `None` if a restored copy continues exactly like its original.
+SavedAs = Literal["data", "pickle", "nothing"]
 
-    Being picklable is not sufficient: many environments pickle only their constructor's arguments, without the current
-    state. So a copy is made within an episode, and both are stepped.
+
+class HowSaved(NamedTuple):
+    """How environments are saved: as plain `data`, as a `pickle`, or not at all; `why` not."""
+
+    saved_as: SavedAs
+    why: str | None = None
+
+
+def how_saved(env_id: str, kwargs: Mapping[str, Any]) -> HowSaved:
+    """How an environment is saved such that a restored one continues exactly like its original.
+
+    Data are preferred, as reading them runs no code. What an environment says of itself is not sufficient: many pickle
+    only their constructor's arguments. So an environment is saved within an episode and restored, and both are stepped.
     """
+    with contextlib.suppress(_NoTrial):  # the reason is that of the second trial, which is the last resort
+        if _goes_on(env_id, kwargs, functools.partial(_copied_as_data, env_id, kwargs)):
+            return HowSaved("data")
+    try:
+        same = _goes_on(env_id, kwargs, lambda original: deserialize(serialize(original)))
+        return (
+            HowSaved("pickle")
+            if same
+            else HowSaved("nothing", "a restored copy of it continues differently from the original")
+        )
+    except _NoTrial as error:
+        return HowSaved("nothing", str(error))
+
+
+class _NoTrial(Exception):
+    """A trial of an environment that fails, with the stage and the reason."""
+
+
+def _goes_on(env_id: str, kwargs: Mapping[str, Any], copied: Callable[[Any], "gymnasium.Env"]) -> bool:
+    """Whether a copy of an environment, made within an episode, continues exactly like its original."""
     original, copy, stage = make_environment(env_id, kwargs), None, "its steps fail"
     try:
         sample = original.action_space.sample
         original.action_space.seed(0)
         original.reset(seed=0)
-        for made in range(2 * STEPS):
-            _, _, terminated, truncated, _ = original.step(sample())
-            if terminated or truncated:
-                original.reset()
-            elif made >= STEPS:
-                break
+        _wander(original)
         stage = "it cannot be serialised"
-        copy = deserialize(serialize(original))
+        copy = copied(original)
         stage = "a restored copy of it fails"
         actions = [sample() for _ in range(STEPS)]
         pairs = zip(_trial(copy, actions), _trial(original, actions), strict=True)
-        same = all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
-        return None if same else "a restored copy of it continues differently from the original"
+        return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
     except Exception as error:  # all of this runs the environment's own code, which may raise anything
-        return f"{stage}: {type(error).__name__}: {_one_line(error)}"
+        raise _NoTrial(f"{stage}: {type(error).__name__}: {_one_line(error)}") from None
     finally:
-        original.close()
-        if copy is not None:
-            with contextlib.suppress(Exception):  # the copy may be incomplete
-                copy.close()
+        _close_all([original, *([] if copy is None else [copy])])
+
+
+def _wander(environment: "gymnasium.Env") -> None:
+    """Take random steps, to within an episode."""
+    for made in range(2 * STEPS):
+        _, _, terminated, truncated, _ = environment.step(environment.action_space.sample())
+        if terminated or truncated:
+            environment.reset()
+        elif made >= STEPS:
+            break
 
 
 def serialize(environment: "gymnasium.Env") -> bytes:
@@ -192,6 +228,45 @@ def serialize(environment: "gymnasium.Env") -> bytes:
 def deserialize(content: bytes) -> "gymnasium.Env":
     """Restore an environment from bytes. This runs code named in the bytes: restore only what you trust."""
     return pickle.loads(content)
+
+
+def is_pickle(content: bytes) -> bool:
+    """Whether a saved environment is a pickle. The others are JSON, or empty."""
+    return bool(content) and not content.startswith(b"{")
+
+
+def called_by(content: bytes) -> list[str]:
+    """The functions and classes that a pickle imports and may call, as far as it names them. Nothing is run."""
+    found: list[str] = []
+    texts: list[str] = []  # as they are pushed
+    memo: dict[int, str] = {}
+    pushed = ""
+    try:
+        for code, argument, _ in pickletools.genops(content):
+            if code.name == "GLOBAL":
+                found.append(str(argument).replace(" ", "."))
+            elif code.name == "STACK_GLOBAL":
+                found.append(".".join(texts[-2:]))
+            elif code.name == "MEMOIZE":
+                memo[len(memo)] = pushed
+            elif code.name in ("PUT", "BINPUT", "LONG_BINPUT"):
+                memo[int(argument or 0)] = pushed
+            fetched = memo.get(argument, "") if "GET" in code.name and isinstance(argument, int) else ""
+            pushed = argument if isinstance(argument, str) else fetched
+            texts += [pushed] if pushed else []
+    except Exception as error:  # what is no pickle raises anything
+        found.append(f"bytes that cannot be read: {_one_line(error)}")
+    return list(dict.fromkeys(found))
+
+
+def _copied_as_data(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium.Env") -> "gymnasium.Env":
+    """A copy by way of data: another environment, with a past of its own, in the state of the original."""
+    copy = make_environment(env_id, kwargs)
+    copy.action_space.seed(1)
+    copy.reset(seed=1)
+    _wander(copy)
+    read_state(write_state(original), copy)
+    return copy
 
 
 def _unpack(size: int, packed: Any) -> EnvironmentState:

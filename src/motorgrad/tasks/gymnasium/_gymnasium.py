@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -15,7 +16,15 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
-from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, make_environment, why_no_copy
+from motorgrad.tasks.gymnasium._batch import (
+    EnvironmentBatch,
+    EnvironmentState,
+    HowSaved,
+    called_by,
+    how_saved,
+    is_pickle,
+    make_environment,
+)
 from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
     Code,
@@ -137,17 +146,29 @@ class Gymnasium(HostTask):
 
     @property
     def no_resume(self) -> str | None:
-        return None if self._no_copy is None else f"{self.env_id}: {self._no_copy}"
+        return None if self._how_saved.why is None else f"{self.env_id}: {self._how_saved.why}"
 
     @functools.cached_property
-    def _no_copy(self) -> str | None:
-        return why_no_copy(self.env_id, self._kwargs)
+    def _how_saved(self) -> HowSaved:
+        return how_saved(self.env_id, self._kwargs)
+
+    @classmethod
+    def imports(cls, settings: Mapping[str, Any]) -> list[str]:
+        kwargs = settings.get("kwargs")
+        named = [settings.get("env_id"), *(kwargs.values() if isinstance(kwargs, Mapping) else ())]
+        found = [re.match(r"\s*([^\s:/\\]+):[^/\\]", text) for text in named if isinstance(text, str)]
+        return [match[1] for match in found if match]
+
+    @classmethod
+    def runs(cls, snapshot: Mapping[str, np.ndarray]) -> list[str]:
+        saved = snapshot["environments"].tolist() if "environments" in snapshot else []
+        return list(dict.fromkeys(name for each in saved if is_pickle(each) for name in called_by(each)))
 
     def batch(self, seeds: Sequence[int], threads: int = 0) -> EnvironmentBatch:
         del threads
         size = len(self._facts.scaling.centre)
-        copies = self.no_resume is None
-        return EnvironmentBatch(self.env_id, self._kwargs, seeds, size, self._facts.code, self.repeat, copies)
+        saved_as = self._how_saved.saved_as
+        return EnvironmentBatch(self.env_id, self._kwargs, seeds, size, self._facts.code, self.repeat, saved_as)
 
     def init(self, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
         scaling, zero = self._facts.scaling, jnp.zeros(())

@@ -57,18 +57,19 @@ class EventFiles:
     def __init__(self, folder: Path | str, seeds: Sequence[int], start: float):
         self.files = [Path(folder) / f"seed-{seed}" / FILE for seed in seeds]
         self.start = start
-        self._complete = False
+        self.complete = False
+        """Whether the files have all records but those to come; `add` then takes the new ones only."""
 
     def add(self, records: pa.Table | None) -> None:
         """Append records: at the first call all of the run, later the new ones."""
         new = [b""] * len(self.files) if records is None else self._encoded(records)
         for file, content in zip(self.files, new, strict=True):
-            if not self._complete:
+            if not self.complete:
                 content = self._missing(file, _event(self.start, file_version="brain.Event:2") + content)
             if content:
                 with file.open("ab") as end:
                     end.write(content)
-        self._complete = True
+        self.complete = True
 
     def _encoded(self, records: pa.Table) -> list[bytes]:
         """Records as events, for each seed."""
@@ -113,5 +114,8 @@ def _run_start_time(run: Plotted) -> float:
 
 def start_time(path: Path) -> float:
     """The start of the first session in a run directory, in seconds since 1970."""
-    first = read_json(path / "provenance.json")["sessions"][0]
-    return datetime.fromisoformat(first["started"]).timestamp()
+    file = path / "provenance.json"
+    try:
+        return datetime.fromisoformat(read_json(file)["sessions"][0]["started"]).timestamp()
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise ValueError(f"{file}: damaged: {type(error).__name__}: {error}") from None

@@ -13,7 +13,9 @@ from jaxtyping import PyTree
 
 from motorgrad._files import write_atomically
 
-FORMAT = 1
+FORMAT = 2
+_written: set[str] = set()
+"""The checksums of what this process has written."""
 
 
 class CorruptCheckpoint(ValueError):
@@ -38,27 +40,48 @@ def fingerprint(tree: PyTree[np.ndarray]) -> str:
     return digest.hexdigest()[:16]
 
 
-def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> None:
-    """Write a `state` and facts `about` it. The first line is the checksum of what follows."""
+def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
+    """Write a `state` and facts `about` it. The first line is the checksum of what follows, which is returned."""
     leaves = jax.tree_util.tree_leaves_with_path(state)
     buffer = io.BytesIO()
     np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, (_, leaf) in enumerate(leaves)})  # type: ignore[arg-type]
     head = json.dumps({"format": FORMAT, "names": [name_of(path) for path, _ in leaves], **about})
     body = head.encode() + b"\n" + buffer.getvalue()
-    write_atomically(path, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+    mark = checksum(body)
+    write_atomically(path, mark.encode() + b"\n" + body)
+    _written.add(mark)
+    return mark
 
 
 def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays by path, and the facts about them. **Raises** `CorruptCheckpoint` unless the checksum matches."""
-    checksum, _, body = path.read_bytes().partition(b"\n")
-    if hashlib.sha256(body).hexdigest().encode() != checksum:
+    """The arrays by path, and the facts about them; `ours` says whether this process wrote them.
+
+    **Raises:** `CorruptCheckpoint` unless the checksum matches.
+    """
+    mark, _, body = path.read_bytes().partition(b"\n")
+    if checksum(body).encode() != mark:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
     head, _, content = body.partition(b"\n")
     about = json.loads(head)
     if about["format"] != FORMAT:
         raise ValueError(f"{path}: format {about['format']}: this version of motorgrad reads format {FORMAT}")
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}, about
+        found = {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}
+    return found, {**about, "checksum": mark.decode(), "ours": mark.decode() in _written}
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file matches its checksum. One that is gone was replaced by a newer one."""
+    try:
+        mark, _, body = path.read_bytes().partition(b"\n")
+    except FileNotFoundError:
+        return True
+    return checksum(body).encode() == mark
+
+
+def checksum(content: bytes) -> str:
+    """The SHA-256 of bytes, in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def fill_tree(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.ndarray]:

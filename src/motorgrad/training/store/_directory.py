@@ -1,39 +1,47 @@
 """The run directory, which survives a kill at any instant.
 
-    config.toml        the effective configuration
-    provenance.json    versions, processor and command of every session
-    metrics/*.parquet  records, one file for the time between two checkpoints
-    checkpoint/*       the last two complete states, and the initial policies
-    figures/           figures and films
+    config.toml          the effective configuration
+    provenance.json      versions, processor and command of every session
+    metrics/*.parquet    records, one file for the time between two checkpoints
+    metrics/SHA256SUMS   their checksums
+    checkpoint/*         the last two complete states, and the initial policies
+    figures/             figures and films
 
-The newest whole checkpoint is the commit point: on resume, later metrics are discarded and recomputed.
+The newest whole checkpoint is the commit point: on resume, later metrics are discarded and recomputed. It covers every
+file: it holds the configuration, and checksums of the initial policies, of the sessions and of the list of metrics.
 """
 
+import contextlib
 import dataclasses
-import datetime
-import importlib.metadata
+import errno
 import json
 import os
-import platform
-import sys
+import uuid
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
 import filelock
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 import tomli_w
 from jaxtyping import PyTree
 
 from motorgrad._errors import check
-from motorgrad._files import read_json, read_toml, write_atomically
+from motorgrad._files import read_json, read_toml, remove_partials, write_atomically
 from motorgrad._settings import build
-from motorgrad.training.store._checkpoint import CorruptCheckpoint, load, save
+from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is_whole, load, save
+from motorgrad.training.store._metrics import Damage, MetricsFiles
+from motorgrad.training.store._provenance import provenance, provenance_changes, versions
 
-LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle numpy scipy numba pyarrow"
+AGAIN = "training makes them again from the checkpoint before them"
+LOST = "no checkpoint before them is kept, so they are left out, unless you delete the folder checkpoint to begin again"
+ON_PURPOSE = "put it back, or use it on purpose with allow_changed=True (train and evaluate: --allow-changed)"
+
+
+Commit = tuple[dict[str, np.ndarray], dict[str, Any]]
+"""A checkpoint: its arrays by path, and the facts about them."""
 
 
 class RunDirectoryError(RuntimeError):
@@ -60,6 +68,11 @@ class RunDirectory:
     def __init__(self, path: Path | str):
         self.path = Path(path)
         self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
+        self._holder = f"{os.getpid()} {uuid.uuid4().hex}"
+        self._metrics = MetricsFiles(self.path / "metrics")
+        self._committed: dict[str, Any] | None = None
+        self._torn = False
+        self._bound: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         if self.path.exists() and not self.path.is_dir():
@@ -74,26 +87,35 @@ class RunDirectory:
             self._lock.acquire()
         except filelock.Timeout:
             holder = self.path / ".holder"
-            who = f" (process {holder.read_text()})" if holder.exists() else ""
+            who = f" (process {holder.read_text().split()[0]})" if holder.exists() else ""
             raise RunDirectoryError(f"{self.path} is in use by another process{who}") from None
-        (self.path / ".holder").write_text(str(os.getpid()))
+        (self.path / ".holder").write_text(self._holder)
+        for folder in (self.path, self.path / "metrics", self.path / "checkpoint"):
+            remove_partials(folder)
         return self
 
     def __exit__(self, *_: object) -> None:
-        (self.path / ".holder").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the folder may be gone, or another's
+            if self.is_held:
+                (self.path / ".holder").unlink(missing_ok=True)
         self._lock.release()
 
     @property
+    def is_held(self) -> bool:
+        """Whether the folder at the path is still the one that was locked. **Raises** `OSError` where none is."""
+        return (self.path / ".holder").read_text() == self._holder
+
+    @property
     def is_run(self) -> bool:
-        """Whether the directory has a configuration."""
-        return (self.path / "config.toml").is_file()
+        """Whether the directory has a configuration, or a checkpoint, which holds one."""
+        return (self.path / "config.toml").is_file() or bool(self._checkpoints())
 
     def read_config(self) -> dict[str, Any]:
         """The configuration. **Raises** `RunDirectoryError` where there is none."""
-        if not self.is_run:
+        if not (self.path / "config.toml").is_file():
             raise RunDirectoryError(f"{self.path} is not a run directory: it has no config.toml")
-        config = read_toml(self.path / "config.toml")
         try:
+            config = read_toml(self.path / "config.toml")
             check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
             build(_Run, config["run"], "run")
             for name, key in (("task", "name"), ("agent", "policy")):
@@ -102,32 +124,87 @@ class RunDirectory:
             raise RunDirectoryError(f"{self.path} is not a run directory: its config.toml: {error}") from None
         return config
 
+    def config(self, about: dict[str, Any] | None, allow_changed: bool = False) -> dict[str, Any]:
+        """The configuration, compared with that of a checkpoint.
+
+        Where `config.toml` is damaged, it warns (`RunWarning`) and returns that of the checkpoint.
+
+        **Raises:** `RunDirectoryError` that names the first setting that differs, unless `allow_changed`. More or fewer
+        steps are only a warning.
+        """
+        try:
+            config = self.read_config()
+        except RunDirectoryError as error:
+            if about is None:
+                raise
+            _warn(f"{error}; using the configuration in the newest checkpoint")
+            return about["config"]
+        if about is None:
+            return config
+        file = self.path / "config.toml"
+        for where, now, then in differences(config, about["config"]):
+            said = f"{file}: {where} is {now!r}, and was {then!r} when the newest checkpoint was saved"
+            if where != "run.steps" and not allow_changed:
+                raise RunDirectoryError(f"{said}: {ON_PURPOSE}")
+            _warn(said)
+        if tomli_w.dumps(config).encode() != file.read_bytes():
+            _warn(f"{file}: was altered since motorgrad wrote it, but no setting was")
+        return config
+
     def write_config(self, config: dict[str, Any]) -> None:
         """Write the configuration, which makes the folder a run directory. Call it before any other write."""
         write_atomically(self.path / "config.toml", tomli_w.dumps(config).encode())
         for name in ("metrics", "checkpoint", "figures"):
             (self.path / name).mkdir(exist_ok=True)
 
-    def add_session(self, seeds: list[int], continues: bool = False) -> None:
-        """Add this process to the run's provenance. Warn of changes where it `continues` a run."""
+    def add_session(self, seeds: list[int], about: dict[str, Any] | None, continues: bool) -> None:
+        """Add this process to the run's provenance. Warn of changes where it `continues` the run of a checkpoint."""
         file = self.path / "provenance.json"
+        if wrong := [] if about is None else self._wrong_provenance(about):
+            _warn(f"{wrong[0]}; set aside as {file.name}.damaged, and begun again")
+            if file.exists():
+                os.replace(file, file.with_name(f"{file.name}.damaged"))
         sessions = read_json(file)["sessions"] if file.exists() else []
         sessions.append(provenance())
         changes = list(provenance_changes(*sessions[-2:])) if continues and len(sessions) > 1 else []
         if changes:
-            warnings.warn(f"{self.path} continues, but not bit for bit: {'; '.join(changes)}", RunWarning, stacklevel=2)
+            _warn(f"{self.path} continues, but not bit for bit: {'; '.join(changes)}")
         write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())
+        self._bound = {
+            "provenance": {"sessions": len(sessions), "checksum": _sessions_checksum(seeds, sessions)},
+            "initial": load(self._initial)[1]["checksum"],
+            "versions": versions(),
+        }
 
-    def save(self, state: PyTree[np.ndarray], about: dict[str, Any], tables: Iterable[pa.Table | None]) -> None:
-        """Commit the records since the last checkpoint, then the state, and delete the oldest state."""
-        for records in filter(None, tables):
-            first, last = (records["decision"][i].as_py() for i in (0, -1))
-            sink = pa.BufferOutputStream()
-            pq.write_table(records, sink)
-            write_atomically(self.path / "metrics" / f"{first:012d}-{last:012d}.parquet", sink.getvalue().to_pybytes())
+    def save(
+        self,
+        state: PyTree[np.ndarray],
+        about: dict[str, Any],
+        records: pa.Table | None,
+        short: pa.Table | None = None,
+    ) -> None:
+        """Commit the records since the last checkpoint, then the state, and delete the oldest state.
+
+        **Arguments:** `about`: the decision, the last one `recorded`, the configuration …; `short`, a record of an
+        unfinished window, which goes where the run continues.
+
+        **Raises:** `OSError` where something cannot be written. The last commit then stands, and a later call is to
+        bring all records again.
+        """
+        if not self.is_held:
+            raise OSError(errno.ESTALE, "another folder is in its place", str(self.path))
+        if self._torn:
+            self.roll_back(self._committed)
+        self._torn = True
+        if records is not None:
+            self._metrics.append(*self._metrics.write(records))
+        more = None if short is None else self._metrics.write(short)
+        about = {**about, **self._bound, "metrics": self._metrics.mark, "short": more}
         save(self._checkpoint(about["decision"]), state, about)
-        for old in self._checkpoints()[:-2]:
-            old.unlink()
+        self._committed, self._torn = about, False
+        with contextlib.suppress(OSError):  # the next commit tries again
+            for old in self._checkpoints()[:-2]:
+                old.unlink()
 
     @property
     def has_initial_policies(self) -> bool:
@@ -147,7 +224,7 @@ class RunDirectory:
         about = load(self._initial)[1] if self._initial.exists() else {}
         return about.get("learner")
 
-    def latest(self) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
+    def latest(self) -> Commit | None:
         """The newest whole checkpoint, `None` before the first.
 
         For a damaged checkpoint it warns (`RunWarning`) and uses the one before. **Raises** `RunDirectoryError` if all
@@ -156,34 +233,110 @@ class RunDirectory:
         for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
                 return load(path)
+            except FileNotFoundError:  # its process has saved newer ones since
+                return self.latest()
             except CorruptCheckpoint as error:
                 if not before:
                     raise RunDirectoryError(
                         f"{error}; there is none before it. Delete the folder {path.parent} to train from the start"
                     ) from None
-                warnings.warn(f"{error}; using the checkpoint before it", RunWarning, stacklevel=2)
+                _warn(f"{error}; using the checkpoint before it")
         return None
 
-    def roll_back(self, decision: int, recorded: int = 0) -> None:
-        """Discard checkpoints after `decision` and metrics after `recorded`, which will be recomputed."""
-        for part in self._parts():
-            if int(part.stem.split("-")[1]) > recorded:
-                part.unlink()
+    def to_continue(self) -> Commit | None:
+        """The checkpoint from which training continues: the newest whole one, or the one before it if that one's
+        records are damaged and can so be made again. It warns (`RunWarning`) of all damage."""
+        found = self.latest()
+        damage = [] if found is None else self._read(found[1])[1]
+        if found is None or not damage:
+            return found
+        before = self._before(found[1])
+        for each in damage:
+            _warn(self._said(each, before))
+        return before if before is not None and any(each.decision > before[1]["recorded"] for each in damage) else found
+
+    def has_its_end(self, about: dict[str, Any]) -> bool:
+        """Whether nothing is to be made again at a checkpoint at the end of a run."""
+        return not self._read_short(about)[1] and not self._wrong_provenance(about)
+
+    def roll_back(self, about: dict[str, Any] | None, finished: bool = False) -> None:
+        """Return to a checkpoint: discard later ones and metrics that it does not cover, which will be recomputed.
+
+        Unless the run is `finished`, the record of its unfinished window goes, too.
+        """
+        decision, recorded = (0, 0) if about is None else (about["decision"], about["recorded"])
+        known = {} if about is None else self._metrics.listed(about["metrics"], recorded)[0]
         for path in self._checkpoints():
             if int(path.stem) > decision:
                 path.unlink()
+            elif int(path.stem) < decision and not is_whole(path):
+                _warn(f"{path}: the checksum does not match; removed, as the newer checkpoint is whole")
+                path.unlink()
+        about = None if about is None else {**about, "short": about["short"] if finished else None}
+        self._metrics.roll_back(recorded, known, about["short"][0] if about and about["short"] else None)
+        self._committed = about
 
-    def metrics(self) -> pa.Table | None:
-        """All records, in order."""
-        parts = self._parts()
-        return pa.concat_tables([pq.read_table(part) for part in parts]) if parts else None
+    def metrics(self, about: dict[str, Any] | None = None) -> pa.Table | None:
+        """All records that a checkpoint covers, in order; by default, the last one that was saved here.
+
+        It warns (`RunWarning`) of damaged files, and leaves them out.
+        """
+        about = self._committed if about is None else about
+        if about is None:
+            return None
+        (tables, damage), (last, more) = self._read(about), self._read_short(about)
+        tables += last
+        before = self._before(about) if damage else None
+        for each in damage:
+            _warn(self._said(each, before))
+        for each in more:
+            _warn(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
+        return pa.concat_tables(tables) if tables else None
+
+    def check_rest(self, about: dict[str, Any]) -> None:
+        """Warn of a damaged `provenance.json` or older checkpoint; refuse initial policies of another run."""
+        for wrong in self._wrong_provenance(about):
+            _warn(wrong)
+        for path in self._checkpoints():
+            if int(path.stem) < about["decision"] and not is_whole(path):
+                _warn(f"{path}: the checksum does not match; the newer checkpoint is whole")
+        if self.has_initial_policies and load(self._initial)[1]["checksum"] != about["initial"]:
+            raise RunDirectoryError(f"{self._initial}: is not that of this run")
+
+    def _read(self, about: dict[str, Any]) -> tuple[list[pa.Table], list[Damage]]:
+        files, damage = self._metrics.listed(about["metrics"], about["recorded"])
+        tables, more = self._metrics.read(files)
+        return tables, damage + more
+
+    def _read_short(self, about: dict[str, Any]) -> tuple[list[pa.Table], list[Damage]]:
+        """The record of the unfinished window at the end of a run, which follows from the state."""
+        return self._metrics.read({} if about["short"] is None else dict([about["short"]]))
+
+    def _said(self, damage: Damage, before: Commit | None) -> str:
+        """What is wrong with a file, and what becomes of its records if there is a commit `before`."""
+        said = f"{self._metrics.folder / damage.name} {damage.what}"
+        if not damage.decision:
+            return said
+        then = AGAIN if before is not None and damage.decision > before[1]["recorded"] else LOST
+        return f"{said}; it has records up to decision {damage.decision:,}: {then}"
+
+    def _before(self, about: dict[str, Any]) -> Commit | None:
+        """The whole checkpoint before another one."""
+        earlier = [path for path in self._checkpoints() if int(path.stem) < about["decision"] and is_whole(path)]
+        return load(earlier[-1]) if earlier else None
+
+    def _wrong_provenance(self, about: dict[str, Any]) -> list[str]:
+        file, known = self.path / "provenance.json", about["provenance"]
+        try:
+            found = json.loads(file.read_bytes())
+            mark = _sessions_checksum(found["seeds"], found["sessions"][: known["sessions"]])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            return [f"{file}: damaged: {type(error).__name__}: {error}"]
+        return [] if mark == known["checksum"] else [f"{file}: damaged: its checksum does not match"]
 
     @property
     def _initial(self) -> Path:
         return self.path / "checkpoint" / "initial.policies"
-
-    def _parts(self) -> list[Path]:
-        return sorted((self.path / "metrics").glob("*.parquet"))
 
     def _checkpoint(self, decision: int) -> Path:
         return self.path / "checkpoint" / f"{decision:012d}.state"
@@ -192,38 +345,18 @@ class RunDirectory:
         return sorted((self.path / "checkpoint").glob("*.state"))
 
 
-def provenance() -> dict[str, Any]:
-    """Versions, processor, command and time of this process.
-
-    Runs are reproducible bit for bit where `versions`, `compiler` and `processor` are equal.
-    """
-    return {
-        "versions": {name: importlib.metadata.version(name) for name in LIBRARIES.split()}
-        | {"python": platform.python_version()},
-        "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")},
-        "processor": _processor(),
-        "system": platform.platform(),
-        "cores": os.cpu_count(),
-        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
-        "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
+def differences(now: Any, then: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """The settings in which two configurations differ: the path of each, and both values."""
+    if isinstance(now, dict) and isinstance(then, dict):
+        for key in [*now, *(key for key in then if key not in now)]:
+            yield from differences(now.get(key), then.get(key), f"{where}.{key}" if where else key)
+    elif now != then and (now == now or then == then):  # NaN is the same as NaN
+        yield where, now, then
 
 
-def provenance_changes(before: dict[str, Any], now: dict[str, Any]) -> Iterator[str]:
-    """The differences between two sessions on which bit-for-bit reproducibility depends, in words."""
-    were, are = (
-        {"processor": each["processor"], **each["versions"], **each.get("compiler", {})} for each in (before, now)
-    )
-    for name in were.keys() & are.keys():
-        if were[name] != are[name]:
-            yield f"{name} was {were[name]} and is now {are[name]}"
+def _sessions_checksum(seeds: list[int], sessions: list[Any]) -> str:
+    return checksum(json.dumps([seeds, sessions], sort_keys=True).encode())
 
 
-def _processor() -> str:
-    """The processor's model: `platform.processor()` is empty on many Linux systems."""
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+def _warn(text: str) -> None:
+    warnings.warn(text, RunWarning, stacklevel=3)

@@ -1,0 +1,255 @@
+"""A full disk, a folder moved away, a lost mount: the run learns on, says so, and loses nothing."""
+
+import contextlib
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+from training_examples import assert_same, assert_same_run, checkpoints, columns
+
+import motorgrad as mg
+from motorgrad._files import write_atomically
+from motorgrad.cli import main
+from motorgrad.training import NotSaved, RunWarning
+from motorgrad.training.store import RunDirectory
+
+RUN = {"task": "three-state", "steps": 100_000, "seeds": 2, "window": 9_999, "checkpoint_every": 0.0}
+PATIENCE = 60.0
+
+
+def train(out, **changes):
+    return mg.train(**{**RUN, **changes}, out=out, progress=False)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    return train(tmp_path_factory.mktemp("undisturbed"))
+
+
+def mounted(*command):
+    """Mount something, or skip the test where that is not allowed."""
+    done = subprocess.run(["mount", *map(str, command)], capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"cannot mount: {done.stderr.strip()}")
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of 256 KiB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted("-t", "tmpfs", "-o", "size=256k", "none", disk)
+    yield disk
+    subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+def fill(disk):
+    with (disk / "ballast").open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(512))
+
+
+def wait_for(ready):
+    deadline = time.monotonic() + PATIENCE
+    while not ready():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+def disturbed(path, spoil, mend, **changes):
+    """Train, spoil the disk after the first checkpoint, mend it once that is said; the run and what was said."""
+    errors = []
+
+    def disturb():
+        try:
+            wait_for(lambda: checkpoints(path))
+            spoil()
+            wait_for(lambda: any("could not be saved" in str(each.message) for each in said))
+            time.sleep(0.05)
+            mend()
+        except BaseException as error:
+            errors.append(error)
+            signal.raise_signal(signal.SIGINT)  # or it would wait for space for an hour
+
+    thread = threading.Thread(target=disturb)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        thread.start()
+        try:
+            run = train(path, **changes)
+        finally:
+            thread.join()
+    assert not errors
+    assert {each.category for each in said} == {RunWarning}
+    texts = [str(each.message) for each in said]
+    *failed, again = texts
+    assert failed
+    assert all("could not be saved" in text for text in failed)  # one for each reason, not one for each attempt
+    assert len(failed) <= 2
+    assert "saved again" in again
+    return run, failed[-1]
+
+
+def test_a_full_disk_loses_nothing(small_disk, undisturbed):
+    path = small_disk / "run"
+    run, failed = disturbed(path, lambda: fill(small_disk), (small_disk / "ballast").unlink)
+    assert "No space left on device" in failed
+    assert_same_run(run, undisturbed)
+    assert_same_run(mg.load(path), mg.load(undisturbed.path))
+
+
+def test_a_folder_moved_away_and_back_loses_nothing(tmp_path, undisturbed):
+    path, away = tmp_path / "run", tmp_path / "away"
+    run, failed = disturbed(path, lambda: path.rename(away), lambda: away.rename(path))
+    assert "No such file or directory" in failed
+    assert_same_run(run, undisturbed)
+    assert_same_run(mg.load(path), mg.load(undisturbed.path))
+
+
+def test_nothing_is_written_to_another_folder_in_its_place(tmp_path, undisturbed):
+    path, away = tmp_path / "run", tmp_path / "away"
+
+    def spoil():
+        path.rename(away)
+        shutil.copytree(undisturbed.path, path)  # even one with the same files, and held by another process
+        (path / ".holder").write_text("1 another")
+
+    def mend():
+        assert {file: file.read_bytes() for file in undisturbed.path.rglob("*.state")}.items() >= {
+            undisturbed.path / file.relative_to(path): file.read_bytes() for file in path.rglob("*.state")
+        }.items()
+        shutil.rmtree(path)
+        away.rename(path)
+
+    run, failed = disturbed(path, spoil, mend)
+    assert "another folder is in its place" in failed
+    assert_same_run(mg.load(path), mg.load(undisturbed.path))
+    assert_same_run(run, undisturbed)
+
+
+def test_a_lost_mount_loses_nothing(tmp_path, undisturbed):
+    disk, place = tmp_path / "disk", tmp_path / "place"
+    disk.mkdir()
+    place.mkdir()
+    mounted("--bind", disk, place)
+    try:
+        run, _ = disturbed(
+            place / "run",
+            lambda: subprocess.run(["umount", "-l", str(place)], check=True),
+            lambda: mounted("--bind", disk, place),
+        )
+        assert_same_run(run, undisturbed)
+        assert_same_run(mg.load(place / "run"), mg.load(undisturbed.path))
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+    assert list(place.iterdir()) == []  # nothing was written below it meanwhile
+
+
+LIMITED = """
+import resource, sys, threading, time, motorgrad as mg
+from pathlib import Path
+path, steps = Path(sys.argv[1]), int(sys.argv[2])
+def limit():
+    while not list(path.glob("checkpoint/*.state")):
+        time.sleep(0.001)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, resource.RLIM_INFINITY))
+    time.sleep(0.5)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+threading.Thread(target=limit).start()
+mg.train("three-state", steps=steps, seeds=2, window=9_999, checkpoint_every=0.0, out=path, progress=False)
+"""
+
+
+@pytest.mark.slow
+def test_writes_that_the_system_refuses_lose_nothing(compiled_environment, tmp_path, undisturbed):
+    command = [sys.executable, "-c", LIMITED, str(tmp_path / "run"), str(RUN["steps"])]
+    done = subprocess.run(command, env=compiled_environment, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert "File too large" in done.stderr
+    assert "saved again" in done.stderr
+    assert_same_run(mg.load(tmp_path / "run"), mg.load(undisturbed.path))
+
+
+def moved_away_for_good(path, **changes):
+    """Train, and move the folder away after the first checkpoint; the error with which it ends."""
+    moved = threading.Thread(target=lambda: (wait_for(lambda: checkpoints(path)), path.rename(path.with_name("away"))))
+    moved.start()
+    told = "decisions, and could not be saved: No such file or directory"
+    with pytest.warns(RunWarning, match="could not be saved"), pytest.raises(NotSaved, match=told) as error:
+        train(path, **changes)
+    moved.join()
+    return error.value
+
+
+def test_it_ends_when_nothing_could_be_saved_for_so_long_and_has_all_in_memory(tmp_path, undisturbed):
+    run = moved_away_for_good(tmp_path / "run", give_up_after=0.5).run
+    wanted, found = columns(undisturbed.metrics), columns(run.metrics)
+    rows = np.isin(wanted["decision"], found["decision"])
+    for name in wanted:
+        np.testing.assert_array_equal(found[name], wanted[name][rows])
+    if run.complete:
+        assert_same(run.policies, undisturbed.policies)
+    assert not (tmp_path / "run").exists()
+    assert_same_run(train(tmp_path / "away"), undisturbed)  # from what had been saved
+
+
+def test_it_ends_when_asked_although_it_cannot_be_saved(tmp_path):
+    path = tmp_path / "run"
+
+    def ask():
+        wait_for(lambda: not path.exists() and (tmp_path / "away").exists())
+        time.sleep(0.2)
+        signal.raise_signal(signal.SIGINT)
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    began = time.monotonic()
+    error = moved_away_for_good(path, steps=2_000_000_000)
+    asking.join()
+    assert time.monotonic() - began < PATIENCE
+    assert 0 < error.run.decision < 2_000_000_000
+
+
+def test_the_command_says_in_one_line_that_it_could_not_save(tmp_path, capsys):
+    path = tmp_path / "run"
+    moved = threading.Thread(target=lambda: (wait_for(lambda: checkpoints(path)), path.rename(tmp_path / "away")))
+    moved.start()
+    command = ["train", "three-state", "--steps", "100000", "--checkpoint-every", "0", "--give-up-after", "0.1"]
+    with pytest.warns(RunWarning, match="could not be saved"):
+        assert main([*command, "--out", str(path)]) == 2
+    moved.join()
+    assert "could not be saved" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch, undisturbed):
+    random = np.random.default_rng(0)
+    monkeypatch.setattr(time, "time", lambda: random.uniform(0, 4e9))
+    monkeypatch.setattr(time, "time_ns", lambda: int(random.uniform(0, 4e18)))
+    saved = []
+    monkeypatch.setattr(RunDirectory, "save", lambda *all_of, save=RunDirectory.save: (saved.append(1), save(*all_of)))
+    assert_same_run(train(tmp_path, checkpoint_every=0.05), undisturbed)
+    assert 2 <= len(saved) <= 50
+
+
+def test_space_is_given_back_and_orphans_go_at_the_next_start(tmp_path, undisturbed):
+    path = shutil.copytree(undisturbed.path, tmp_path / "run")
+    orphans = [path / folder / f".{name}.partial" for folder, name in (
+        ("", "config.toml"), ("metrics", "000000000001-000000000001.parquet"), ("checkpoint", "000000000001.state"),
+    )]  # fmt: skip
+    for orphan in orphans:
+        orphan.write_bytes(b"half of")
+    assert_same_run(train(path), undisturbed)
+    assert not any(orphan.exists() for orphan in orphans)
+
+
+def test_a_failed_write_leaves_no_orphan(tmp_path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(IsADirectoryError):
+        write_atomically(tmp_path / "folder", b"cannot replace a folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
