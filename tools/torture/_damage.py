@@ -65,6 +65,8 @@ def damage(name: str, folder: Path, count: int, random: np.random.Generator) -> 
             altered = flip(content, random)
         (path / file).write_bytes(altered)
         outcome = _outcome(task, path, whole, Path(file).name)
+        if outcome is None and way is extend and file.endswith("SHA256SUMS"):
+            outcome = "no part of the run"  # a commit that was killed leaves such lines, which no checkpoint covers
         if outcome is None:
             raise Failure(f"{path}: {way.__name__} of {file} was not named")
         found[outcome] += 1
