@@ -48,7 +48,7 @@ class Options:
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
     host: str = HERE
-    """The address of the page. Everyone who can reach a host other than 127.0.0.1 can control the simulation."""
+    """Where the page listens. Other machines reach a host other than 127.0.0.1, unencrypted; its address is a password."""
     port: int | None = None
     """The page's port; by default 8080, or the next free one."""
     browser: bool = True
