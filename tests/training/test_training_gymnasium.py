@@ -13,7 +13,7 @@ import jax
 import numpy as np
 import pytest
 from gymnasium import spaces
-from training_examples import assert_differ, assert_same, assert_same_run, checkpoints, learner
+from training_examples import assert_differ, assert_same, assert_same_run, checkpoints, final_state, learner
 
 import motorgrad as mg
 from motorgrad.cli import main
@@ -200,6 +200,21 @@ def test_a_killed_run_ends_as_if_it_had_not_been(compiled_environment, tmp_path)
     assert landed >= 1
     mg.train(**RUN, out=tmp_path / "killed", progress=False)
     assert_same_run(mg.load(tmp_path / "killed"), mg.load(whole.path))
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", ["InvertedPendulum-v5", "Hopper-v5", "Ant-v5"])
+def test_a_run_on_mujoco_goes_on_bit_for_bit_and_unpickles_nothing(name, tmp_path, monkeypatch):
+    task = from_gymnasium(name)
+    assert task.no_resume is None
+    monkeypatch.setattr("motorgrad.tasks.gymnasium._batch.deserialize", None)
+    settings = {"seeds": 2, "window": 50, "progress": False}
+    whole = mg.train(task, **settings, steps=240, out=tmp_path / "whole")
+    mg.train(task, **settings, steps=130, out=tmp_path / "parts")
+    state = final_state(tmp_path / "parts")
+    assert all(each.startswith(b"{") for each in state["physics.environments"].tolist())
+    monkeypatch.setattr("motorgrad.training.store._checkpoint._written", set())  # as another process
+    assert_same_run(mg.resume(tmp_path / "parts", 240, progress=False), whole)
 
 
 @pytest.mark.slow

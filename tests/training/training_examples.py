@@ -79,11 +79,17 @@ def sign(path):
     parts = sorted((path / "metrics").glob("*.parquet"))
     lines = "".join(f"{hashlib.sha256(part.read_bytes()).hexdigest()}  {part.name}\n" for part in parts)
     (path / "metrics" / "SHA256SUMS").write_text(lines)
-    state = checkpoints(path)[-1]
-    _, head, arrays = state.read_bytes().split(b"\n", 2)
     mark = {"length": len(lines), "checksum": hashlib.sha256(lines.encode()).hexdigest()}
-    body = json.dumps({**json.loads(head), "metrics": mark}).encode() + b"\n" + arrays
-    state.write_bytes(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+    change_facts(checkpoints(path)[-1], lambda facts: facts.update(metrics=mark))
+
+
+def change_facts(checkpoint, change):
+    """Change the facts in a checkpoint, and its checksum with them, as a stranger can."""
+    _, head, arrays = checkpoint.read_bytes().split(b"\n", 2)
+    facts = json.loads(head)
+    change(facts)
+    body = json.dumps(facts).encode() + b"\n" + arrays
+    checkpoint.write_bytes(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
 
 
 def assert_same_run(found, wanted):

@@ -46,13 +46,13 @@ def write_state(environment: "gymnasium.Env") -> bytes:
 def read_state(content: bytes, environment: "gymnasium.Env") -> None:
     """Put an environment, made in the same way and reset, into a written state. Runs no code from `content`.
 
-    **Raises:** `NoState` where `content` does not fit the environment.
+    **Raises:** `NoState` where `content` does not fit the environment, which is then in no useful state.
     """
     try:
-        _Reader().read(json.loads(content), environment)
-    except NoState:
-        raise
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
+        found = _Reader().read(json.loads(content), environment)
+        same = found is environment and write_state(environment) == content
+        check(same, "state", "what was read", "what was written")
+    except Exception as error:  # what was damaged may raise anything
         raise NoState(f"the state does not fit the environment: {type(error).__name__}: {error}") from None
 
 
@@ -85,7 +85,7 @@ class _Writer:
     def _write_new(self, value: Any, path: str) -> Any:
         kind = type(value)
         if kind is np.ndarray and value.dtype.kind in NUMBERS:
-            return {"array": _packed(value)}
+            return self._array(value, path)
         if kind in (list, collections.deque):
             items = [self.write(item, f"{path}[{i}]") for i, item in enumerate(value)]
             return {"list": items} if kind is list else {"deque": items, "most": value.maxlen}
@@ -106,6 +106,15 @@ class _Writer:
         if fields is None:
             raise NoState(f"{path.lstrip('.') or 'it'} is a {_name(kind)}, whose state cannot be read")
         return {"object": _name(kind), "fields": {n: self.write(v, f"{path}.{n}") for n, v in fields.items()}}
+
+    def _array(self, value: np.ndarray, path: str) -> Any:
+        base = value.base
+        if base is None:
+            return {"array": _packed(value)}
+        if type(base) is not np.ndarray:  # it shows memory that is not NumPy's
+            return {"shared": _packed(value)}
+        start = value.__array_interface__["data"][0] - base.__array_interface__["data"][0]
+        return {"view": [value.dtype.str, start, value.shape, value.strides], "of": self.write(base, f"{path}.base")}
 
 
 class _Reader:
@@ -140,7 +149,13 @@ class _Reader:
 
     def _read_new(self, form: str, content: Any, stored: dict[str, Any], present: Any, place: int) -> Any:
         if form == "array":
-            return _in_place(_unpacked(content), present)
+            return _unpacked(content)
+        if form == "shared":
+            np.copyto(present, _unpacked(content), casting="no")
+            return present
+        if form == "view":
+            kind, start, shape, strides = content
+            return np.ndarray(shape, kind, self.read(stored["of"], getattr(present, "base", None)), start, strides)
         if form in ("list", "deque"):
             made: Any = [] if form == "list" else collections.deque(maxlen=stored["most"])
             self._met[place] = made  # which may hold itself
@@ -162,11 +177,10 @@ class _Reader:
             return _with_physics(present, {name: _unpacked(array) for name, array in content.items()})
         fields, wanted = _fields(present), stored["fields"]
         check(fields is not None and _name(type(present)) == content, "state", _name(type(present)), f"a {content}")
-        held = vars(present)
-        for name in [name for name in fields or () if name not in wanted]:
-            del held[name]  # it came only later
-        for name, item in wanted.items():
-            held[name] = self.read(item, held.get(name))
+        found = {name: self.read(item, vars(present).get(name)) for name, item in wanted.items()}
+        for name in fields or ():
+            del vars(present)[name]
+        vars(present).update(found)  # in the order of the original
         return present
 
     def _items(self, content: list[Any], present: Any) -> list[Any]:
@@ -263,23 +277,17 @@ def _with_random_state(present: Any, state: Any) -> Any:
     return present
 
 
-def _in_place(array: np.ndarray, present: Any) -> np.ndarray:
-    """An array in the place of another: written into it where that shows memory of something else."""
-    fits = isinstance(present, np.ndarray) and (present.dtype, present.shape) == (array.dtype, array.shape)
-    if not fits or present.base is None or not present.flags.writeable:
-        return array
-    np.copyto(present, array)
-    return present
-
-
 def _packed(array: np.ndarray) -> list[Any]:
-    return [array.dtype.str, array.shape, base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()]
+    order = "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C"
+    return [array.dtype.str, order, array.shape, base64.b64encode(array.tobytes(order)).decode()]
 
 
 def _unpacked(content: list[Any]) -> np.ndarray:
-    kind, shape, text = content
+    kind, order, shape, text = content
     check(np.dtype(kind).kind in NUMBERS, "dtype", kind, "one of numbers or text")
-    return np.frombuffer(base64.b64decode(text, validate=True), np.dtype(kind)).reshape(shape).copy()
+    found = np.empty(shape, kind, order)
+    found[...] = np.frombuffer(base64.b64decode(text, validate=True), kind).reshape(shape, order=order)
+    return found
 
 
 def _name(cls: type) -> str:
