@@ -210,7 +210,7 @@ def test_a_model_with_muscles_and_meshes_is_simulated(muscled, driven):
 def test_broken_models_are_told_in_one_line(muscled, tmp_path):
     broken = tmp_path / "broken.xml"
     for text, says in (
-        ("<mujoco><worldbody>", "broken.xml: "),
+        ("<mujoco><worldbody>", "broken.xml': "),
         ("<mujoco><worldbody><body><geom size='1' typ='box'/></body></worldbody></mujoco>", "typ"),
         (MUSCLE.format(mesh="gone.obj"), "gone.obj"),
     ):
@@ -219,7 +219,7 @@ def test_broken_models_are_told_in_one_line(muscled, tmp_path):
             live.setup_of(broken)
         assert says in str(refused.value)
         assert "\n" not in str(refused.value)
-    with pytest.raises(ValueError, match="must be a file that exists"):
+    with pytest.raises(ValueError, match=r"none\.xml': must be an existing MJCF file"):
         live.setup_of(tmp_path / "none.xml")
 
 

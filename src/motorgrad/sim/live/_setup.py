@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model
+from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model, read_model
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy, policy_of_run
@@ -148,7 +148,7 @@ def with_body(task: BodyTask, body: Body) -> BodyTask:
 
 def _attitude(spec: mujoco.MjSpec, body: str) -> np.ndarray:
     """The rotation of a body in the model's reference pose."""
-    model: Any = spec.copy().compile()
+    model: Any = compile_model(spec.copy())
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return data.body(body).xmat.reshape(3, 3).copy()
@@ -244,27 +244,12 @@ def _of_model(subject: Any, stage: Stage) -> Setup:
     if isinstance(subject, mujoco.MjModel):
         check(stage.empty, "stage", stage, "left out where the model is compiled")
         return Setup("model", model=subject)
-    if isinstance(subject, str) and subject in BODIES:
-        name, spec = subject, BODIES[subject]().spec()
-    elif isinstance(subject, Path | str):
-        name, spec = Path(subject).stem, _read(Path(subject))
-    else:
-        name, spec = type(subject).__name__.lower(), subject.spec()
-    try:
-        stage.put_into(spec)
-        model = compile_model(spec)
-    except ValueError as error:
-        where = f"{subject}: " if isinstance(subject, Path | str) else ""
-        raise ValueError(where + " ".join(str(error).split())) from None
-    return Setup(name, model=model)
-
-
-def _read(path: Path) -> mujoco.MjSpec:
-    check(path.is_file(), "model", str(path), "a file that exists")
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    if isinstance(subject, Path | str) and subject not in BODIES:
+        return Setup(Path(subject).stem, model=read_model(Path(subject), stage.put_into))
+    body: Any = BODIES[subject]() if isinstance(subject, str) else subject
+    spec = body.spec()
+    stage.put_into(spec)
+    return Setup(subject if isinstance(subject, str) else type(subject).__name__.lower(), model=compile_model(spec))
 
 
 def acting(run: Run, seed: int) -> Agent:
