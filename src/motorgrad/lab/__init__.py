@@ -16,7 +16,7 @@ r"""TimLab: dynamical systems, controllers and learners built from blocks.
 using the inputs of this tick. An input declared with `feedthrough=False` does not affect the outputs of the same tick,
 so a block with such an input breaks a loop. Between ticks, continuous blocks are integrated by RK4: they, and every
 stateless and deterministic block that they reach without delay, are evaluated again inside the step. Everything else is
-evaluated once per tick and held.
+evaluated once per tick and held. RK4 steps are split where a source jumps.
 
 To write a block of your own, see the page on TimLab's engine (`docs/lab.md`).
 """
