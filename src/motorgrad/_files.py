@@ -16,7 +16,7 @@ LARGEST = 2**20  # bytes of a settings file
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write `content` to `path`, so that a reader or a crash sees either the old file or the new one."""
-    aside = path.with_name(f".{path.name}.partial")
+    aside = partial(path)
     with aside.open("wb") as file:
         file.write(content)
         file.flush()
@@ -28,6 +28,11 @@ def write_atomically(path: Path, content: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def partial(path: Path) -> Path:
+    """The file in which `write_atomically` collects what it will put at a path."""
+    return path.with_name(f".{path.name}.partial")
 
 
 def write_arrays(path: Path, arrays: "Mapping[str, np.ndarray]") -> None:

@@ -139,11 +139,11 @@ def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Edi
     **Arguments:**
 
     - `diagram`: the diagram to begin with; the editor works on a copy. By default the one in `file`, or an empty one.
-    - `file`: where the editor saves it.
+    - `file`: where the editor saves it; its name ends in `.json`.
 
     **Returns** a widget. Its `diagram` is a copy of the diagram as edited so far; `close` ends the session.
 
-    **Raises** `ValueError` for a file that does not contain a diagram.
+    **Raises** `ValueError` for a file that does not contain a diagram, or has another name.
     """
     from motorgrad.lab.editor._widget import Editor, Session  # anywidget is loaded only when it is needed
 

@@ -86,12 +86,20 @@ class Server:
 
     async def _page(self, request: Any) -> Response:
         path = request.path_params["path"] or "index.html"
-        file = (self._static / path).resolve()
+        file = self._built(path)
         if not file.is_relative_to(self._static.resolve()) or not file.is_file():
             missing = path == "index.html"
             text = "The editor's pages are not built: see CONTRIBUTING.md" if missing else "There is no such page."
             return PlainTextResponse(text, 404, HEADERS)
         return FileResponse(file, headers=HEADERS)
+
+    def _built(self, path: str) -> Path:
+        """The file of a page; for what cannot be the name of a file, the folder of all."""
+        try:
+            file = (self._static / path).resolve()
+            return file if file.is_file() else self._static
+        except (OSError, ValueError):  # too long, or with a zero byte
+            return self._static
 
     async def _talk(self, connection: WebSocket) -> None:
         await connection.accept()
@@ -168,7 +176,7 @@ class _Guard:
         headers: dict[bytes, list[bytes]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.lower(), []).append(value)
-        given = scope["path"].split("/")[1].encode("utf-8", "replace")
+        given = scope["path"].partition("/")[2].partition("/")[0].encode("utf-8", "replace")
         origins = headers.get(b"origin", [] if scope["type"] == "http" else [b""])
         known = hmac.compare_digest(given, self._token)
         return known and set(headers.get(b"host", [b""])) <= self._hosts and set(origins) <= self._origins
