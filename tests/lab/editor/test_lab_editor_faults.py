@@ -2,6 +2,10 @@
 
 import dataclasses
 import itertools
+import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import Annotated, ClassVar
@@ -115,7 +119,7 @@ class Slow(lab.Block):
 
     def init(self, uniforms):
         if isinstance(uniforms, jax.core.Tracer) and threading.current_thread().name == "motorgrad-lab-compiler":
-            RELEASED.wait(60)
+            RELEASED.wait(float(os.environ.get("SLOW", "60")))
         return jnp.zeros(())
 
     def output(self, state, inputs, now):
@@ -204,3 +208,38 @@ def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path):
     session.close()
     assert time.monotonic() - began < 5
     RELEASED.set()
+
+
+STOPPED = """
+import sys, time
+sys.path[:0] = {path!r}
+from test_lab_editor_faults import Client, Session, Slow, chain, lab, start
+client = Client(Session(chain(Slow(), lab.Scope())))
+start(client)
+client.do("pause")
+print("stopped", flush=True)
+client.session.close()
+sys.exit(7)
+"""
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_process_waits_for_the_compiler_at_its_end_unless_interrupted(interrupted, tmp_path, process_environment):
+    code = STOPPED.format(path=sys.path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=process_environment | {"SLOW": "600" if interrupted else "3"},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline() == "stopped\n"
+    assert process.stderr.readline() == "waiting for the compiler to end; Ctrl-C ends at once\n"
+    if interrupted:
+        process.send_signal(signal.SIGINT)
+    assert process.wait(60) == (130 if interrupted else 7)
+    process.communicate()

@@ -1,8 +1,12 @@
 """Compilation that can be stopped: in a thread of its own, because nothing can interrupt the compiler.
 
-What is stopped goes on unseen until it is done. The number of such compilations is limited.
+What is stopped goes on unseen until it is done. The number of such compilations is limited, and the process waits for
+them at its end: the compiler aborts a process that ends under it.
 """
 
+import atexit
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -60,6 +64,7 @@ class Compilation:
             took = time.monotonic() - start
             if self._stopped() and making.is_alive():
                 self._left.append(making)
+                atexit.register(_wait_for, making)  # after JAX's own handlers, hence called before them
                 raise Stopped(f"compilation stopped after {took:.0f} s: the compiler goes on unseen until it is done")
             if took - told >= REPORT:
                 if told < PATIENCE <= took:
@@ -69,3 +74,13 @@ class Compilation:
         if making.error is not None:
             raise making.error
         return making.made  # type: ignore[return-value]  # it was made
+
+
+def _wait_for(making: threading.Thread) -> None:
+    """Wait at the end of the process, or end it at once if it is interrupted again."""
+    try:
+        if making.is_alive():
+            print("waiting for the compiler to end; Ctrl-C ends at once", file=sys.stderr, flush=True)
+        making.join()
+    except KeyboardInterrupt:
+        os._exit(130)

@@ -1,6 +1,7 @@
-"""Markup in names, titles, comments and messages is text in the editor's page; what is not finite is not drawn."""
+"""The page under attack: markup in all that people name, signals that are NaN, a compilation without end."""
 
 from editor_page import sync_api, wave
+from test_lab_editor_faults import RELEASED, Slow, chain
 
 from motorgrad import lab
 
@@ -147,3 +148,18 @@ def test_a_healthy_scope_has_a_line_everywhere(opened):
     editor = opened(diagram)
     editor.play_until(99)
     assert _inked(editor) == [True, True, True]
+
+
+def test_a_compilation_is_stopped_from_the_page(opened):
+    RELEASED.clear()
+    editor = opened(chain(Slow(), lab.Scope()))
+    editor.button("Play").click()
+    expect(editor.page.get_by_role("status").get_by_text("compiling")).to_be_visible()
+    editor.block("scope").click()  # the page answers meanwhile
+    expect(editor.field("name")).to_have_value("scope")
+    editor.button("Pause").click()
+    editor.told("compilation stopped after")
+    expect(editor.button("Play")).to_be_visible()
+    RELEASED.set()
+    editor.button("One tick").click()
+    editor.wait(lambda: editor.tick == 1)
