@@ -6,6 +6,7 @@ import json
 import queue
 import re
 import signal
+import socket as net
 import subprocess
 import sys
 
@@ -102,6 +103,36 @@ def test_nothing_outside_the_built_pages_is_served(server, path):
     status, _, text = get(server, f"{place}{path}", **cookie)
     assert status in (403, 404)
     assert "secret" not in text
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            "OPTIONS * HTTP/1.1",
+            "GET ? HTTP/1.1",
+            "GET * HTTP/1.1",
+            "GET http://evil.example HTTP/1.1",
+            "GET x HTTP/1.1",
+        ),
+        *("GET /{token}/%00 HTTP/1.1", "GET /{token}/a%00b.js HTTP/1.1", "GET /%00/{token}/ HTTP/1.1"),
+        *("GET /{token}/{long} HTTP/1.1", "GET /{token}/{deep} HTTP/1.1", "GET /{long}/ HTTP/1.1"),
+        *("GET /{token}/%ff%fe HTTP/1.1", "GET /{token}/%ED%A0%80 HTTP/1.1", "GET /{token}/.. HTTP/1.1"),
+        *("POST /{token}/ HTTP/1.1", "GET /{token}/?{long} HTTP/1.1", "GET  HTTP/1.1", "\x00\xff", "GET / HTTP/9.9"),
+        *("GET /{token}/CON HTTP/1.1", "GET /{token}//// HTTP/1.1", "BREW /{token}/ HTTP/1.1", "CONNECT a:1 HTTP/1.1"),
+    ],
+)
+def test_odd_requests_are_refused_as_the_clients_mistake(server, line):
+    request = line.format(token=server.token, long="x" * 5000, deep="a/" * 3000).encode("latin-1")
+    with net.create_connection(("127.0.0.1", server.port), TIMEOUT) as connection:
+        connection.sendall(request + b"\r\nHost: 127.0.0.1:%d\r\nConnection: close\r\n\r\n" % server.port)
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
+    status = int(answer.split()[1])
+    assert 400 <= status < 500 or (status == 200 and b"?x" in request)
+    assert b"Traceback" not in answer
+    assert get(server, f"/{server.token}/")[0] == 200
 
 
 def test_foreign_origins_and_hosts_are_refused(server):
@@ -223,6 +254,7 @@ def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
         (["--gallery", "chian"], "did you mean 'chain'"),
         (["x.json", "--gallery", "chain"], "must be given without a file"),
         ([".."], "must be a file, not a folder"),
+        (["evil.py"], "file = 'evil.py': must be a name that ends in .json"),
         (["nowhere/x.json"], "must be in an existing folder"),
         (["spoilt.json"], "spoilt.json: line 1, column 1: must be JSON"),
     ],

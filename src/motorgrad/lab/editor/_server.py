@@ -86,12 +86,20 @@ class Server:
 
     async def _page(self, request: Any) -> Response:
         path = request.path_params["path"] or "index.html"
-        file = (self._static / path).resolve()
+        file = self._built(path)
         if not file.is_relative_to(self._static.resolve()) or not file.is_file():
             missing = path == "index.html"
             text = "The editor's pages are not built: see CONTRIBUTING.md" if missing else "There is no such page."
             return PlainTextResponse(text, 404, PAGE_HEADERS)
         return FileResponse(file, headers=PAGE_HEADERS)
+
+    def _built(self, path: str) -> Path:
+        """The file of a page; for what cannot be the name of a file, the folder of all."""
+        try:
+            file = (self._static / path).resolve()
+            return file if file.is_file() else self._static
+        except (OSError, ValueError):  # too long, or with a zero byte
+            return self._static
 
     async def _talk(self, connection: WebSocket) -> None:
         await connection.accept()
