@@ -67,8 +67,8 @@ format: $(STAMP)  ## put the format right
 bench: $(STAMP)  ## the speed table of docs/performance.md
 	$(BIN)/motorgrad bench
 
-torture: $(STAMP)  ## kill training a hundred times, and see that nothing is lost (some minutes)
-	$(BIN)/python tools/torture.py
+torture: $(STAMP)  ## attack: kills, damaged files, mutated inputs (some minutes; COUNT=10 of each)
+	$(BIN)/python -m tools.torture --count $(or $(COUNT),10) --record build/torture.json
 
 docs: $(STAMP)  ## the documentation site, in build/site
 	@$(BIN)/python -c 'import mkdocs_jupyter' 2>/dev/null || \

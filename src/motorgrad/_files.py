@@ -17,7 +17,7 @@ LARGEST = 2**20  # bytes of a settings file
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write `content` to `path`, so that a reader or a crash sees either the old file or the new one."""
-    aside = path.with_name(f".{path.name}.partial")
+    aside = partial(path)
     try:
         with aside.open("wb") as file:
             file.write(content)
@@ -41,6 +41,11 @@ def remove_partials(folder: Path) -> None:
     for orphan in folder.glob(".*.partial"):
         with contextlib.suppress(OSError):
             orphan.unlink()
+
+
+def partial(path: Path) -> Path:
+    """The temporary file of `write_atomically` for a path."""
+    return path.with_name(f".{path.name}.partial")
 
 
 def write_arrays(path: Path, arrays: "Mapping[str, np.ndarray]") -> None:

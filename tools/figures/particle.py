@@ -1,5 +1,6 @@
 """Figures of the tasks on a particle: regions, fields, paths, and how they are learned."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -137,9 +138,9 @@ def navigation_learning(work: Work) -> Figure:
 
 
 def _first(task: ParticleTask) -> Policy:
+    """The policy before learning."""
     policy = agent_for(task).policy
-    assert isinstance(policy, Policy)
-    return policy
+    return policy if isinstance(policy, Policy) else policy(jax.random.key(0))
 
 
 def _paths(

@@ -133,6 +133,6 @@ def ascent(work: Work) -> Figure:
             band(panel, decisions / 1000, rewards, colour, f"{rate:g}")
         level(panel, oracle.optimal_policy(task.dynamics)[1], "best policy")
         panel.set(title=name, xlabel="thousand decisions", ylim=(-0.005, 0.24))
-        panel.legend(title=r"step size $\alpha$", loc="upper center", ncols=4, columnspacing=1)
+        panel.legend(title=r"learning rate $\alpha$", loc="upper center", ncols=4, columnspacing=1)
     axes[0].set_ylabel("mean reward")
     return figure

@@ -32,6 +32,7 @@ class Lab:
             choice("diagram of the gallery", self.gallery, gallery.GALLERY)
         if self.file is not None:
             check(not self.file.is_dir(), "file", str(self.file), "a file, not a folder")
+            check(self.file.suffix == ".json", "file", str(self.file), "a name that ends in .json")
             folder = self.file.absolute().parent
             check(folder.is_dir(), "file", str(self.file), "in an existing folder")
 

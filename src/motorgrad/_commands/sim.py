@@ -26,6 +26,8 @@ Watch a body, its muscles and its learner live in the browser. They run in a pro
 or an MJCF file is simulated without a learner, and a run continues from its learned policy.
 """
 
+NEW = "a new file with --run, which starts with the policy of the run"
+
 
 @dataclasses.dataclass(frozen=True)
 class Options:
@@ -35,6 +37,10 @@ class Options:
     """Start with the policy of the run in this directory; TASK may then be left out."""
     seed: int | None = None
     """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
+    autosave: Path | None = None
+    """Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists."""
+    autosave_every: float = 10.0
+    """Seconds of wall time between two automatic saves, at least 0.1."""
     frozen: bool = False
     """Start without learning."""
     paused: bool = False
@@ -42,7 +48,7 @@ class Options:
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
     host: str = HERE
-    """The address of the page. Everyone who can reach a host other than 127.0.0.1 can control the simulation."""
+    """Where the page listens. Other machines reach a host other than 127.0.0.1, unencrypted: keep its address secret."""
     port: int | None = None
     """The page's port; by default 8080, or the next free one."""
     browser: bool = True
@@ -63,6 +69,11 @@ class Options:
         if self.record is not None:
             check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
             check_writable("record", self.record)
+        if self.autosave is not None:
+            live.Save(str(self.autosave))
+            check_writable("autosave", self.autosave)
+            check(0.1 <= self.autosave_every < math.inf, "autosave_every", self.autosave_every, "at least 0.1 s")
+            check(self.run is None or not self.autosave.exists(), "autosave", str(self.autosave), NEW)
         check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
 
     def effective(self: Any) -> dict[str, Any]:
@@ -93,7 +104,9 @@ def run(arguments: list[str]) -> int:
     if model is not None:
         kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
         options = resolve(kind, given, "sim MODEL")
-        check(options.run is None, "run", str(options.run), "left out with a model, which has no learner")
+        for name in ("run", "autosave"):
+            value = getattr(options, name)
+            check(value is None, name, str(value), "left out with a model, which has no learner")
         setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
     else:
         options = _learner_options(given, scene)
@@ -119,8 +132,9 @@ def _setup(options: Any, place: Place) -> Any:
             why = "true: the learner of this run was made in Python, so that its policy can only act"
             check(options.frozen, "frozen", options.frozen, why)
             agent = live.acting(known, seed)
+    saved = options.autosave if options.autosave and options.autosave.exists() else None
     rest = {"frozen": options.frozen, "stage": place.stage, "planet": place.planet}
-    return live.setup_of(options.task, agent, seed or 0, run=options.run, **rest)
+    return live.setup_of(options.task, agent, seed or 0, run=options.run or saved, **rest)
 
 
 def _show(setup: Any, options: Options) -> int:
@@ -135,12 +149,19 @@ def _show(setup: Any, options: Options) -> int:
         film = None if options.record is None else page.record(options.record)
         if options.browser:
             page.open()
+        save = None if options.autosave is None else live.Save(str(options.autosave), quiet=True)
+        saved = time.monotonic()
         try:
             while time.monotonic() < until and not session.ended:
                 time.sleep(min(0.2, max(0.0, until - time.monotonic())))
+                if save is not None and time.monotonic() > saved + options.autosave_every:
+                    session.order(save)
+                    saved = time.monotonic()
         except KeyboardInterrupt:
             print(f"{setup.name}: ended", file=sys.stderr)
         finally:
+            if save is not None and not session.ended:
+                session.order(save)
             if film is not None:
                 film.stop()
                 print(f"film: {film.path}")

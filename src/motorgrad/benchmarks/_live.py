@@ -27,10 +27,12 @@ def watched_row(task: str, seconds: float, pairs: int, wanted: str = "") -> Row:
     alone.start()
     rates: list[list[float]] = [[], []]
     with Session(setup_of(task), playing=False, speed=math.inf) as session, Page(session) as page:
-        port = page.server.get_port()
         length = 2 * pairs * (seconds + 5) + 60
-        command = [sys.executable, "-m", "motorgrad.benchmarks._watcher", str(port), str(length)]
-        client = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        command = [sys.executable, "-m", "motorgrad.benchmarks._watcher", str(length)]
+        client = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        assert client.stdin is not None
+        client.stdin.write(f"{page.url}\n")
+        client.stdin.close()
         try:
             _until(lambda: bool(page.server.get_clients()))
             _receive(pipe)  # it has compiled

@@ -3,6 +3,7 @@
 import importlib.metadata
 import sys
 import time
+from typing import Any
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -19,10 +20,11 @@ CAMERA = {
 """A browser's first message; only who has sent it counts as a client."""
 
 
-def watch(port: int, seconds: float, pause: float = 0.0) -> tuple[int, int]:
+def watch(url: str, seconds: float, pause: float = 0.0) -> tuple[int, int]:
     """Receive what a page sends for `seconds`; returns the numbers of messages and of bytes.
 
-    **Arguments:** `pause`: seconds to sleep after each message, which simulates a slow browser.
+    **Arguments:** `url`: the page's whole address; `pause`: seconds to sleep after each message, which simulates a slow
+    browser.
     """
     import msgspec
     from websockets.sync.client import connect
@@ -31,7 +33,8 @@ def watch(port: int, seconds: float, pause: float = 0.0) -> tuple[int, int]:
     version = Subprotocol(f"viser-v{importlib.metadata.version('viser')}")
     messages = size = 0
     until = time.monotonic() + seconds
-    with connect(f"ws://127.0.0.1:{port}", subprotocols=[version], max_size=None, compression=None) as socket:
+    settings: Any = {"subprotocols": [version], "max_size": None, "compression": None, "origin": origin_of(url)}
+    with connect(url.replace("http", "ws", 1), **settings) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
         while (left := until - time.monotonic()) > 0:
             try:
@@ -44,5 +47,10 @@ def watch(port: int, seconds: float, pause: float = 0.0) -> tuple[int, int]:
     return messages, size
 
 
-if __name__ == "__main__":
-    print(*watch(int(sys.argv[1]), float(sys.argv[2]), *map(float, sys.argv[3:])))
+def origin_of(url: str) -> str:
+    """The origin that a browser sends from the page at this address."""
+    return "/".join(url.split("/")[:3])
+
+
+if __name__ == "__main__":  # the address is a secret, and the arguments of a process are not
+    print(*watch(input(), *map(float, sys.argv[1:])))

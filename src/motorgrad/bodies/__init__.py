@@ -15,6 +15,7 @@ from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure
 from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
 from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
+from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
@@ -74,6 +75,7 @@ __all__ = [
     "native_force_length",
     "path_points",
     "read_hexapod",
+    "read_model",
     "tabulate_lift",
     "tension",
     "to_mjcf",

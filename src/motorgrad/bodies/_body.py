@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, choice, unknown
-from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.models._read import compile_bare, compile_spec
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, set_native_gain
 
 MUSCLE_MODELS = ("thesis", "native")
@@ -104,20 +104,15 @@ def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
 
     **Returns:** the model. If it has muscles of the "thesis" model, the gain callback is installed and verified.
 
-    **Raises:** `RuntimeError` if another gain callback is installed; `ValueError` from MuJoCo for an invalid
-    description.
+    **Raises:** `RuntimeError` if another gain callback is installed; `ValueError` for a description that MuJoCo refuses
+    or that is beyond the [limits](../bodies.md#models-from-elsewhere).
 
     ```python
     model = mg.bodies.compile_model(mg.bodies.Hopper(load_mass=3.0))
     ```
     """
     spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
-    # before compiling, which briefly runs the physics and would call a foreign callback
-    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
-        install_muscle_callback()
-    model = spec.compile()
-    check_muscle_callback(model)
-    return model
+    return compile_spec(spec)
 
 
 def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: str = "thesis") -> None:
@@ -246,7 +241,7 @@ def to_mjcf(body: Body | mujoco.MjSpec) -> str:
     export for programs without it.
     """
     spec = body if isinstance(body, mujoco.MjSpec) else body.spec()
-    spec.compile()  # the writer requires resolved references
+    compile_bare(spec)  # the writer requires resolved references
     with _all_digits():
         xml = spec.to_xml()
     # colours are stored in single precision, so 0.9 would be written with 17 digits

@@ -16,7 +16,7 @@ r"""TimLab: dynamical systems, controllers and learners built from blocks.
 using the inputs of this tick. An input declared with `feedthrough=False` does not affect the outputs of the same tick,
 so a block with such an input breaks a loop. Between ticks, continuous blocks are integrated by RK4: they, and every
 stateless and deterministic block that they reach without delay, are evaluated again inside the step. Everything else is
-evaluated once per tick and held.
+evaluated once per tick and held. RK4 steps are split where a source jumps.
 
 To write a block of your own, see the page on TimLab's engine (`docs/lab.md`).
 """
@@ -139,11 +139,11 @@ def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Edi
     **Arguments:**
 
     - `diagram`: the diagram to begin with; the editor works on a copy. By default the one in `file`, or an empty one.
-    - `file`: where the editor saves it.
+    - `file`: where the editor saves it; its name ends in `.json`.
 
     **Returns** a widget. Its `diagram` is a copy of the diagram as edited so far; `close` ends the session.
 
-    **Raises** `ValueError` for a file that does not contain a diagram.
+    **Raises** `ValueError` for a file that does not contain a diagram, or has another name.
     """
     from motorgrad.lab.editor._widget import Editor, Session  # anywidget is loaded only when it is needed
 

@@ -265,12 +265,16 @@ def tiles(
 
 def lattice(places: int, inputs: int) -> np.ndarray:
     """`places` points `(places, inputs)` spread evenly over the unit cube, at the centres of cells."""
-    if inputs == 1:
-        return (np.arange(places)[:, None] + 0.5) / places
-    rows = max(1, round(places ** (1 / inputs)))
-    parts = [len(part) for part in np.array_split(np.arange(places), rows)]
-    layers = [np.insert(lattice(part, inputs - 1), 0, (n + 0.5) / rows, axis=1) for n, part in enumerate(parts)]
-    return np.concatenate(layers)
+    points = np.full((places, inputs), 0.5)
+    for column in range(inputs - 1):
+        rows = max(1, round(places ** (1 / (inputs - column))))
+        if rows > 1:  # in the columns before, all are in the middle
+            for n, part in enumerate(np.array_split(points[:, column:], rows)):
+                part[:, 0] = (n + 0.5) / rows
+                part[:, 1:] = lattice(*part[:, 1:].shape)
+            return points
+    points[:, -1] = (np.arange(places) + 0.5) / places
+    return points
 
 
 def input_ranges(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:

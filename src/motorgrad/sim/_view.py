@@ -49,10 +49,10 @@ def view(
       such as `"hexapod"`.
     - `playing`: whether it starts at once.
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
-    - `host`, `port`: where the page listens. With a host other than 127.0.0.1, whoever reaches the page can drive the
-      simulation. The default port is 8080, or the next free one.
+    - `host`, `port`: where the page listens. Other machines reach a host other than 127.0.0.1; whoever knows the whole
+      address can drive the simulation. The default port is 8080, or the next free one.
 
-    **Returns** a `Page`, which a notebook shows. `page.url` is its address, `page.wait()` waits until it ends,
+    **Returns** a `Page`, which a notebook shows. `page.url` is its whole address, `page.wait()` waits until it ends,
     `page.close()` ends it; `page.session` is the run.
 
     **Raises** `ValueError` for anything that cannot be simulated, before anything starts.

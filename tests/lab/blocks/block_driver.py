@@ -36,7 +36,8 @@ def drive(block: Block, ticks: int, step: float = 0.1, **inputs: Any) -> dict[st
 
     def once(state: Any, given: Any) -> Any:
         tick, row = given
-        now = Moment(tick, tick * jnp.asarray(step), jnp.asarray(step), jnp.zeros(block.uniforms))
+        time = tick * jnp.asarray(step)
+        now = Moment(tick, time, jnp.asarray(step), jnp.zeros(block.uniforms), time)
         signals = {name: signal(port, row.get(name)) for name, port in ports.items()}
         outputs = own.output(state, {n: u for n, u in signals.items() if ports[n].feedthrough}, now)
         return own.update(state, signals, now), outputs

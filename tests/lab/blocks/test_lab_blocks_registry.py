@@ -68,9 +68,8 @@ def test_gives_the_same_stacked_as_alone(name, tmp_path):
     rng = np.random.default_rng(0)
     own, values = arrays(block), {name: jnp.asarray(value) for name, value in block.values().items()}
     inputs = {name: signal(port, rng.uniform(0.2, 0.9, port.shape)) for name, port in block.inputs.items()}
-    now = Moment(
-        jnp.uint32(3), jnp.asarray(0.3), jnp.asarray(0.1), jnp.asarray(rng.uniform(size=block.uniforms), float)
-    )
+    time, numbers = jnp.asarray(0.3), jnp.asarray(rng.uniform(size=block.uniforms), float)
+    now = Moment(jnp.uint32(3), time, jnp.asarray(0.1), numbers, time)
 
     def functions(block, inputs, now):
         state = block.init(jnp.full(block.init_uniforms, 0.5))

@@ -23,7 +23,7 @@ def test_step_jumps_at_its_time():
 def test_a_step_late_in_a_run_is_at_its_tick():
     times = np.arange(999_900, 1_000_100, dtype=np.float32) * np.float32(0.01)  # as a diagram rounds them
     block = arrays(of("step", at=10_000.0))
-    given = [float(block.output((), {}, Moment(0, time, 0.01, ()))["y"]) for time in times]
+    given = [float(block.output((), {}, Moment(0, time, 0.01, (), time))["y"]) for time in times]
     np.testing.assert_array_equal(given, np.arange(999_900, 1_000_100) >= 1_000_000)
 
 

@@ -63,6 +63,7 @@ class Editor:
     def open(self, url: str) -> "Editor":
         self.page.goto(url)
         sync_api.expect(self.page.get_by_role("button", name="Add gain", exact=True)).to_be_attached(timeout=WAIT)
+        assert self.server is None or self.server.token not in self.page.url
         return self
 
     def button(self, name: str) -> Any:

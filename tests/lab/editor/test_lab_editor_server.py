@@ -6,6 +6,7 @@ import json
 import queue
 import re
 import signal
+import socket as net
 import subprocess
 import sys
 
@@ -67,13 +68,22 @@ def hear_out(connection):
         connection.recv(TIMEOUT)
 
 
+def enter(server):
+    """The place to which the printed address leads, and the headers of a browser that has been there."""
+    status, headers, _ = get(server, f"/{server.token}/")
+    assert status == 303
+    return headers["location"], {"Cookie": headers["set-cookie"].split(";")[0]}
+
+
 def test_pages_are_served_to_who_knows_the_token(server):
-    status, headers, text = get(server, f"/{server.token}/")
+    place, cookie = enter(server)
+    assert server.token not in place
+    status, headers, text = get(server, place, **cookie)
     assert (status, text) == (200, "<!doctype html><title>TimLab</title>")
     assert "default-src 'self'" in headers["content-security-policy"]
     assert headers["referrer-policy"] == "no-referrer"
-    assert get(server, f"/{server.token}/assets/main.js")[0] == 200
-    assert get(server, f"/{server.token}/assets/none.js")[0] == 404
+    assert get(server, f"{place}assets/main.js", **cookie)[0] == 200
+    assert get(server, f"{place}assets/none.js", **cookie)[0] == 404
     assert len(server.token) >= 32
     assert server.url == f"http://127.0.0.1:{server.port}/{server.token}/"
 
@@ -89,29 +99,61 @@ def test_without_the_token_nothing_is_served(server, path):
 
 @pytest.mark.parametrize("path", ["../secret.txt", "%2e%2e/secret.txt", "..%2fsecret.txt", "/etc/passwd", "assets"])
 def test_nothing_outside_the_built_pages_is_served(server, path):
-    status, _, text = get(server, f"/{server.token}/{path}")
+    place, cookie = enter(server)
+    status, _, text = get(server, f"{place}{path}", **cookie)
     assert status in (403, 404)
     assert "secret" not in text
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            "OPTIONS * HTTP/1.1",
+            "GET ? HTTP/1.1",
+            "GET * HTTP/1.1",
+            "GET http://evil.example HTTP/1.1",
+            "GET x HTTP/1.1",
+        ),
+        *("GET /{token}/%00 HTTP/1.1", "GET /{token}/a%00b.js HTTP/1.1", "GET /%00/{token}/ HTTP/1.1"),
+        *("GET /{token}/{long} HTTP/1.1", "GET /{token}/{deep} HTTP/1.1", "GET /{long}/ HTTP/1.1"),
+        *("GET /{token}/%ff%fe HTTP/1.1", "GET /{token}/%ED%A0%80 HTTP/1.1", "GET /{token}/.. HTTP/1.1"),
+        *("POST /{token}/ HTTP/1.1", "GET /{token}/?{long} HTTP/1.1", "GET  HTTP/1.1", "\x00\xff", "GET / HTTP/9.9"),
+        *("GET /{token}/CON HTTP/1.1", "GET /{token}//// HTTP/1.1", "BREW /{token}/ HTTP/1.1", "CONNECT a:1 HTTP/1.1"),
+    ],
+)
+def test_odd_requests_are_refused_as_the_clients_mistake(server, line):
+    request = line.format(token=server.token, long="x" * 5000, deep="a/" * 3000).encode("latin-1")
+    with net.create_connection(("127.0.0.1", server.port), TIMEOUT) as connection:
+        connection.sendall(request + b"\r\nHost: 127.0.0.1:%d\r\nConnection: close\r\n\r\n" % server.port)
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
+    status = int(answer.split()[1])
+    assert 400 <= status < 500 or (status == 200 and b"?x" in request)
+    assert b"Traceback" not in answer
+    assert get(server, f"/{server.token}/")[0] == 200
+
+
 def test_foreign_origins_and_hosts_are_refused(server):
-    page = f"/{server.token}/"
+    page, cookie = enter(server)
     for origin in (
         "http://evil.example",
         "null",
         f"http://127.0.0.1:{server.port + 1}",
         f"https://127.0.0.1:{server.port}",
     ):
-        assert get(server, page, Origin=origin)[0] == 403
+        assert get(server, page, Origin=origin, **cookie)[0] == 403
+        assert get(server, f"/{server.token}/", Origin=origin)[0] == 403
         with pytest.raises(InvalidStatus, match="403"):
             socket(server, origin=origin)
-    assert get(server, page, Host="evil.example")[0] == 403  # a foreign name that leads to this machine
+    assert get(server, page, Host="evil.example", **cookie)[0] == 403  # a foreign name that leads to this machine
     for token in ("x", server.token[:-1], server.token + "x"):
         with pytest.raises(InvalidStatus, match="403"):
             socket(server, token)
     with pytest.raises(InvalidStatus, match="403"):
         socket(server, origin=None)
-    assert get(server, page, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
+    assert get(server, page, Origin=f"http://127.0.0.1:{server.port}", **cookie)[0] == 200
     with socket(server):
         pass
 
@@ -212,6 +254,7 @@ def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
         (["--gallery", "chian"], "did you mean 'chain'"),
         (["x.json", "--gallery", "chain"], "must be given without a file"),
         ([".."], "must be a file, not a folder"),
+        (["evil.py"], "file = 'evil.py': must be a name that ends in .json"),
         (["nowhere/x.json"], "must be in an existing folder"),
         (["spoilt.json"], "spoilt.json: line 1, column 1: must be JSON"),
     ],

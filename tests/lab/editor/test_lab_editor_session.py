@@ -1,9 +1,11 @@
 """Sessions: several clients, lost connections, files, and work that outlives its process."""
 
 import json
+import random
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from editor_clients import Client
@@ -239,3 +241,56 @@ def test_opening_another_diagram_loses_no_unsaved_work_and_no_file(start, tmp_pa
     (found,) = again.last("recoverable")["list"]
     again.do("recover", id=found["id"])
     assert list(again.session.diagram.nodes) == ["gain"]
+
+
+def test_what_a_killed_server_left_half_done_is_cleaned_up(tmp_path):
+    file, states = tmp_path / "work.json", tmp_path / "states"
+    states.mkdir()
+    living = Session(file=file, states=states)
+    Client(living).do("add", at=[], type="gain")
+    for name in (".work.json.partial", ".work.json.7.journal.lock", "states/2026-01-01.journal.lock"):
+        (tmp_path / name).touch()
+    session = Session(file=file, states=states)
+    names = [path.name for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(names) == [".work.json.journal", ".work.json.journal.lock"]  # those of the living session
+    session.close(keep=False)
+    living.close(keep=False)
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+class Jumping:
+    """The `time` module on a machine whose clock is set again and again."""
+
+    def __init__(self, chance):
+        self.chance = chance
+
+    def __getattr__(self, name):
+        return getattr(time, name)
+
+    def time(self):
+        return time.time() + self.chance.uniform(-1e9, 1e9)
+
+
+def test_a_clock_that_jumps_changes_neither_undo_nor_what_is_recovered(tmp_path, monkeypatch):
+    for module in ("_session", "_storage", "_branch", "_runner", "_tree"):
+        monkeypatch.setattr(f"motorgrad.lab.editor.{module}.time", Jumping(random.Random(0)), raising=False)
+    diagram = lab.Diagram()
+    diagram.add("sine", lab.Sine())
+    session = Session(diagram, folder=tmp_path, states=tmp_path / "states")
+    client = Client(session)
+    for value in (2.0, 3.0, 4.0):
+        client.do("parameter", address="sine.amplitude", value=value)
+    client.do("tick", n=5)
+    client.do("undo")  # changes of one parameter in quick succession are one, whatever the clock says
+    assert session.diagram == diagram
+    client.do("redo")
+    for _ in range(10):
+        client.do("add", at=[], type="scope")
+    wanted = session.diagram
+    session.close()
+    after = Session(folder=tmp_path, states=tmp_path / "states")
+    client = Client(after)
+    (found,) = client.last("recoverable")["list"]
+    client.do("recover", id=found["id"])
+    assert after.diagram == wanted
+    after.close(keep=False)

@@ -63,7 +63,7 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
     path.write_text(CART)
     assert lab.MujocoModel(file=str(path)).model.nu == 2
     path.write_text(CART.replace("<worldbody>", '<asset><mesh name="hull" file="hull.stl"/></asset><worldbody>'))
-    with pytest.raises(ValueError, match=r"cannot read it: .*hull\.stl") as raised:
+    with pytest.raises(ValueError, match=r"MuJoCo cannot compile it: .*hull\.stl") as raised:
         lab.MujocoModel(file=str(path))
     assert "\n" not in str(raised.value)
 
@@ -71,16 +71,19 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"xml": "<mujoco><worldbody>"}, "xml: MuJoCo cannot read it"),
-        ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot read it.*size"),
-        ({"xml": ""}, "xml: MuJoCo cannot read it"),
+        ({"xml": "<mujoco><worldbody>"}, "xml: not well-formed XML"),
+        ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot compile it.*size"),
+        ({"xml": ""}, "xml: not well-formed XML"),
         ({"xml": 3}, "xml = 3: must be a string"),
         ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an existing MJCF file"),
         (
             {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
-            "xml: memory = 53687091200: must be at most",
+            "xml: memory = 53687091200: must be such that the model takes at most 2 GiB",
         ),
-        ({"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")}, "copies of a part = 1"),
+        (
+            {"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")},
+            "<replicate> in line 5: count = '1e9'",
+        ),
         ({"xml": CART, "keyframe": "awya"}, "did you mean 'away'"),
         ({"xml": PENDULUM.replace('name="torque"', 'name="reset"')}, "must be different from reset"),
     ],

@@ -5,16 +5,19 @@ import threading
 import time
 from types import SimpleNamespace
 
+import jax
 import mujoco
 import numpy as np
 import pytest
 
 from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
+from motorgrad.sim.live._policy import save_policy
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
 from motorgrad.sim.live._worker import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import TASKS, make
+from motorgrad.training import agent_for, fingerprint
 
 MUSCLE = """
 <mujoco>
@@ -207,7 +210,7 @@ def test_a_model_with_muscles_and_meshes_is_simulated(muscled, driven):
 def test_broken_models_are_told_in_one_line(muscled, tmp_path):
     broken = tmp_path / "broken.xml"
     for text, says in (
-        ("<mujoco><worldbody>", "broken.xml: "),
+        ("<mujoco><worldbody>", "broken.xml': "),
         ("<mujoco><worldbody><body><geom size='1' typ='box'/></body></worldbody></mujoco>", "typ"),
         (MUSCLE.format(mesh="gone.obj"), "gone.obj"),
     ):
@@ -216,7 +219,7 @@ def test_broken_models_are_told_in_one_line(muscled, tmp_path):
             live.setup_of(broken)
         assert says in str(refused.value)
         assert "\n" not in str(refused.value)
-    with pytest.raises(ValueError, match="must be a file that exists"):
+    with pytest.raises(ValueError, match=r"none\.xml': must be an existing MJCF file"):
         live.setup_of(tmp_path / "none.xml")
 
 
@@ -232,3 +235,11 @@ def test_who_walks_on_a_planet_stands_on_its_ground():
     np.testing.assert_allclose(ground, [3.0, 5.0, -3.0], atol=1e-6)
     np.testing.assert_allclose(up, [1.0, 0.0, 0.0], atol=1e-6)
     assert ground_finder(make("hexapod"), model, pose) is None
+
+
+def test_a_saved_policy_is_the_first_one(tmp_path):
+    task = make("hopper")
+    policy = agent_for(task).init(jax.random.key(3)).policy
+    save_policy(str(tmp_path / "kept.npz"), policy, "hopper")
+    found = live.setup_of(task, run=tmp_path / "kept.npz").initial
+    assert fingerprint(found) == fingerprint(jax.tree.map(lambda leaf: np.asarray(leaf)[None], policy))

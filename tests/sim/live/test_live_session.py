@@ -109,7 +109,7 @@ def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_enviro
 
 
 def test_another_host_is_warned_of():
-    with pytest.warns(ExposedWarning, match=r"host = '0.0.0.0': whoever reaches this port can drive"):
+    with pytest.warns(ExposedWarning, match=r"host = '0.0.0.0': other machines can reach the page"):
         warn_of("0.0.0.0")
     with mg.sim.view("chain") as page, socket.socket() as probe:
         address = next(a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET))
@@ -127,7 +127,7 @@ def soak(seconds, speed, clients):
         while time.monotonic() < end - 1:
             pause = 0.3 if number == 0 else 0.0  # one is slow
             try:
-                messages, _ = watch(page.server.get_port(), rng.uniform(0.5, 2.0), pause)
+                messages, _ = watch(page.url, rng.uniform(0.5, 2.0), pause)
                 visits.append(messages)
             except Exception as error:
                 failed.append(error)

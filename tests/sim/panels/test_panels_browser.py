@@ -181,7 +181,8 @@ def test_freeze_and_thaw(seen, hopping):
     assert until(lambda: np.any(hopping.snapshot().parameters != frozen.parameters))
 
 
-def test_save_and_load(seen, hopping, tmp_path):
+def test_save_and_load(seen, hopping, tmp_path, monkeypatch):
+    monkeypatch.setattr(hopping, "folders", [tmp_path])
     press(seen, "Learning")
     write(seen, "File", str(tmp_path / "good.npz"))
     press_button(seen, "Save")
@@ -195,6 +196,14 @@ def test_save_and_load(seen, hopping, tmp_path):
     write(seen, "File", "policy.txt")
     press_button(seen, "Save")
     told(seen, "a file ending in .npz")
+    write(seen, "File", "../elsewhere.npz")
+    press_button(seen, "Save")
+    told(seen, f"must be within {tmp_path}")
+    (tmp_path / "empty.npz").touch()
+    write(seen, "File", "empty.npz")
+    press_button(seen, "Load")
+    told(seen, "empty.npz: not a saved policy")
+    assert not hopping.ended
 
 
 def test_before_and_after(seen, hopping):

@@ -198,7 +198,7 @@ def test_each_camera_moves_as_it_should(walker, browser):
 
     # another browser, which need not draw, has a camera of its own
     here, known = camera.position.copy(), set(walker.server.get_clients())
-    other = threading.Thread(target=watch, args=(walker.server.get_port(), 4.0))
+    other = threading.Thread(target=watch, args=(f"http://127.0.0.1:{walker.server.get_port()}", 4.0))
     other.start()
     looker.until(lambda: set(cameras._viewers) - known)
     (second,) = set(cameras._viewers) - known

@@ -12,8 +12,6 @@ from jaxtyping import Array
 from motorgrad._errors import check, shown
 from motorgrad.lab.diagram import Block, Port, Ports, Setting, parameters_of
 
-ROUNDING = 2.5e-7  # relative: a time that misses an edge by rounding in single precision counts as on it
-
 
 class OneShape(Block):
     """A block with one output `y` whose parameters are scalars or arrays that broadcast to `shape`.

@@ -90,6 +90,7 @@ DEEPEST = 100  # nested operators, as in a long sum
 LARGEST = 3.4e38  # in single precision
 CONSTANTS = {"pi": 3.141592653589793}
 WORDS = {"and", "or", "not"}
+JUMPING = {"<", "<=", ">", ">=", "floor", "ceil", "round", "sign", "mod"}
 RESERVED = {*FUNCTIONS, *CONSTANTS, *WORDS}
 """Names that have a meaning in every formula."""
 
@@ -171,12 +172,17 @@ def is_condition(tree: Tree) -> bool:
     return tree.name in OPERATORS and OPERATORS[tree.name].condition
 
 
-def evaluate(tree: Tree, values: Mapping[str, Any]) -> Any:
-    """The value of a formula for these values of names, element by element; 1 or 0 for a condition."""
+def evaluate(tree: Tree, values: Mapping[str, Any], beside: Mapping[str, Any] | None = None) -> Any:
+    """The value of a formula for these values of names, element by element; 1 or 0 for a condition.
+
+    The parts that may jump, and read no other names than those in `beside`, are evaluated for its values.
+    """
+    if beside is not None and tree.name in JUMPING and names_read(tree) <= set(beside):
+        return evaluate(tree, beside)
     if not tree.parts:
         given = values[tree.name] if tree.name in values else CONSTANTS.get(tree.name, tree.number)
         return jnp.asarray(given, float)
-    parts = [evaluate(part, values) for part in tree.parts]
+    parts = [evaluate(part, values, beside) for part in tree.parts]
     if tree.name == "^" and not tree.parts[1].name:
         power = tree.parts[1].number
         if power.is_integer() and abs(power) <= 64:  # exact, and correct for negative bases

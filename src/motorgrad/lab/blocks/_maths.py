@@ -9,7 +9,18 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.lab.blocks._base import Elementwise, OneShape, Shaped, check_names
 from motorgrad.lab.blocks._formulas import FUNCTIONS, RESERVED, evaluate, formula, is_condition, names_read
-from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, Timing, checked_shape
+from motorgrad.lab.diagram import (
+    ROUNDING,
+    Block,
+    Moment,
+    Parameter,
+    Port,
+    Ports,
+    Setting,
+    Signals,
+    Timing,
+    checked_shape,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,8 +165,18 @@ class Expression(Block):
         return "continuous" if timed and super().timing == "inherited" else super().timing
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        value = evaluate(self._tree, {"t": now.time, **named_values(self.constants, self.numbers), **inputs})
+        constants = named_values(self.constants, self.numbers)
+        beside = {name: u for name, u in {"t": _inside(now), **constants}.items() if name not in inputs}
+        value = evaluate(self._tree, {"t": now.time, **constants, **inputs}, beside)
         return {"y": jnp.broadcast_to(value, self.shape).astype(self.outputs["y"].dtype)}
+
+
+def _inside(now: Moment) -> Any:
+    """The time, moved from an end of the RK4 step into it by more than its rounding: there a jump of time alone belongs
+    to the step after it.
+    """
+    nearly = ROUNDING * jnp.abs(now.time)
+    return jnp.where(now.time > now.start, jnp.maximum(now.time - nearly, now.start + nearly), now.time + nearly)
 
 
 @dataclasses.dataclass(frozen=True)

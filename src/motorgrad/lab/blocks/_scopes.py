@@ -152,7 +152,7 @@ class Raster(Viewer):
 
         from motorgrad.lab.blocks._figure import picture
 
-        fired = self.recorded(record, path, "u") != 0
+        fired = np.nan_to_num(self.recorded(record, path, "u")) != 0
         times = record.times(f"{path}.u")
         rows = fired.transpose(0, 2, 1).reshape(-1, len(times))
         figure, axes = picture(height=max(1.5, min(6.0, 1.0 + 0.12 * len(rows))))

@@ -8,8 +8,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._random import normals
-from motorgrad.lab.blocks._base import ROUNDING, OneShape, Shaped, TimeSource
-from motorgrad.lab.diagram import Moment, Parameter, Setting, Signals
+from motorgrad.lab.blocks._base import OneShape, Shaped, TimeSource
+from motorgrad.lab.diagram import ROUNDING, Moment, Parameter, Setting, Signals
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +38,13 @@ class Step(TimeSource):
     after: Annotated[Any, Parameter("output from the step on")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        there = now.time >= self.at - ROUNDING * jnp.abs(self.at)
-        return {"y": self.filled(jnp.where(there, self.after, self.before))}
+        return {"y": self.filled(jnp.where(self._jumped(now), self.after, self.before))}
+
+    def next_jump(self, now: Moment) -> Any:
+        return jnp.min(jnp.where(self._jumped(now), jnp.inf, self.at))
+
+    def _jumped(self, now: Moment) -> Any:
+        return now.start >= self.at - ROUNDING * jnp.abs(self.at)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,9 +93,17 @@ class Pulse(TimeSource):
     high: Annotated[Any, Parameter("output during a pulse")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        cycles = self.frequency * (now.time - self.delay)
-        within = (cycles + 2 * ROUNDING * (1 + jnp.abs(cycles))) % 1.0 < self.duty
-        return {"y": self.filled(jnp.where(within, self.high, self.low))}
+        return {"y": self.filled(jnp.where(self._cycles(now) % 1.0 < self.duty, self.high, self.low))}
+
+    def next_jump(self, now: Moment) -> Any:
+        cycles = self._cycles(now)
+        next = jnp.floor(cycles) + jnp.where(cycles % 1.0 < self.duty, self.duty, 1.0)
+        return jnp.min(jnp.where(self.frequency > 0, self.delay + next / self.frequency, jnp.inf))
+
+    def _cycles(self, now: Moment) -> Any:
+        """The cycles since the first began."""
+        cycles = self.frequency * (now.start - self.delay)
+        return cycles + 2 * ROUNDING * (1 + jnp.abs(cycles))
 
 
 @dataclasses.dataclass(frozen=True)

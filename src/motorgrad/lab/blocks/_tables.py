@@ -11,8 +11,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad.lab.blocks._base import MOST_NAMES, ROUNDING, Shaped
-from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, Timing, dtype_of
+from motorgrad.lab.blocks._base import MOST_NAMES, Shaped
+from motorgrad.lab.diagram import (
+    ROUNDING,
+    Block,
+    Moment,
+    Parameter,
+    Port,
+    Ports,
+    Setting,
+    Signals,
+    Timing,
+    dtype_of,
+)
 
 LARGEST = 2**30  # bytes of a file, packed or not
 SUFFIXES = (".csv", ".parquet", ".npz")
@@ -163,12 +174,26 @@ class DataFile(Block):
         data, times = self.__dict__["_data"], self.__dict__["_times"]
         if self.time is None:
             return dict(zip(self.columns, data[:, state], strict=True))
-        time = now.time + ROUNDING * jnp.abs(now.time)
+        start, row = self._place(now)
+        if self.between == "linear":
+            time = start + (now.time - now.start)
+            return {name: jnp.interp(time, times, column) for name, column in zip(self.columns, data, strict=True)}
+        return dict(zip(self.columns, data[:, jnp.maximum(row - 1, 0)], strict=True))
+
+    def next_jump(self, now: Moment) -> Any:
+        times = jnp.append(self.__dict__["_times"], jnp.inf)
+        start, row = self._place(now)
+        if self.between == "linear":  # it jumps only where it starts again
+            row = -2 if self.after == "repeat" else -1
+        return now.start + (times[row] - (start - ROUNDING * jnp.abs(now.start)))
+
+    def _place(self, now: Moment) -> tuple[Any, Any]:
+        """The time in the table at which the current step begins, and the number of rows up to it."""
+        times = self.__dict__["_times"]
+        time = now.start + ROUNDING * jnp.abs(now.start)
         if self.after == "repeat":
             time = jnp.where(time < times[0], time, times[0] + (time - times[0]) % (times[-1] - times[0]))
-        row = jnp.maximum(jnp.searchsorted(times, time, side="right") - 1, 0)
-        interpolated = [jnp.interp(time, times, column) if self.between == "linear" else column[row] for column in data]
-        return dict(zip(self.columns, interpolated, strict=True))
+        return time, jnp.searchsorted(times, time, side="right")
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         if self.time:

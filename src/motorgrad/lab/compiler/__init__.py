@@ -2,7 +2,8 @@
 
 # ruff: noqa: F401  (imported to be imported from here; motorgrad.lab exports the public ones)
 from motorgrad.lab.compiler._host_loop import HostLoop
+from motorgrad.lab.compiler._integrate import integrated
 from motorgrad.lab.compiler._plan import Plan, address_of, plan, problems, with_watched
 from motorgrad.lab.compiler._program import Loop, cached_program
 from motorgrad.lab.compiler._stack import Stacks, stack
-from motorgrad.lab.compiler._step import SPAN, Carry, Step, Values, draw_span, draw_start, rk4
+from motorgrad.lab.compiler._step import SPAN, Carry, Step, Values, draw_span, draw_start

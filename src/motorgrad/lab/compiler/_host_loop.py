@@ -89,6 +89,17 @@ class HostLoop:
         jax.block_until_ready(carry)
         return carry, jax.tree.map(lambda *parts: np.stack(parts), *seen) if seen else {}
 
+    def compile(self, values: Values, carry: Carry, seeds: np.ndarray) -> Carry:
+        """Compile now, by a tick without hosts whose results are dropped. **Returns** the same state."""
+        drawn = self._draw(seeds, np.uint32(0)) if self.step.chance else {}
+        known, environment, out = {}, self.step.empty(), None
+        for (ready, _), call in zip(self._stages, self._calls, strict=True):
+            for k in ready:
+                known[k] = {name: np.zeros((len(seeds), *shape), kind) for name, kind, shape in self._ports[k]}
+            environment, _, out = call(values, carry, np.uint32(0), drawn, dict(known), environment)
+        jax.block_until_ready(out)
+        return carry
+
     def _split_stages(self) -> list[tuple[list[int], list[int]]]:
         """The stages of a tick: hosts whose outputs are requested, then batches that can be computed."""
         stages: list[tuple[list[int], list[int]]] = [([], [])]

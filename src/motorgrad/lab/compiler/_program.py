@@ -59,6 +59,10 @@ class Loop:
         carry, seen = self._call(values, carry, seeds, np.uint32(first), np.uint32(first + ticks))
         return carry, jax.tree.map(lambda x: np.asarray(x)[:ticks], seen)
 
+    def compile(self, values: Values, carry: Carry, seeds: np.ndarray) -> Carry:
+        """Compile now. **Returns** the same state: its memory may be reused."""
+        return self.advance(values, carry, seeds, 0, 0)[0]
+
     def peek(self, values: Values, carry: Carry, seeds: np.ndarray, tick: int) -> Recorded:
         """What the sinks would record at the next tick, `(1, rows, …, seeds)`, without advancing."""
         return jax.tree.map(lambda x: np.asarray(x)[None], self._peek(values, carry, seeds, np.uint32(tick)))

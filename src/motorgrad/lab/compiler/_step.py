@@ -1,8 +1,6 @@
-"""One tick as pure functions of one seed, with all blocks of a kind evaluated together; its random numbers and its
-integrator.
-"""
+"""One tick as pure functions of one seed, with all blocks of a kind evaluated together, and its random numbers."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -12,6 +10,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._random import BLOCK as SPAN
 from motorgrad._random import key_of
+from motorgrad.lab.compiler._integrate import integrated
 from motorgrad.lab.compiler._stack import Environment, Gather, Stacks
 from motorgrad.lab.diagram import Block, HostBlock, Moment, Sink
 
@@ -35,31 +34,11 @@ def draw_start(seed: Any, stream: Any, size: int) -> Float[Array, " size"]:
     return jax.random.uniform(jax.random.fold_in(key_of(seed, stream), jnp.uint32(START)), (size,))
 
 
-PLACES = ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))
-"""Where in the step each slope is taken, as a fraction of it, and the slope's weight."""
-
-
-def rk4(slope: Callable[[Any, Any], Any], state: Any, time: Any, step: float) -> Any:
-    r"""The state one `step` after `time` for $\dot x = f(x, t)$, by the classical fourth-order Runge–Kutta method.
-    `slope` is $f$; states are any pytree.
-    """
-    total, last = None, None
-    for place, weight in PLACES:
-        there = state if last is None else _add_scaled(state, place * step, last)
-        last = slope(there, time + place * step)
-        total = jax.tree.map(lambda k: weight * k, last) if total is None else _add_scaled(total, weight, last)  # noqa: B023
-    return _add_scaled(state, step, total)
-
-
-def _add_scaled(tree: Any, factor: float, other: Any) -> Any:
-    return jax.tree.map(lambda x, k: x + factor * k, tree, other)
-
-
 Numbers = dict[int, Array]
 """By kind: numbers from U[0, 1), one row per block."""
 Values = Mapping[int, Mapping[str, Any]]
 """By kind: the parameters by name; rows lead."""
-ROWS: Any = Moment(None, None, 0, 0)  # type: ignore[arg-type]  # the parts of a moment that differ between rows
+ROWS: Any = Moment(None, None, 0, 0, None)  # type: ignore[arg-type]  # the parts of a moment that differ between rows
 
 
 class Carry(NamedTuple):
@@ -78,6 +57,7 @@ class Step:
         self.sinks = [k for k in self.pure if isinstance(self.kinds[k].block, Sink)]
         self.chance = [k for k, kind in enumerate(self.kinds) if kind.block.uniforms]
         self.movers = [k for k in self.pure if self.kinds[k].block.is_continuous]
+        self._jumping = [k for k in self.pure if self.kinds[k].moving and self.kinds[k].block.jumps]
         self._updating = [k for k in self.pure if type(self.kinds[k].block).update is not Block.update]
         self._streams = [np.array([self._placed(i).stream for i in kind.members], np.uint32) for kind in self.kinds]
         self._ticks = [np.array([self._placed(i).ticks for i in kind.members], np.uint32) for kind in self.kinds]
@@ -173,18 +153,20 @@ class Step:
         time: Any,
         numbers: Numbers,
         environment: Environment,
+        start: Any = None,
     ) -> dict[int, Any]:
-        """The time derivatives of the continuous states `movers`, by kind. Blocks that are not moving are held as in
-        `environment`.
+        """The time derivatives of the continuous states `movers`, by kind, in an RK4 step that began at `start`, by
+        default at `time`. Blocks that are not moving are held as in `environment`.
         """
         there = list(environment)
         for b, batch in enumerate(self.stacks.batches):
             k = batch.kind
             if self.kinds[k].moving:
                 state = movers.get(k, carry.states[k])
-                there[b] = self._output(b, values, state, self._now(k, tick, time, numbers), there)
+                there[b] = self._output(b, values, state, self._now(k, tick, time, numbers, start), there)
+        now = {k: self._now(k, tick, time, numbers, start) for k in movers}
         return {
-            k: self._apply("derivative", k, values[k], state, self._inputs(k, there), self._now(k, tick, time, numbers))
+            k: self._apply("derivative", k, values[k], state, self._inputs(k, there), now[k])
             for k, state in movers.items()
         }
 
@@ -193,14 +175,26 @@ class Step:
     ) -> dict[int, Any]:
         """The continuous states at the end of the tick."""
 
-        def slope(movers: dict[int, Any], time: Any) -> dict[int, Any]:
-            return self.slopes(movers, values, carry, tick, time, numbers, environment)
+        def slope(movers: dict[int, Any], time: Any, start: Any) -> dict[int, Any]:
+            return self.slopes(movers, values, carry, tick, time, numbers, environment, start)
+
+        def next_jump(time: Any) -> Any:
+            times = [self._next_jump(k, values, self._now(k, tick, time, numbers)) for k in self._jumping]
+            return jnp.min(jnp.stack(times))
 
         start, time, substeps = {k: carry.states[k] for k in self.movers}, self.time(tick), self.plan.substeps
-        step = self.plan.tick / substeps
+        step, jump = self.plan.tick / substeps, next_jump if self._jumping else None
         if substeps == 1:
-            return rk4(slope, start, time, step)
-        return jax.lax.fori_loop(0, substeps, lambda n, state: rk4(slope, state, time + n * step, step), start)
+            return integrated(slope, jump, start, time, step)
+        return jax.lax.fori_loop(
+            0, substeps, lambda n, state: integrated(slope, jump, state, time + n * step, step), start
+        )
+
+    def _next_jump(self, k: int, values: Values, now: Moment) -> Any:
+        """The time of the first jump of any block of a kind."""
+        block = self.kinds[k].block
+        times = jax.vmap(lambda v, n: block.bound(v).next_jump(n), in_axes=(0, ROWS))(dict(values[k]), now)
+        return jnp.min(times)
 
     def _output(self, b: int, values: Values, states: Any, now: Moment, environment: Environment) -> dict[str, Array]:
         k, rows = self._rows(b)
@@ -234,10 +228,10 @@ class Step:
     def _placed(self, i: int) -> Any:
         return self.plan.blocks[i]
 
-    def _now(self, k: int, tick: Any, time: Any, numbers: Numbers) -> Moment:
+    def _now(self, k: int, tick: Any, time: Any, numbers: Numbers, start: Any = None) -> Moment:
         rows, real = len(self.kinds[k].members), jnp.result_type(float)
         step = jnp.asarray(self._ticks[k] * self.plan.tick, real)
-        return Moment(tick, time, step, numbers.get(k, jnp.zeros((rows, 0))))
+        return Moment(tick, time, step, numbers.get(k, jnp.zeros((rows, 0))), time if start is None else start)
 
     def time(self, tick: Any) -> Any:
         """Seconds since the start."""

@@ -2,6 +2,7 @@
 
 from motorgrad.lab.diagram._block import (
     BLOCKS,
+    ROUNDING,
     Block,
     Host,
     HostBlock,
@@ -49,6 +50,7 @@ __all__ = [
     "FORMAT",
     "HEAD",
     "LONGEST_NAME",
+    "ROUNDING",
     "SCHEDULE",
     "SUBSYSTEM",
     "Block",

@@ -34,6 +34,9 @@ Signals = dict[str, Array]
 """Values at ports, by name."""
 
 
+ROUNDING = 2.5e-7  # relative: a time that misses a jump by rounding in single precision counts as on it
+
+
 class Moment(NamedTuple):
     """The time of an evaluation, and its random numbers."""
 
@@ -45,6 +48,9 @@ class Moment(NamedTuple):
     """Seconds between two evaluations of this block."""
     uniforms: Float[Array, " uniforms"]
     """The block's numbers from U[0, 1) for this tick: the same in `output` and in `update`."""
+    start: Float[Array, ""]
+    """The time at which the current RK4 step began; elsewhere the same as `time`. What jumps in time goes by `start`,
+    so that a jump at the end of a step is left to the next one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,6 +158,18 @@ class Block:
     def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
         """The time derivative of the state, per second, in the state's structure; `inputs` contains all ports."""
         raise NotImplementedError(f"{type(self).__name__} has no continuous state")
+
+    def next_jump(self, now: Moment) -> Float[Array, ""]:
+        """The first time after `now.start` at which an output jumps, in seconds; infinite if there is none.
+
+        A `timed` block that jumps declares it, and decides by `now.start`. RK4 steps are then split at the jumps.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not declare jumps")
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the block declares its jumps."""
+        return type(self).next_jump is not Block.next_jump
 
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
         """Refuse a parameter that does not broadcast to `shape`, and an invalid shape."""

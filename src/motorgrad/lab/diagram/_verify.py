@@ -53,7 +53,8 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
     """The problems with a block's functions, each with the output port that it concerns."""
     real = jnp.result_type(float)
     values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
-    now: Any = Moment(Shape((), jnp.uint32), Shape((), real), Shape((), real), Shape((block.uniforms,), real))  # type: ignore[arg-type]
+    seconds = Shape((), real)
+    now: Any = Moment(Shape((), jnp.uint32), seconds, seconds, Shape((block.uniforms,), real), seconds)  # type: ignore[arg-type]
     all_inputs = _signals(block.inputs)
     direct = _signals({name: port for name, port in block.inputs.items() if port.feedthrough})
 
@@ -69,6 +70,11 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
         name = "output"
         given = shapes(name, state, direct, now)
         yield from _outputs(block, given)
+        if block.jumps and block.timing == "continuous":
+            name = "next_jump"
+            given = shapes(name, now)
+            if given.shape != () or not jnp.issubdtype(given.dtype, jnp.floating):
+                yield None, f"next_jump: returns {given.dtype}{list(given.shape)}: must be one time in seconds"
         name = "update"
         after = [(name, shapes(name, state, all_inputs, now))]
         if block.is_continuous:

@@ -11,6 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.lab.diagram import Record
+from motorgrad.lab.editor._faults import Faults
 from motorgrad.lab.editor._program import Program, Values, digest
 from motorgrad.lab.editor._traces import Traces
 from motorgrad.lab.engine import MOST_TICKS, Change, Run, Timeline
@@ -91,7 +92,7 @@ class Branch:
         if parent is not None and edited:
             self.past = parent.parts()
         self._inherited = len(self.timeline.log)
-        self.traces = Traces(program)
+        self.traces, self.faults = Traces(program), Faults()
         self._paths = {placed.path for placed in self.run.plan.blocks}
 
     @property

@@ -25,6 +25,7 @@ class Program:
         self.diagram, self.seeds, self.watch = diagram, seeds, watch
         there = outputs(diagram) if watch else []
         self.run = Run(diagram, seeds, watch=[address for address in watch if address in there])
+        self.run.compile()
         self.fixed = next((f"{path}: {why}" for path, why in self.run.no_restore.items()), None)
         """Why the run cannot go back in time; `None` if it can."""
 

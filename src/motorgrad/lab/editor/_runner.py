@@ -3,8 +3,10 @@
 The event `run` has `state` (`"empty"`, `"paused"`, `"playing"` or `"compiling"`), `branch`, `tick`, `time`, `head` (the
 last tick of the branch), the requested `speed` and the one `achieved`, `seeds`, `watch` and `branches`; `stale`: the
 structure of the diagram changed since it was compiled, and the run will continue with the new one in a new branch;
-`fixed`: why it cannot go back in time, or `null`; `overrides`: parameters of this branch that differ from the diagram;
-`fresh`: blocks that started anew at the last compilation. Missing fields have not changed.
+`waited`: for how many seconds it has been compiling, or `null`; `fixed`: why it cannot go back in time, or `null`;
+`overrides`: parameters of this branch that differ from the diagram; `fresh`: blocks that started anew at the last
+compilation; `faults`: signals and states of this branch that are NaN or infinite, as problems. Missing fields have not
+changed.
 """
 
 import math
@@ -37,7 +39,9 @@ class Runner:
         self._emit = emit
         self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
         self._newest: ask.RunOperation | None = None
-        self._tree = Tree(diagram, self._emit, self._report, self._commands.empty)
+        self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
+        """One for each command in the queue that must not wait for the compiler."""
+        self._tree = Tree(diagram, emit, self._report, self._commands.empty, lambda: not self._stops.empty())
         self._clock = Clock(diagram.tick, slice=FRAME)
         self._until: int | None = None
         self._finish: list[Done] = []
@@ -51,7 +55,11 @@ class Runner:
     def submit(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> None:
         """Queue an operation; `done` is called when it is performed, with the error if it failed."""
 
+        stops = isinstance(operation, ask.Pause | ask.Reset)
+
         def perform() -> None:
+            if stops:
+                self._stops.get()
             try:
                 if self._perform(operation, done, answer):
                     done(None)
@@ -60,6 +68,8 @@ class Runner:
                 done(error)
 
         self._newest = operation
+        if stops:
+            self._stops.put(None)
         self._commands.put(perform)
 
     def edit(self, diagram: Diagram, fresh: bool = False) -> None:
@@ -67,11 +77,14 @@ class Runner:
 
         def apply() -> None:
             if fresh:
+                self._stops.get()
                 self._tree.discard(diagram)
                 self._pause()
             else:
                 self._apply_edit(diagram)
 
+        if fresh:
+            self._stops.put(None)
         self._commands.put(apply)
 
     def greet(self, send: Callable[[Event], None]) -> None:
@@ -81,6 +94,7 @@ class Runner:
 
     def close(self) -> None:
         """End the thread after the current tick."""
+        self._stops.put(None)
         self._commands.put(None)
         self._thread.join(60)
 
@@ -173,10 +187,9 @@ class Runner:
             ticks = min(ticks, self._until - tree.tick)
         try:
             if ticks > 0:
-                warm, start = tree.warm, time.perf_counter()
+                start = time.perf_counter()
                 tree.advance(ticks)
-                if warm:
-                    clock.record(ticks, time.perf_counter() - start)
+                clock.record(ticks, time.perf_counter() - start)
         except Exception as error:
             self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
@@ -214,11 +227,12 @@ class Runner:
         if same or stale != tree.stale or self._clock.playing:
             self._report(whole=True)
 
-    def _report(self, whole: bool = False, compiling: bool = False) -> None:
-        """Report the state of the run."""
+    def _report(self, whole: bool = False, compiling: float | None = None) -> None:
+        """Report the state of the run; while it is `compiling`, for how many seconds so far."""
         tree, clock = self._tree, self._clock
-        state = "compiling" if compiling else "playing" if clock.playing else "paused" if tree.running else "empty"
-        event: Event = {"event": "run", "state": state, **tree.place, "achieved": clock.achieved(tree.tick) or None}
+        quiet = "playing" if clock.playing else "paused" if tree.running else "empty"
+        event: Event = {"event": "run", "state": quiet if compiling is None else "compiling", "waited": compiling}
+        event |= {**tree.place, "achieved": clock.achieved(tree.tick) or None}
         if whole:
             event |= {"speed": None if math.isinf(clock.speed) else clock.speed, **tree.summary()}
         self.status = self.status | event

@@ -1,14 +1,11 @@
-"""The editor on the local network interface: pages and a WebSocket, protected by a token.
+"""The editor on the local network interface: pages and a WebSocket, behind the gate of `motorgrad._gate`.
 
-Pages are under `/TOKEN/`, the WebSocket is `/TOKEN/socket`. Without the token nothing is served, and the page can use
-relative paths. Requests from pages of other origins are refused.
+The pages use relative paths; the WebSocket is `socket`.
 """
 
 import asyncio
 import contextlib
-import hmac
 import json
-import secrets
 import socket
 import threading
 from collections import deque
@@ -24,18 +21,16 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from motorgrad._errors import check
+from motorgrad._gate import HEADERS, Gate, Pace, Passed
 from motorgrad.lab.editor._session import STATIC, Session
 
 HOST = "127.0.0.1"
 LARGEST = 64 * 2**20  # bytes of a message
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-}
+POLICY = (
+    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+PAGE_HEADERS = {**HEADERS, "Content-Security-Policy": POLICY}
 
 
 class Server:
@@ -47,7 +42,7 @@ class Server:
     def __init__(self, session: Session, port: int = 0, static: Path = STATIC):
         whole = isinstance(port, int) and not isinstance(port, bool)
         check(whole and 0 <= port < 2**16, "port", port, "an integer from 0 to 65535, 0 for a free one")
-        self.session, self.token, self._static = session, secrets.token_urlsafe(24), static
+        self.session, self._gate, self._static = session, Gate(HOST, "`motorgrad lab`"), static
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -57,11 +52,16 @@ class Server:
             raise ValueError(f"port = {port}: cannot be used: {error.strerror}") from None
         self._socket.listen(128)  # clients that connect before the server is up wait
         self.port = self._socket.getsockname()[1]
-        routes = [Route("/{token}/{path:path}", self._page), WebSocketRoute("/{token}/socket", self._talk)]
-        app = _Guard(Starlette(routes=routes), self.token, self.port)
+        routes = [Route("/{path:path}", self._page), WebSocketRoute("/socket", self._talk)]
+        app = _Guard(Starlette(routes=routes), self._gate)
         settings: Any = {"log_level": "critical", "ws": "websockets-sansio", "ws_max_size": LARGEST, "lifespan": "off"}
         self._server = uvicorn.Server(uvicorn.Config(app, timeout_graceful_shutdown=1, **settings))
         self._thread: threading.Thread | None = None
+
+    @property
+    def token(self) -> str:
+        """The secret in the address."""
+        return self._gate.token
 
     @property
     def url(self) -> str:
@@ -86,21 +86,31 @@ class Server:
 
     async def _page(self, request: Any) -> Response:
         path = request.path_params["path"] or "index.html"
-        file = (self._static / path).resolve()
+        file = self._built(path)
         if not file.is_relative_to(self._static.resolve()) or not file.is_file():
             missing = path == "index.html"
             text = "The editor's pages are not built: see CONTRIBUTING.md" if missing else "There is no such page."
-            return PlainTextResponse(text, 404, HEADERS)
-        return FileResponse(file, headers=HEADERS)
+            return PlainTextResponse(text, 404, PAGE_HEADERS)
+        return FileResponse(file, headers=PAGE_HEADERS)
+
+    def _built(self, path: str) -> Path:
+        """The file of a page; for what cannot be the name of a file, the folder of all."""
+        try:
+            file = (self._static / path).resolve()
+            return file if file.is_file() else self._static
+        except (OSError, ValueError):  # too long, or with a zero byte
+            return self._static
 
     async def _talk(self, connection: WebSocket) -> None:
         await connection.accept()
         outbox = _Outbox(asyncio.get_running_loop(), self.session.resend)
         end = self.session.listen(outbox.put)
-        sender = asyncio.create_task(outbox.drain(connection.send_text))
+        sender, pace, text = asyncio.create_task(outbox.drain(connection.send_text)), Pace(), ""
         try:
             while True:
-                self.session.handle(await connection.receive_text(), outbox.put)
+                await pace.wait(len(text))
+                text = await connection.receive_text()
+                self.session.handle(text, outbox.put)
         except (WebSocketDisconnect, KeyError):  # disconnected, or it sent bytes
             pass
         finally:
@@ -144,31 +154,22 @@ class _Outbox:
 
 
 class _Guard:
-    """Refuses requests without the token, and those sent by pages of other origins."""
+    """Puts the gate before an application, which sees paths without the token or the place."""
 
-    def __init__(self, app: ASGIApp, token: str, port: int):
-        self._app, self._token = app, token.encode()
-        self._hosts = {f"{name}:{port}".encode() for name in (HOST, "localhost")}
-        self._origins = {b"http://" + host for host in self._hosts}
+    def __init__(self, app: ASGIApp, gate: Gate):
+        self._app, self._gate = app, gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] in ("http", "websocket") and not self._allowed(scope):
-            refusal = PlainTextResponse("Forbidden: open the whole address that `motorgrad lab` printed.", 403, HEADERS)
-            if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008})  # before accepting: status 403
-            else:
-                await refusal(scope, receive, send)
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
             return
-        await self._app(scope, receive, send)
-
-    def _allowed(self, scope: Scope) -> bool:
-        """Check the token in constant time; the host, so that no foreign host name leads here; and the origin, which
-        browsers always send with a WebSocket.
-        """
-        headers: dict[bytes, list[bytes]] = {}
-        for name, value in scope["headers"]:
-            headers.setdefault(name.lower(), []).append(value)
-        given = scope["path"].split("/")[1].encode("utf-8", "replace")
-        origins = headers.get(b"origin", [] if scope["type"] == "http" else [b""])
-        known = hmac.compare_digest(given, self._token)
-        return known and set(headers.get(b"host", [b""])) <= self._hosts and set(origins) <= self._origins
+        upgrade = scope["type"] == "websocket"
+        query = scope["query_string"].decode("latin-1")
+        headers = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]]
+        verdict = self._gate.judge(f"{scope['path']}{query and '?'}{query}", headers, upgrade)
+        if isinstance(verdict, Passed):
+            await self._app({**scope, "path": verdict.path}, receive, send)
+        elif upgrade:
+            await send({"type": "websocket.close", "code": 1008})  # before accepting: status 403
+        else:
+            await Response(verdict.text, verdict.status, verdict.headers)(scope, receive, send)

@@ -20,7 +20,7 @@ from motorgrad.lab.editor._branch import checked_log
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._protocol import read_message
 from motorgrad.lab.editor._runner import Runner
-from motorgrad.lab.editor._storage import Folder, Journal
+from motorgrad.lab.editor._storage import SUFFIX, Folder, Journal
 from motorgrad.lab.editor._views import declarations, difference, view
 from motorgrad.lab.gallery import example
 
@@ -43,7 +43,7 @@ class Session:
     **Arguments:**
 
     - `diagram`: the initial diagram, by default that of `file`, or an empty one.
-    - `file`: where it is saved; it need not exist yet.
+    - `file`: where it is saved, with a name that ends in `.json`; it need not exist yet.
     - `folder`: where diagrams may be opened and saved, by default the folder of `file`, or the current one.
     - `states`: where unsaved work without a file is kept, by default in the user's state directory.
     """
@@ -55,6 +55,7 @@ class Session:
         folder: Path | None = None,
         states: Path | None = None,
     ):
+        check(file is None or file.suffix == SUFFIX, "file", str(file), f"a name that ends in {SUFFIX}")
         self.id = secrets.token_hex(8)
         self._folder = Folder(folder or (file.parent if file else Path.cwd()))
         if diagram is None and file is not None and file.exists():
@@ -117,7 +118,7 @@ class Session:
                     self._runner.submit(operation, done, answer)
                     return
                 self._do(operation, answer)
-            except (ValueError, TypeError, OSError) as error:
+            except Exception as error:  # a block's own code may raise anything; its client must be answered
                 done(error)
             else:
                 done()
@@ -173,7 +174,7 @@ class Session:
                 else:
                     document.open(diagram, None, saved=False)
             case edits.SetParameter():
-                document.update(operation.apply(before), operation.address, time.time())
+                document.update(operation.apply(before), operation.address, time.monotonic())
             case edits.Change():
                 document.update(operation.apply(before))
             case _:

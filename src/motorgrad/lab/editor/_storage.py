@@ -15,7 +15,7 @@ import platformdirs
 from filelock import FileLock, Timeout
 
 from motorgrad._errors import check, unknown
-from motorgrad._files import check_writable
+from motorgrad._files import check_writable, partial
 from motorgrad.lab.diagram import FORMAT, Diagram, dumps, load, loads, save
 from motorgrad.lab.editor._edits import Change
 from motorgrad.lab.editor._protocol import Operation, operation_data, operation_from
@@ -63,7 +63,7 @@ class Folder:
     def _path(self, name: str) -> Path:
         plain = name == Path(name).name and name.isprintable() and not name.startswith(".") and "\\" not in name
         check(plain and 0 < len(name) <= 200, "file", name, f"the name of a file in {self.folder}")
-        return self.folder / (name if Path(name).suffix else f"{name}{SUFFIX}")
+        return self.folder / (name if Path(name).suffix == SUFFIX else f"{name}{SUFFIX}")
 
 
 def _digest(path: Path) -> str:
@@ -94,6 +94,7 @@ class Journal:
         self._lock: FileLock | None = None
         self._path: Path | None = None
         self._stream: TextIO | None = None
+        self._clean()
 
     def record(self, before: Diagram, after: Diagram, operation: Operation) -> None:
         """Record a change. **Raises** `OSError` if it cannot be written."""
@@ -160,9 +161,19 @@ class Journal:
         check(not self._is_locked(known[id]), "journal", id, "of a session that has ended")
         return known[id]
 
-    def _journals(self) -> list[Path]:
-        beside = [] if self._file is None else sorted(self._file.parent.glob(f".{self._file.name}*.journal"))
-        return [*beside, *sorted(self._states.glob("*.journal"))]
+    def _journals(self, suffix: str = "") -> list[Path]:
+        pattern = f"*.journal{suffix}"
+        beside = [] if self._file is None else sorted(self._file.parent.glob(f".{self._file.name}{pattern}"))
+        return [*beside, *sorted(self._states.glob(pattern))]
+
+    def _clean(self) -> None:
+        """Delete what processes leave that are killed while they save: half a file, and locks without a journal."""
+        if self._file is not None:
+            partial(self._file).unlink(missing_ok=True)
+        for lock in self._journals(".lock"):
+            journal = lock.with_suffix("")
+            if not journal.exists():
+                self._is_locked(journal)  # deletes the lock unless a living session holds it
 
     def _create(self, diagram: Diagram) -> None:
         """Create the file, and lock it."""

@@ -117,9 +117,12 @@ def _strided(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
 
 
 def _events(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
-    """Whether a number was non-zero in a stretch."""
+    """Whether a number was non-zero in a stretch; NaN is not."""
     starts = np.arange(0, len(ticks), stretch)
-    return {"ticks": ticks[starts], "rows": np.logical_or.reduceat(numbers != 0, starts).astype(np.float32)}
+    return {
+        "ticks": ticks[starts],
+        "rows": np.logical_or.reduceat(np.nan_to_num(numbers) != 0, starts).astype(np.float32),
+    }
 
 
 def _joined(pieces: list[Parts]) -> Parts:

@@ -7,6 +7,7 @@ from typing import Any
 from motorgrad._errors import check, unknown
 from motorgrad.lab.diagram import Diagram, loads, numbered_names
 from motorgrad.lab.editor._branch import Branch, checked_log
+from motorgrad.lab.editor._compilation import Compilation
 from motorgrad.lab.editor._program import Program, Values, outputs, parameters
 from motorgrad.lab.engine import MOST_SEEDS, MOST_TICKS, Timeline
 
@@ -19,16 +20,27 @@ class Tree:
     """A run with all of its branches.
 
     **Arguments:** the diagram, which is compiled when it is first needed; a function that takes events; one that
-    reports the state of the run; one that tells whether no other command is waiting.
+    reports the state of the run; one that tells whether no other command is waiting; one that tells whether to stop
+    compiling.
     """
 
     def __init__(
-        self, diagram: Diagram, emit: Callable[[Event], None], report: Callable[..., None], idle: Callable[[], bool]
+        self,
+        diagram: Diagram,
+        emit: Callable[[Event], None],
+        report: Callable[..., None],
+        idle: Callable[[], bool],
+        stopped: Callable[[], bool],
     ):
         self.diagram = diagram
         """The diagram of the document, compiled or not."""
         self.stale = False
         self._emit, self._report, self._idle = emit, report, idle
+        self._compilation = Compilation(
+            stopped,
+            lambda seconds: report(compiling=seconds),
+            lambda message: emit({"event": "error", "message": message}),
+        )
         self._branches: dict[str, Branch] = {}
         self._now: Branch | None = None
         self._seeds, self._watch = [0], []
@@ -57,11 +69,6 @@ class Tree:
         return self._now.program.diagram.tick if self._now else self.diagram.tick
 
     @property
-    def warm(self) -> bool:
-        """Whether the loop is compiled already."""
-        return self.now.run.compilations > 0
-
-    @property
     def signature(self) -> Any:
         return self.now.program.signature
 
@@ -83,6 +90,7 @@ class Tree:
             "fixed": self._now.program.fixed if self._now else None,
             "overrides": self._overrides(),
             "fresh": self._fresh,
+            "faults": self._now.faults.list if self._now else [],
         }
 
     def resend(self, send: Callable[[Event], None]) -> None:
@@ -163,14 +171,16 @@ class Tree:
         branch, timeline = self.now, self.now.timeline
         stop = self.tick + ticks
         check(stop <= MOST_TICKS, "ticks", stop, f"at most {MOST_TICKS:,}")
-        if not self.warm:
-            self._report(compiling=True)
         if self.tick < timeline.end:
             timeline.advance(min(stop, timeline.end) - self.tick)
         if self.tick < stop:
-            signals = branch.traces.add(timeline.advance(stop - self.tick))
+            record = timeline.advance(stop - self.tick)
+            signals = branch.traces.add(record)
             if signals:
                 self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
+            if new := branch.faults.look(record, branch.run):
+                self._emit({"event": "error", "message": str(new[0])})
+                self._report(whole=True)
         branch.run.wait()
 
     def seek(self, name: str, tick: int) -> None:
@@ -276,8 +286,8 @@ class Tree:
         self.now.switch_program(self._compiled(old.diagram))
 
     def _compiled(self, diagram: Diagram) -> Program:
-        self._report(compiling=True)
-        return Program(diagram, self._seeds, self._watch)
+        self._report(compiling=0.0)
+        return self._compilation(lambda: Program(diagram, self._seeds, self._watch))
 
     def _branch(self, name: str) -> Branch:
         if name not in self._branches:

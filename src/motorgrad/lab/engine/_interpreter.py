@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.lab.compiler import SPAN, Plan, address_of, draw_span, draw_start, plan, rk4, stack, with_watched
+from motorgrad.lab.compiler import SPAN, Plan, address_of, draw_span, draw_start, integrated, plan, stack, with_watched
 from motorgrad.lab.diagram import Block, Diagram, Host, HostBlock, HostMoment, Moment, Port, Record, Sink
 from motorgrad.lab.engine._parameters import Parameters
 from motorgrad.lab.engine._state import State, check_state
@@ -33,6 +33,7 @@ class Interpreter:
         self._values: Values = {}
         self._clock: tuple[Any, ...] = (None,)
         self._none = jnp.zeros(0)
+        self._jumping = [i for i in sorted(self.plan.moving) if self.plan.blocks[i].block.jumps]
         self._steps = [jnp.asarray(p.ticks * self.plan.tick, jnp.result_type(float)) for p in self.plan.blocks]
         self._drawn: dict[int, tuple[int, np.ndarray]] = {}
         self._states: list[Any] = []
@@ -151,22 +152,26 @@ class Interpreter:
         movers = {i: self._states[i] for i, block in enumerate(self._blocks) if block.is_continuous}
         step = self.plan.tick / self.plan.substeps
         for substep in range(self.plan.substeps if movers else 0):
-            movers = rk4(self._slopes, movers, self.tick * self.plan.tick + substep * step, step)
+            time = self.tick * self.plan.tick + substep * step
+            movers = integrated(self._slopes, self._next_jump if self._jumping else None, movers, time, step, _while)
         return movers
 
-    def _slopes(self, movers: dict[int, Any], time: float) -> dict[int, Any]:
+    def _slopes(self, movers: dict[int, Any], time: float, start: float) -> dict[int, Any]:
         values = dict(self._values)
         for i in self.plan.order:
             if i in self.plan.moving:
-                self._evaluate(i, values, movers.get(i, self._states[i]), time)
+                self._evaluate(i, values, movers.get(i, self._states[i]), time, start)
         return {
-            i: self._blocks[i].derivative(state, self._inputs(i, values), self._now(i, time))
+            i: self._blocks[i].derivative(state, self._inputs(i, values), self._now(i, time, start))
             for i, state in movers.items()
         }
 
-    def _evaluate(self, i: int, values: Values, state: Any, time: float) -> None:
+    def _next_jump(self, time: float) -> float:
+        return min(float(self._blocks[i].next_jump(self._now(i, time))) for i in self._jumping)
+
+    def _evaluate(self, i: int, values: Values, state: Any, time: float, start: float | None = None) -> None:
         block, ports = self._blocks[i], self.plan.blocks[i].block.outputs
-        inputs, now = self._inputs(i, values, feedthrough=True), self._now(i, time)
+        inputs, now = self._inputs(i, values, feedthrough=True), self._now(i, time, start)
         if isinstance(block, HostBlock):
             given = self._host(i).output(block, _rows(inputs), _host_moment(self.tick, now))
             given = {name: value[0] for name, value in given.items()}
@@ -197,10 +202,13 @@ class Interpreter:
     def _due(self, i: int) -> bool:
         return self.tick % self.plan.blocks[i].ticks == 0
 
-    def _now(self, i: int, time: float) -> Moment:
-        if self._clock[0] != (self.tick, time):  # shared by all blocks: making small arrays is slow
-            self._clock = (self.tick, time), jnp.uint32(self.tick), jnp.asarray(time, jnp.result_type(float))
-        return Moment(self._clock[1], self._clock[2], self._steps[i], self._uniforms(i))
+    def _now(self, i: int, time: float, start: float | None = None) -> Moment:
+        start = time if start is None else start
+        if self._clock[0] != (self.tick, time, start):  # shared by all blocks: making small arrays is slow
+            seconds = (jnp.asarray(each, jnp.result_type(float)) for each in (time, start))
+            self._clock = (self.tick, time, start), jnp.uint32(self.tick), *seconds
+        _, tick, now, begun = self._clock
+        return Moment(tick, now, self._steps[i], self._uniforms(i), begun)
 
     def _uniforms(self, i: int) -> Any:
         span, size = self.tick // SPAN, self._blocks[i].uniforms
@@ -209,6 +217,13 @@ class Interpreter:
         if self._drawn.get(i, (None, None))[0] != span:
             self._drawn[i] = span, np.asarray(draw_span(self.seed, self.plan.blocks[i].stream, span, size))
         return jnp.asarray(self._drawn[i][1][self.tick % SPAN])
+
+
+def _while(condition: Any, body: Any, value: Any) -> Any:
+    """`jax.lax.while_loop`, uncompiled."""
+    while condition(value):
+        value = body(value)
+    return value
 
 
 def _lead(tree: Any) -> Any:

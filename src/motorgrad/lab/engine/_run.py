@@ -22,7 +22,7 @@ from motorgrad.lab.compiler import (
 )
 from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, join, sampled
 from motorgrad.lab.engine._parameters import Parameters
-from motorgrad.lab.engine._state import State, check_state, mismatches, split_by_block, stack_by_kind
+from motorgrad.lab.engine._state import State, check_state, mismatches, not_finite, split_by_block, stack_by_kind
 
 MOST_SEEDS = 1_000_000
 MOST_TICKS = 2**32 - 2**16
@@ -79,6 +79,14 @@ class Run:
     def compilations(self) -> int:
         """How often the loop was compiled: once, whatever parameters change during the run."""
         return self._loop.compilations
+
+    def compile(self) -> None:
+        """Compile now what the first ticks would otherwise wait for."""
+        self._carry = self._loop.compile(self._parameters.values, self._carry, self.seeds)
+
+    def not_finite(self) -> list[str]:
+        """The paths of the blocks in whose state a number is NaN or infinite."""
+        return [self.plan.blocks[i].path for i in not_finite(self._stacks, self._carry)]
 
     def advance(self, ticks: int) -> Record:
         """Run a number of ticks.

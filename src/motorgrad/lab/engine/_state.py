@@ -33,6 +33,17 @@ def split_by_block(stacks: Stacks, carry: Carry) -> dict[str, BlockState]:
     return found
 
 
+def not_finite(stacks: Stacks, carry: Carry) -> list[int]:
+    """The blocks in whose state a number is NaN or infinite."""
+    found: set[int] = set()
+    for k, kind in enumerate(stacks.kinds):
+        for leaf in map(np.asarray, jax.tree.leaves((carry.states.get(k, ()), carry.held.get(k, {})))):
+            if leaf.dtype.kind == "f":
+                wrong = ~np.isfinite(leaf).reshape(len(kind.members), -1).all(axis=1)
+                found |= {kind.members[row] for row in np.flatnonzero(wrong)}
+    return sorted(found)
+
+
 def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry) -> Carry:
     """The inverse of `split_by_block`, in the dtypes of `like`."""
     states, held = dict(like.states), dict(like.held)

@@ -26,6 +26,7 @@ from motorgrad.sim.live._messages import (
     Step,
     Thaw,
 )
+from motorgrad.sim.live._policy import confined
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
 from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
@@ -56,6 +57,7 @@ __all__ = [
     "Thaw",
     "Trail",
     "acting",
+    "confined",
     "is_path",
     "setup_of",
 ]

@@ -164,9 +164,10 @@ class Scrub(Order):
 
 @dataclasses.dataclass(frozen=True)
 class Save(Order):
-    """Write the policy to a file (.npz)."""
+    """Write the policy to a file (.npz). A `quiet` order reports only a failure."""
 
     path: str
+    quiet: bool = False
 
     def __post_init__(self) -> None:
         _check_npz(self.path)

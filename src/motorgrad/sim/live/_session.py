@@ -10,6 +10,7 @@ import time
 import types
 from collections import deque
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Self
 
 import cloudpickle
@@ -42,6 +43,7 @@ class Session:
     - `period`: simulated seconds of a decision.
     - `settings`: what `Edit` can change, by name, with its present value.
     - `log`: the last events, whether or not `events` has returned them.
+    - `folders`: where a page may save and load policies: the working folder, and that of the run it began with.
 
     **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
     """
@@ -49,6 +51,7 @@ class Session:
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0):
         self.setup, self.name = setup, setup.name
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
+        self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
         self._events: deque[Event] = deque(maxlen=KEPT)
         self.log: deque[Event] = deque(maxlen=KEPT)
         self._ended = threading.Event()

@@ -16,10 +16,10 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model
+from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model, read_model
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.sim.live._policy import policy_of_run
+from motorgrad.sim.live._policy import load_policy, policy_of_run
 from motorgrad.tasks import TASKS, BodyTask, Task
 from motorgrad.training import Run, check_training
 
@@ -148,7 +148,7 @@ def with_body(task: BodyTask, body: Body) -> BodyTask:
 
 def _attitude(spec: mujoco.MjSpec, body: str) -> np.ndarray:
     """The rotation of a body in the model's reference pose."""
-    model: Any = spec.copy().compile()
+    model: Any = compile_model(spec.copy())
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return data.body(body).xmat.reshape(3, 3).copy()
@@ -164,6 +164,7 @@ class Setup:
       task remembers from when that policy was learned.
     - `frozen`: whether to start without learning.
     - `model`: of the body in view, with the page's cameras; None for worlds in JAX.
+    - `folder`: of the run whose policy is the first.
     """
 
     name: str
@@ -174,6 +175,7 @@ class Setup:
     memory: Any = None
     frozen: bool = False
     model: mujoco.MjModel | None = None
+    folder: Path | None = None
 
 
 def setup_of(
@@ -194,7 +196,7 @@ def setup_of(
       MJCF file.
     - `agent`: as `motorgrad.train` takes it.
     - `seed`: of the learner, or of the run that it continues.
-    - `run`: a run of the same task, or its directory; its policy for this seed is the first.
+    - `run`: a run of the same task, its directory, or a saved policy (.npz): the first policy.
     - `frozen`: whether to start without learning.
     - `stage`: surroundings other than the subject's own.
     - `planet`: a round world instead of level ground, for a task.
@@ -227,40 +229,27 @@ def _of_task(
 
         check(isinstance(staged, BodyTask), "planet", planet, "left out where the task has no body")
         staged = on_planet(staged, planet)
-    initial, memory = None, None
+    initial, memory, folder = None, None, None
     if run is not None:
+        folder = run.path if isinstance(run, Run) else Path(run)
         shape = jax.eval_shape(asked.agent.init, jax.random.key(0)).policy
-        initial, memory = policy_of_run(run, shape, asked.task.name, seed)
+        read: Any = policy_of_run if isinstance(run, Run) else load_policy
+        initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
-    return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model)
+    return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model, folder)
 
 
 def _of_model(subject: Any, stage: Stage) -> Setup:
     if isinstance(subject, mujoco.MjModel):
         check(stage.empty, "stage", stage, "left out where the model is compiled")
         return Setup("model", model=subject)
-    if isinstance(subject, str) and subject in BODIES:
-        name, spec = subject, BODIES[subject]().spec()
-    elif isinstance(subject, Path | str):
-        name, spec = Path(subject).stem, _read(Path(subject))
-    else:
-        name, spec = type(subject).__name__.lower(), subject.spec()
-    try:
-        stage.put_into(spec)
-        model = compile_model(spec)
-    except ValueError as error:
-        where = f"{subject}: " if isinstance(subject, Path | str) else ""
-        raise ValueError(where + " ".join(str(error).split())) from None
-    return Setup(name, model=model)
-
-
-def _read(path: Path) -> mujoco.MjSpec:
-    check(path.is_file(), "model", str(path), "a file that exists")
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    if isinstance(subject, Path | str) and subject not in BODIES:
+        return Setup(Path(subject).stem, model=read_model(Path(subject), stage.put_into))
+    body: Any = BODIES[subject]() if isinstance(subject, str) else subject
+    spec = body.spec()
+    stage.put_into(spec)
+    return Setup(subject if isinstance(subject, str) else type(subject).__name__.lower(), model=compile_model(spec))
 
 
 def acting(run: Run, seed: int) -> Agent:

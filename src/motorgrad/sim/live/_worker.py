@@ -121,7 +121,7 @@ class Worker:
                     text = "reset to the start"
                 case Save():
                     subject.save(order.path)
-                    text, kind = f"policy saved to {order.path}", "saved"
+                    text, kind = "" if order.quiet else f"policy saved to {order.path}", "saved"
                 case Intervention():
                     text, kind = self.playback.change(order.resolve(subject)), order.kind
                     self._drop_after(subject.tick)

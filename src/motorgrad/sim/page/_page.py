@@ -13,10 +13,10 @@ import webbrowser
 from pathlib import Path
 from typing import Any, Self
 
-import viser
-
 from motorgrad._errors import check
+from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
+from motorgrad.sim.page._server import gated_server
 from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
 from motorgrad.sim.scene import Pose, Scene, View
 
@@ -30,8 +30,8 @@ class ExposedWarning(UserWarning):
 
 def warn_of(host: str) -> None:
     """Warn where a host is not this machine's own address."""
-    if host not in (HERE, "localhost", "::1"):
-        text = f"host = {host!r}: whoever reaches this port can drive the simulation, and read and write policy files"
+    if host not in LOCAL:
+        text = f"host = {host!r}: other machines can reach the page. Its address is a password, and is sent unencrypted"
         warnings.warn(text, ExposedWarning, stacklevel=3)
 
 
@@ -59,8 +59,8 @@ class Page:
 
     **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one.
 
-    **Attributes:** `url`; `server`, viser's; `session`; `scene` and `panels`; `failures`: how many frames a part could
-    not draw; `spent`: seconds spent drawing in all.
+    **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `server`, viser's; `session`;
+    `scene` and `panels`; `failures`: how many frames a part could not draw; `spent`: seconds spent drawing in all.
 
     **Raises** `ValueError` for a port that is in use.
     """
@@ -68,8 +68,8 @@ class Page:
     def __init__(self, session: Session, host: str = HERE, port: int | None = None):
         check_port(host, port)
         self.session, self.host = session, host
-        with contextlib.redirect_stdout(io.StringIO()):  # viser's banner; whoever made the page tells its address
-            self.server = viser.ViserServer(host, PORT if port is None else port, label=session.name, verbose=False)
+        self._gate = Gate(host, "`motorgrad sim`, or `page.url`,")
+        self.server = gated_server(self._gate, host, PORT if port is None else port, session.name)
         try:
             self._build()
         except BaseException:
@@ -81,7 +81,6 @@ class Page:
     def _build(self) -> None:
         # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        # a share button would let anyone in the world drive the simulation
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
         session = self.session
@@ -107,9 +106,13 @@ class Page:
 
     @property
     def url(self) -> str:
-        """The address of the page."""
+        """The whole address of the page, with the secret that opens it."""
+        return f"{self._public_url}/{self._gate.token}/"
+
+    @property
+    def _public_url(self) -> str:
         shown = "localhost" if self.host in (HERE, "0.0.0.0", "::") else self.host
-        return f"http://{shown}:{self.server.get_port()}"
+        return f"http://{f'[{shown}]' if ':' in shown else shown}:{self.server.get_port()}"
 
     @property
     def last_words(self) -> str:
@@ -138,7 +141,7 @@ class Page:
         self._stop.set()
         self._thread.join(10.0)
         self.panels.close()
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it stopped
             self.server.stop()
         self.session.close()
 
@@ -149,7 +152,7 @@ class Page:
         self.close()
 
     def __repr__(self) -> str:
-        return f"Page({self.session.name}, {self.url})"
+        return f"Page({self.session.name}, {self._public_url})"
 
     def _repr_html_(self) -> str:
         """Show the page in a notebook."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 KEPT = 400  # moments of reward, baseline and gradient
 LOGGED = 12  # lines of the log that are shown
+WHERE = "Ends in .npz, or a run directory to load from; in the working folder, or in that of the run."
 
 
 class LearningPanel(Panel):
@@ -48,7 +49,7 @@ class LearningPanel(Panel):
         self._form = SettingsForm(self)
         self._form.fill(gui, [name for name in self.session.settings if not name.startswith("body.")])
         with gui.add_folder("Policy in a file"):
-            self._path = gui.add_text("File", "policy.npz", hint="Ends in .npz, or a run directory to load from.")
+            self._path = gui.add_text("File", "policy.npz", hint=WHERE)
             files = gui.add_button_group(" ", ("Save", "Load"))
             files.on_click(self.guarded(lambda event: self._file(event.target.value)))
         with gui.add_folder("Log of changes"):
@@ -107,9 +108,9 @@ class LearningPanel(Panel):
         self.order(Compare(on))
 
     def _file(self, button: str) -> None:
-        from motorgrad.sim.live import Load, Save
+        from motorgrad.sim.live import Load, Save, confined
 
-        path = self._path.value.strip()
+        path = str(confined(self._path.value.strip(), self.session.folders))
         self.order(Save(path) if button == "Save" else Load(path))
 
 

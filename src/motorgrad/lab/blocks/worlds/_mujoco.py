@@ -4,9 +4,7 @@
 # (MuJoCo's compiled modules carry no type information.)
 import dataclasses
 import functools
-import math
 import types
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -18,54 +16,10 @@ from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, choice
-from motorgrad.bodies import compile_model, tension
+from motorgrad.bodies import read_model, tension
 from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
 
-LONGEST = 1_000_000  # characters of MJCF
-MOST_COPIES = 10_000
-MOST_MEMORY = 2**31  # bytes
-
-
-def read_model(xml: str, file: str = "") -> mujoco.MjModel:
-    """Compile MJCF text, or a file with its meshes beside it.
-
-    The model may come from anywhere: what is broken, or would exhaust memory, is one clear error.
-
-    **Raises** `ValueError`, in one line, for input that MuJoCo cannot read, and for a model with more than 10,000
-    copies of a part or 2 GiB.
-    """
-    where = f"file = {file!r}" if file else "xml"
-    if file:
-        check(Path(file).is_file(), "file", file, "an existing MJCF file")
-    check(len(xml) <= LONGEST, "xml", f"{len(xml)} characters", f"at most {LONGEST} characters")
-    try:
-        _check_copies(where, Path(file).read_bytes() if file else xml)
-        spec = mujoco.MjSpec.from_file(file) if file else mujoco.MjSpec.from_string(xml)
-        check(spec.memory <= MOST_MEMORY, f"{where}: memory", spec.memory, f"at most {MOST_MEMORY} bytes")
-        return compile_model(spec)
-    except (ValueError, UnicodeError, OSError, mujoco.FatalError) as error:
-        told = " ".join(str(error).split())
-        if told.startswith(where):
-            raise ValueError(told) from None
-        raise ValueError(f"{where}: MuJoCo cannot read it: {told}") from None
-
-
-def _check_copies(where: str, text: str | bytes) -> None:
-    """Refuse parts with too many copies before MuJoCo makes them; MuJoCo reports other errors."""
-    try:
-        todo = [(ElementTree.fromstring(text), 1.0)]
-    except (ElementTree.ParseError, ValueError, LookupError):
-        return
-    while todo:
-        node, copies = todo.pop()
-        try:
-            copies *= math.prod(max(1.0, float(word)) for word in node.get("count", "1").split())
-        except ValueError:
-            continue
-        check(copies <= MOST_COPIES, f"{where}: copies of a part", copies, f"at most {MOST_COPIES}")
-        todo += [(inner, copies) for inner in node]
-
-
+LONGEST = 1_000_000  # characters of MJCF in a diagram
 _WARNING = mujoco.mjtWarning
 # MuJoCo silently resets a simulation that raises one of these warnings; only a counter shows it.
 _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
@@ -196,7 +150,8 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
-        return read_model(self.xml, self.file)
+        check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
+        return read_model(Path(self.file) if self.file else self.xml)
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:

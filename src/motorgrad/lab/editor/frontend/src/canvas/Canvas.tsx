@@ -13,7 +13,7 @@ import {
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { useContextOfCommands } from "../commands/useKeys";
 import { misfitAt, portOf } from "../session/ports";
-import { useDocument } from "../session/store";
+import { useProblems } from "../session/store";
 import { scopeNow, useScope } from "../session/useScope";
 import { enter, toast, useUi } from "../ui/ui";
 import { BlockNode } from "./BlockNode";
@@ -41,7 +41,7 @@ export function Canvas() {
   const { ask } = context;
   const scope = useScope();
   const at = useUi((ui) => ui.at);
-  const problems = useDocument((document) => document.problems);
+  const problems = useProblems();
   const [nodes, setNodes] = useState<AnyNode[]>([]);
   const [wires, setWires] = useState<WireType[]>([]);
   const moving = useRef(false);

@@ -2,7 +2,7 @@ import { useCallback } from "react";
 import { useContextOfCommands } from "../commands/useKeys";
 import { select } from "../commands/selection";
 import { describe, pathOf } from "../session/ports";
-import { useDocument, useRun } from "../session/store";
+import { useDocument, useProblems, useRun } from "../session/store";
 import type { BlockView, Value } from "../session/types";
 import { hueOf } from "../ui/category";
 import { prose } from "../ui/prose";
@@ -20,7 +20,7 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
   const { ask } = context;
   const at = useUi((ui) => ui.at);
   const declaration = useDocument((document) => document.declarations[view.type]);
-  const problems = useDocument((document) => document.problems);
+  const problems = useProblems();
   const watched = useRun((run) => run.watch);
   const overrides = useRun((run) => run.overrides);
   const path = pathOf(at, name);

@@ -1,6 +1,6 @@
 import { useState } from "react";
 import { LogPanel } from "../run/LogPanel";
-import { useDocument } from "../session/store";
+import { useProblems } from "../session/store";
 import { useScope } from "../session/useScope";
 import { useUi } from "../ui/ui";
 import { BlockForm } from "./BlockForm";
@@ -15,7 +15,7 @@ export function Inspector() {
   const [tab, setTab] = useState<(typeof TABS)[number]>("Form");
   const scope = useScope();
   const selected = useUi((ui) => ui.selected).filter((name) => name in scope.nodes);
-  const problems = useDocument((document) => document.problems.length);
+  const problems = useProblems().length;
   const [first] = selected;
   const view = first === undefined ? undefined : scope.nodes[first];
   return (

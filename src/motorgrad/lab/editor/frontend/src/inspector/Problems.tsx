@@ -1,4 +1,4 @@
-import { useDocument } from "../session/store";
+import { useProblems } from "../session/store";
 import { enter, useUi } from "../ui/ui";
 
 /** Show the block of a path, in its subsystem. */
@@ -9,9 +9,9 @@ export function goTo(path: string): void {
   useUi.setState({ show: names[names.length - 1]! });
 }
 
-/** All that keeps the diagram from running. */
+/** All that keeps the diagram from running, and what is not finite in its run. */
 export function Problems() {
-  const problems = useDocument((document) => document.problems);
+  const problems = useProblems();
   if (!problems.length) return <p className="quiet pad">No problems: the diagram can run.</p>;
   return (
     <ul className="list" aria-label="problems">

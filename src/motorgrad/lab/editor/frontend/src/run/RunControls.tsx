@@ -4,6 +4,8 @@ import { useDocument, useRun } from "../session/store";
 import { IconButton } from "../ui/IconButton";
 import { Seeds } from "./Seeds";
 
+const LONG = 10; // seconds
+
 /** Play, pause, one tick, reset, speed and seeds. */
 export function RunControls() {
   const context = useContextOfCommands();
@@ -11,13 +13,16 @@ export function RunControls() {
   const state = useRun((run) => run.state);
   const speed = useRun((run) => run.speed);
   const achieved = useRun((run) => run.achieved);
+  const waited = useRun((run) => run.waited) ?? 0;
   const stale = useRun((run) => run.stale);
   const problems = useDocument((document) => document.problems.length);
   const busy = state === "playing" || state === "compiling";
   const known = SPEEDS.some(([, each]) => each === speed);
   const words =
     state === "compiling"
-      ? "compiling…"
+      ? waited < LONG
+        ? "compiling…"
+        : `compiling for ${waited.toFixed(0)} s: pause stops it`
       : achieved !== null && busy
         ? `${Number(achieved.toPrecision(2)).toLocaleString("en")} ×`
         : stale

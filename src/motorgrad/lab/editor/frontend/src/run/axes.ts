@@ -22,7 +22,7 @@ export function ticksBetween(low: number, high: number, most: number): number[] 
 export function extent(values: Iterable<number | null>): [number, number] {
   let [low, high] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
   for (const value of values) {
-    if (value === null) continue;
+    if (value === null || !Number.isFinite(value)) continue;
     low = Math.min(low, value);
     high = Math.max(high, value);
   }
@@ -51,6 +51,20 @@ export function axes(sheet: Sheet, [left, right]: [number, number], [bottom, top
     context.fillText(String(value), MARGIN.left - 6, y(value) + 4);
   }
   return { x, y };
+}
+
+/** Adds a path to what is drawn; it is broken where a number is not finite. */
+export function trail(context: Sheet["context"], x: (number | null)[], y: (number | null)[], at: Frame): void {
+  let drawing = false;
+  x.forEach((across, i) => {
+    const up = y[i] ?? null;
+    if (across === null || up === null) drawing = false;
+    else if (drawing) context.lineTo(at.x(across), at.y(up));
+    else {
+      context.moveTo(at.x(across), at.y(up));
+      drawing = true;
+    }
+  });
 }
 
 /** Keep what follows within the axes. */

@@ -1,4 +1,4 @@
-import { axes, clip, extent } from "./axes";
+import { axes, clip, extent, trail } from "./axes";
 import { lineColour } from "./colours";
 import { lineage } from "./lineage";
 import type { Sheet } from "./sheet";
@@ -7,11 +7,11 @@ import type { Source } from "./sources";
 const LEAST_FORCE = 1e-9;
 const TRAIL = 200; // samples of the path
 
-/** The last row of a signal of the first seed. */
+/** The last row of a signal of the first seed; NaN where it is not finite, of which nothing is drawn. */
 function last(sheet: Sheet, address: string | undefined): number[] {
   const trace = lineage(sheet.branch ?? "", address ?? "");
   const at = trace?.ticks.findLastIndex((tick) => tick <= sheet.now) ?? -1;
-  return at < 0 ? [] : (trace!.columns.rows ?? []).map((column) => column[at] ?? 0);
+  return at < 0 ? [] : (trace!.columns.rows ?? []).map((column) => column[at] ?? Number.NaN);
 }
 
 /** Where Gaussian units are: an ellipse of one standard deviation about each centre, the force, and the path taken. */
@@ -47,7 +47,7 @@ export function map(source: Source, sheet: Sheet): void {
   context.strokeStyle = ink;
   context.globalAlpha = 0.35;
   context.beginPath();
-  path[0].forEach((x, i) => x != null && path[1][i] != null && context.lineTo(at.x(x), at.y(path[1][i]!)));
+  trail(context, path[0], path[1], at);
   context.stroke();
   context.globalAlpha = 1;
   const longest = Math.max(LEAST_FORCE, ...(forces ?? []).map(([x, y]) => Math.hypot(x, y)));

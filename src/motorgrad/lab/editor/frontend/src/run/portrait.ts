@@ -1,4 +1,4 @@
-import { axes, extent } from "./axes";
+import { axes, extent, trail } from "./axes";
 import { lineColour } from "./colours";
 import type { Sheet } from "./sheet";
 import type { Source } from "./sources";
@@ -31,9 +31,7 @@ export function portrait(source: Source, sheet: Sheet): void {
     context.globalAlpha = (path.other ? 0.4 : 0.9) / Math.max(1, Math.sqrt(paths.length) / 2);
     context.setLineDash(path.other ? [5, 4] : []);
     context.beginPath();
-    for (let i = 0; i < path.x.length; i += 1) {
-      if (path.x[i] != null && path.y[i] != null) context.lineTo(at.x(path.x[i]!), at.y(path.y[i]!));
-    }
+    trail(context, path.x, path.y, at);
     context.stroke();
     context.globalAlpha = 1;
     const final = path.x.length - 1;

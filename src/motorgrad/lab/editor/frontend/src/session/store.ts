@@ -1,3 +1,4 @@
+import { useMemo } from "react";
 import { create } from "zustand";
 import type { Recoverable } from "./recoverable";
 import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./types";
@@ -62,4 +63,13 @@ export const useRun = create<RunState>(() => ({
   fixed: null,
   overrides: {},
   fresh: [],
+  waited: null,
+  faults: [],
 }));
+
+/** What keeps the diagram from running, and what is wrong with the run. */
+export function useProblems(): Problem[] {
+  const problems = useDocument((document) => document.problems);
+  const faults = useRun((run) => run.faults);
+  return useMemo(() => [...problems, ...faults], [problems, faults]);
+}

@@ -119,4 +119,8 @@ export interface RunState {
   /** Parameters that this branch has otherwise than the diagram. */
   overrides: Record<string, Value>;
   fresh: string[];
+  /** For how many seconds it has been compiling. */
+  waited: number | null;
+  /** Signals and states of this branch that are NaN or infinite. */
+  faults: Problem[];
 }

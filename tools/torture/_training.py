@@ -1,24 +1,18 @@
-#!/usr/bin/env python
-"""Kill training at random instants, resume it by the same command, and see that nothing shows.
+"""Kill training at random instants, resume it by the same command, and compare with an undisturbed run.
 
-For a task in a world and for one with a body the run is made once undisturbed. Then the same command is started again
-and again and killed (SIGKILL): a third of the times at a random instant from its start, a third at one from the end of
-its start-up, and a third at the first write of records or a checkpoint after such an instant. Whenever it finishes
-before it is killed, the run must be the undisturbed one, bit for bit but for wall time, and another is begun; so until
-all kills are used up, and then the last run is left to finish. The exit status is 1 if anything differs or a command
-fails, and the folder with the runs is kept.
-
-`--seed` repeats the instants that are drawn; where in the work they fall depends on how busy the machine is.
+For each engine, one run is made undisturbed. Then the same command is started and killed (SIGKILL) again and again: a
+third of the time at a random instant after its start, a third after the end of its start-up, and a third at the first
+write of records or a checkpoint after such an instant. Whenever a run finishes before it is killed, it must equal the
+undisturbed one bit for bit, except for wall time, and the next run begins.
 """
 
-import argparse
 import contextlib
+import dataclasses
 import json
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -30,9 +24,28 @@ import pyarrow as pa
 import motorgrad as mg
 from motorgrad.training.store._checkpoint import load as read_state
 
-# The windows fit no block of random numbers, and some checkpoints come between two records.
-STEPS = {"three-state": 2_000_000, "hopper": 4_000}
-WINDOWS = {"three-state": 99_999, "hopper": 199}
+
+@dataclasses.dataclass(frozen=True)
+class Engine:
+    """The run that an engine is tried with: its command, and the seconds between two checkpoints.
+
+    Windows fit no block of random numbers, and some checkpoints fall between two records.
+    """
+
+    task: str
+    steps: int
+    window: int
+    seeds: int = 3
+    options: tuple[str, ...] = ()
+
+
+ENGINES = {
+    "world": Engine("three-state", 2_000_000, 99_999),
+    "sparse": Engine("particle", 60_000, 4_999, options=("--agent.kind", "sparse")),
+    "body": Engine("hopper", 4_000, 199),
+    "side-by-side": Engine("hopper", 1_500, 99, seeds=16),
+    "environment": Engine("gymnasium", 20_000, 999, options=("--task.env-id", "CartPole-v1")),
+}
 EVERY = 0.05  # seconds between checkpoints
 KINDS = ("any", "started", "write")  # the kills: from the start, from the end of the start-up, at a write after that
 PATIENCE = 300.0  # seconds that any command may take
@@ -45,37 +58,14 @@ class Failure(Exception):
     """Something that must not happen."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=100, help="how many kills, shared by the tasks (100)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random instants (0)")
-    parser.add_argument("--keep", action="store_true", help="keep the runs also if all is well")
-    options = parser.parse_args(arguments)
-    if options.kills < 1 or options.seed < 0:
-        parser.error("--kills must be at least 1 and --seed at least 0")
-    folder, began, landed, compared = Path(tempfile.mkdtemp(prefix="torture-")), time.monotonic(), Counter(), 0
-    try:
-        for number, name in enumerate(STEPS):
-            kills = (options.kills + number) // len(STEPS)
-            compared += torture(name, folder, kills, np.random.default_rng([options.seed, number]), landed)
-    except Failure as failure:
-        say(f"FAILED: {failure}\nthe runs are in {folder}; --seed {options.seed} draws the same instants again")
-        return 1
-    where = ", ".join(f"{landed[place]} {place}" for place in PLACES)
-    took, total = time.monotonic() - began, landed.total()
-    noun = "kill" if total == 1 else "kills"
-    say(f"{total} {noun} ({where}); {compared} runs, each as if undisturbed; {took:.0f} s, seed {options.seed}")
-    if options.keep:
-        say(f"the runs are in {folder}")
-    else:
-        shutil.rmtree(folder)
-    return 0
+def torture(name: str, folder: Path, kills: int, random: np.random.Generator) -> tuple[Counter[str], int]:
+    """Kill the engine's training so often.
 
-
-def torture(name: str, folder: Path, kills: int, random: np.random.Generator, landed: Counter[str]) -> int:
-    """Kill the task's training so often, adding to `landed` where it was hit; the number of runs compared."""
+    **Returns** where the kills hit, and the number of finished runs that were compared. **Raises** `Failure`.
+    """
+    engine, landed = ENGINES[name], Counter[str]()
     undisturbed, start = folder / f"{name}-undisturbed", time.monotonic()
-    finish(begin(name, undisturbed), undisturbed)
+    finish(begin(engine, undisturbed), undisturbed)
     whole = time.monotonic() - start
     say(f"{name}: undisturbed in {whole:.1f} s")
     spans = {"any": whole, "started": whole / 2, "write": whole / 2}  # the start-up takes about half
@@ -84,26 +74,28 @@ def torture(name: str, folder: Path, kills: int, random: np.random.Generator, la
         path = folder / f"{name}-{done}"
         sessions, old = sessions_of(path), leftovers(path)
         kind = str(random.choice(KINDS))
-        child = begin(name, path)
+        child = begin(engine, path)
         if used < kills and kill(child, path, sessions, old, kind, random.uniform(0, spans[kind])):
             used += 1
             place = where_hit(path, sessions, old)
             landed[place] += 1
-            say(f"{name}: kill {used} of {kills}, {place}, after {reached(path):,} of {STEPS[name]:,} decisions")
+            say(f"{name}: kill {used} of {kills}, {place}, after {reached(path):,} of {engine.steps:,} decisions")
             continue
         finish(child, path)
         if different := list(differences(path, undisturbed)):
             raise Failure(f"{path.name} differs from {undisturbed.name}:\n  " + "\n  ".join(different))
+        shutil.rmtree(path)
         done += 1
         say(f"{name}: run {done} ended as the undisturbed one")
-    return done
+    return landed, done
 
 
-def begin(name: str, path: Path) -> subprocess.Popen[bytes]:
-    """Start the command; what it says goes to a file beside the run."""
-    settings = {"steps": STEPS[name], "window": WINDOWS[name], "seeds": 3, "threads": 1, "checkpoint-every": EVERY}
-    command = [sys.executable, "-m", "motorgrad", "train", name, "--out", str(path)]
-    command += [part for option, value in settings.items() for part in (f"--{option}", str(value))]
+def begin(engine: Engine, path: Path) -> subprocess.Popen[bytes]:
+    """Start the command; its output goes to a file beside the run."""
+    settings = {"steps": engine.steps, "window": engine.window, "seeds": engine.seeds, "threads": 2}
+    command = [sys.executable, "-m", "motorgrad", "train", engine.task, "--out", str(path), *engine.options]
+    for option, value in {**settings, "checkpoint-every": EVERY}.items():
+        command += [f"--{option}", str(value)]
     with log_of(path).open("wb") as log:
         return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=path.parent)
 
@@ -217,7 +209,3 @@ def _different_arrays(kind: str, mine: dict[str, np.ndarray], wanted: dict[str, 
 
 def say(text: str) -> None:
     print(text, flush=True)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

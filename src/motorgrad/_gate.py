@@ -1,0 +1,152 @@
+"""The gate of a page in the browser, shared by TimSim and TimLab: who is let in, and how fast they may talk.
+
+A page prints the address `http://127.0.0.1:PORT/TOKEN/`. The first request moves the token into a cookie and leads to
+`/PLACE/`, so that neither the address bar nor the history keeps it. Browsers send cookies to every port of a host;
+this one is limited to its place, which other servers on the machine do not know.
+"""
+
+import asyncio
+import ipaddress
+import re
+import secrets
+import socket
+import time
+from collections.abc import Iterable
+from hmac import compare_digest
+from typing import NamedTuple
+
+LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
+COOKIE = "motorgrad"
+UNIT = 2**16  # bytes that cost as much as one more message
+HEADERS = {
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+"""Headers of every answer. Without a referrer, no other server is told the address."""
+
+
+class Passed(NamedTuple):
+    """A request that is let in.
+
+    - `path`: what it asks for, without the token or the place.
+    - `framed`: whether it is for a frame, such as a notebook's, of someone who knows the token.
+    """
+
+    path: str
+    framed: bool
+
+
+class Answer(NamedTuple):
+    """The gate's own answer to a request that it does not let in, or leads on."""
+
+    status: int
+    headers: dict[str, str]
+    text: str
+
+
+class Gate:
+    """Decides about requests by token, `Host` and `Origin`.
+
+    **Arguments:**
+
+    - `host`: where the page listens.
+    - `source`: what prints the whole address, as told to those who come without it.
+
+    **Attributes:** `token`, the secret; `place`, the path of the page once the token is in the cookie.
+    """
+
+    def __init__(self, host: str, source: str):
+        self.token, self.place, self._source = secrets.token_urlsafe(24), secrets.token_hex(8), source
+        self._names, self._exposed = {*LOCAL, host.lower()}, host not in LOCAL
+        if self._exposed:
+            name = socket.gethostname().lower()
+            self._names |= {name, f"{name}.local"}
+
+    def judge(self, target: str, headers: Iterable[tuple[str, str]], upgrade: bool) -> Passed | Answer:
+        """Decide about a request.
+
+        **Arguments:** `target`: the path and query that it asks for; `headers`: their names and values; `upgrade`:
+        whether it asks for a WebSocket.
+        """
+        known = _single(headers)
+        if known is None or not self._comes_from_here(known, upgrade):
+            return self._refusal()
+        path, _, query = target.partition("?")
+        first, _, rest = path.removeprefix("/").partition("/")
+        by_token = compare_digest(first.encode("utf-8", "replace"), self.token.encode())
+        if not by_token and not (first == self.place and self._has_cookie(known.get("cookie", ""))):
+            return self._refusal()
+        # a frame keeps the token: a notebook at another address could not send the cookie, and shows no address
+        framed = by_token and known.get("sec-fetch-dest") in ("iframe", "frame")
+        if upgrade or not (query or (by_token and not framed)):
+            return Passed(f"/{rest}", framed)
+        # no query reaches a page: viser's client would connect to any server that one names
+        led = {**HEADERS, "Location": f"/{self.token if framed else self.place}/"}
+        if by_token and not framed:
+            led["Set-Cookie"] = f"{COOKIE}={self.token}; Path=/{self.place}; HttpOnly; SameSite=Lax"
+        return Answer(303, led, "")
+
+    def _refusal(self) -> Answer:
+        text = f"Forbidden: open the whole address that {self._source} printed.\n"
+        return Answer(403, {**HEADERS, "Content-Type": "text/plain; charset=utf-8"}, text)
+
+    def _comes_from_here(self, headers: dict[str, str], upgrade: bool) -> bool:
+        """Whether the host is ours, so that no foreign name leads here, and the origin is this very host. Browsers
+        always send an origin with a WebSocket.
+        """
+        host, origin = headers.get("host", "").lower(), headers.get("origin")
+        if origin is None:
+            return not upgrade and self._is_own(host)
+        return origin.lower() == f"http://{host}" and self._is_own(host)
+
+    def _is_own(self, host: str) -> bool:
+        # any port: a tunnel may lead from another one
+        found = re.fullmatch(r"(?:\[([0-9a-f:.]+)\]|([a-z0-9_.-]+))(?::\d+)?", host)
+        name = (found[1] or found[2]) if found else ""
+        return name in self._names or (self._exposed and _is_address(name))
+
+    def _has_cookie(self, text: str) -> bool:
+        pairs = (part.strip().partition("=") for part in text.split(";"))
+        given = [value.encode("utf-8", "replace") for name, _, value in pairs if name == COOKIE]
+        return any(compare_digest(value, self.token.encode()) for value in given)
+
+
+class Pace:
+    """Slows a client that sends too fast: its next message is read later, and nothing is dropped.
+
+    **Arguments:** `rate`: messages per second; a message also counts once for every 64 KiB; `burst`: messages that are
+    taken at once.
+    """
+
+    def __init__(self, rate: float = 250.0, burst: float = 500.0):
+        self._cost, self._ahead, self._paid = 1 / rate, burst / rate, 0.0
+
+    async def wait(self, size: int = 0) -> None:
+        """Wait until a further message, after one of `size` bytes, may be read."""
+        now = time.monotonic()
+        self._paid = max(self._paid, now - self._ahead) + self._cost * (1 + size / UNIT)
+        if self._paid > now:
+            await asyncio.sleep(self._paid - now)
+
+
+def _single(headers: Iterable[tuple[str, str]]) -> dict[str, str] | None:
+    """Headers by name in lower case, or None where one that the gate reads is given twice."""
+    found: dict[str, str] = {}
+    for name, value in headers:
+        key = name.lower()
+        if key == "cookie" and key in found:  # HTTP/2 proxies may split it
+            value = f"{found[key]}; {value}"
+        elif key in ("host", "origin", "upgrade") and key in found:
+            return None
+        found[key] = value
+    return found
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

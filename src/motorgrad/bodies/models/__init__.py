@@ -1,0 +1,1 @@
+"""MuJoCo models from anywhere: read, bounded and compiled."""

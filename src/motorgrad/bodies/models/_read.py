@@ -1,0 +1,83 @@
+"""The one way in for MuJoCo models: read, bounded, compiled."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+import mujoco
+
+from motorgrad._errors import check
+from motorgrad.bodies.models._bounds import check_size
+from motorgrad.bodies.models._scan import read_bytes, scan
+from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+
+T = TypeVar("T")
+
+
+def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | None = None) -> mujoco.MjModel:
+    """Compile a model that may come from anywhere. What is broken or would exhaust memory is one clear error.
+
+    **Arguments:**
+
+    - `source`: the `Path` of an MJCF or URDF file, with its meshes and textures beside it; or the document itself, as
+      text.
+    - `edit`: changes the description before it is compiled.
+
+    **Returns:** the model, as `compile_model` does.
+
+    **Raises:** `ValueError`, in one line, for what MuJoCo refuses and for a model beyond the
+    [limits](../bodies.md#models-from-elsewhere).
+
+    ```python
+    model = mg.bodies.read_model("<mujoco><worldbody><geom size='0.1'/></worldbody></mujoco>")
+    ```
+    """
+    where = f"file = {str(source)!r}" if isinstance(source, Path) else "xml"
+    try:
+        if isinstance(source, Path):
+            check(source.is_file(), "file", str(source), "an existing MJCF file")
+            folders = scan(read_bytes(source), source.parent)
+            spec = _guarded("read", lambda: mujoco.MjSpec.from_file(str(source)))
+        else:
+            folders = scan(source.encode(), Path())
+            spec = _guarded("read", lambda: mujoco.MjSpec.from_string(source))
+        if edit is not None:
+            edit(spec)
+        return compile_spec(spec, folders)
+    except ValueError as error:
+        told = " ".join(str(error).split())
+        raise ValueError(told if told.startswith(where) else f"{where}: {told}") from None
+
+
+def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.MjModel:
+    """Compile a description within the limits, with the muscle law in place.
+
+    **Arguments:** `spec`: the description; `folders`: where its files may be, beside its own folder.
+
+    **Raises:** `ValueError` for a description that MuJoCo refuses or that is too large; `RuntimeError` if another gain
+    callback is installed.
+    """
+    # before compiling, which briefly runs the physics and would call a foreign callback
+    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
+        install_muscle_callback()
+    model = compile_bare(spec, folders)
+    check_muscle_callback(model)
+    return model
+
+
+def compile_bare(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.MjModel:
+    """Compile a description within the limits, whatever its muscles do."""
+    check_size(spec, folders)
+    return _guarded("compile", spec.compile)
+
+
+def _guarded(what: str, do: Callable[[], T]) -> T:
+    """MuJoCo's exceptions as ours. They have many types: out of memory alone comes as four of them."""
+    try:
+        return do()
+    except Exception as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"MuJoCo cannot {what} it: {told}") from None

@@ -1,0 +1,249 @@
+"""What an MJCF document becomes when MuJoCo expands it, counted without expanding it."""
+
+import math
+import os
+import xml.parsers.expat as expat
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from motorgrad._errors import check
+
+MOST_PARTS = 100_000
+MOST_COPIES = 2_000  # by one replicate, whose time grows with the square of their number; replicates may be nested
+MOST_BYTES = 2**30
+MOST_TEXT = 2**26  # characters, of a model with all that it includes
+_DEEPEST = 20  # files that include each other, or models within models
+_SLOW = 10  # parts for each copy of what refers to a copied part, as MuJoCo copies it that much more slowly
+_PER_VERTEX = 8  # parts of a flexcomp: a body, three joints, elements
+_LEAST_LINE = 8  # bytes of a file per vertex
+_MESH_BYTES = 500  # per vertex, with faces, hull and search trees
+_DIMENSIONS = {"cone": 1, "wedge": 2, "plate": 2}  # numbers of `params` that multiply, if not three
+_WIDE = (b"\xff\xfe", b"\xfe\xff")
+_UNCOPIED = ("asset", "compiler", "custom", "default", "extension", "keyframe", "option", "size", "visual", "worldbody")
+_SQUARED = ("supersphere", "supertorus")
+
+
+def scan(text: bytes, folder: Path) -> set[Path]:
+    """Refuse a document that would exhaust memory while MuJoCo reads it.
+
+    Copies, included files, attached models and generated grids are made while reading, before there is a description to
+    ask for sizes. What this parser cannot read is refused too, so that no document means less here than to MuJoCo.
+
+    **Arguments:** `text`: the document; `folder`: where its files are.
+
+    **Returns:** the folders of all files that belong to it.
+
+    **Raises:** `ValueError`.
+    """
+    reading = _Reading()
+    _Document(reading, folder).count(text, folder)
+    return reading.folders
+
+
+class _Reading:
+    """What the documents of one model share."""
+
+    def __init__(self) -> None:
+        self.text, self.depth = 0, 0
+        self.folders: set[Path] = set()
+
+
+class _Element(NamedTuple):
+    tag: str
+    name: str
+    copies: float  # in its parent
+    all_copies: float
+    refers: set[str]  # the values of its attributes, and of those of the elements within
+
+
+class _Document:
+    """One model, with the files that it includes."""
+
+    def __init__(self, reading: _Reading, folder: Path) -> None:
+        self._reading, self._folder = reading, folder
+        self._open: list[_Element] = []
+        self._parts = [0.0]  # within each open element so far; first those of the document
+        self._named: dict[str, float] = {}  # parts of each named body or frame
+        self._models: dict[str, float] = {}  # parts of each model that may be attached
+        self._copies: dict[str, float] = {}  # of each named part of the world
+        self._attached = 0.0  # how often, at most, attaching copies what refers to a part
+        self._referring: list[_Element] = []
+        self._inner = {""}  # folders of assets, from the settings of the compiler
+        self._points: list[tuple[str, float]] = []  # files of points, and copies of what is made of them
+
+    def count(self, text: bytes, folder: Path) -> float:
+        """The parts of the document, with all copies."""
+        self._read(text, folder)
+        # MuJoCo copies a sensor, an actuator, ... with each copy of what it refers to, and what refers to that in turn
+        for _ in range(_DEEPEST):
+            before = dict(self._copies)
+            for each in self._referring:
+                if each.name:
+                    self._copies[each.name] = max(self._copies.get(each.name, 1.0), self._copies_of(each))
+            if before == self._copies:
+                break
+        parts = self._parts[0]
+        parts += _SLOW * sum(self._attached + self._copies_of(each) - 1.0 for each in self._referring)
+        for name, copies in self._points:
+            found = files_of(name, self._reading.folders, self._inner)
+            parts += copies * sum(map(file_size, found)) / _LEAST_LINE
+        check_parts(parts)
+        return parts
+
+    def _copies_of(self, element: _Element) -> float:
+        return max((self._copies.get(name, 1.0) for name in element.refers), default=1.0)
+
+    def _read(self, text: bytes, folder: Path) -> None:
+        """Count a file that belongs to the document, where it stands."""
+        reading = self._reading
+        reading.text += len(text)
+        check(reading.text <= MOST_TEXT, "length of the text", reading.text, f"at most {MOST_TEXT:,} characters")
+        check(reading.depth < _DEEPEST, "files within files", reading.depth + 1, f"at most {_DEEPEST} deep")
+        reading.depth += 1
+        reading.folders.add(folder)
+        check(b"\0" not in text and not text.startswith(_WIDE), "encoding", "UTF-16 or binary", "UTF-8")
+        parser = expat.ParserCreate("utf-8")  # whatever the document says: so does MuJoCo
+
+        def start(tag: str, given: dict[str, str]) -> None:
+            try:
+                self._begin(tag.lower(), given, folder)
+            except ValueError as error:
+                raise ValueError(_at(tag, parser.CurrentLineNumber, error)) from None
+
+        def end(tag: str) -> None:
+            try:
+                self._end()
+            except ValueError as error:
+                raise ValueError(_at(tag, parser.CurrentLineNumber, error)) from None
+
+        parser.StartElementHandler, parser.EndElementHandler = start, end
+        parser.StartDoctypeDeclHandler = _refuse_doctype  # its entities expand
+        try:
+            parser.Parse(text, True)
+        except expat.ExpatError as error:
+            raise ValueError(f"not well-formed XML: {error}") from None
+        reading.depth -= 1
+
+    def _begin(self, tag: str, given: Mapping[str, str], folder: Path) -> None:
+        copies = product(given.get("count", "1"))
+        if tag == "flexcomp":
+            points = len(given.get("point", "").split()) / 3
+            copies = _PER_VERTEX * max(copies, points, product(given.get("cellcount", "1"), lambda n: 2 * n + 1))
+        elif tag == "skin":
+            copies *= product(given.get("subgrid", "1")) ** 2
+        elif tag == "replicate":
+            check(copies <= MOST_COPIES, "count", given.get("count"), f"at most {MOST_COPIES:,}")
+        check_parts(copies)
+        all_copies = copies * (self._open[-1].all_copies if self._open else 1.0)
+        inside = 0.0
+        if tag == "include" and "file" in given:
+            for path in self._found(given["file"], folder):
+                self._read(read_bytes(path), path.parent)
+        elif tag == "model" and "file" in given:
+            for path in self._found(given["file"], folder):
+                parts = _Document(self._reading, path.parent).count(read_bytes(path), path.parent)
+                self._models[given.get("name", "")] = parts
+                inside += parts
+        elif tag == "attach":
+            inside = self._attach(given, all_copies)
+        elif tag == "compiler":
+            self._inner.update(given[name] for name in ("assetdir", "meshdir", "texturedir") if name in given)
+        elif tag == "flexcomp" and "file" in given:
+            self._points.append((given["file"], all_copies / copies))
+        elif tag == "hfield":
+            rows, columns = (product(given.get(name, "1")) for name in ("nrow", "ncol"))
+            check_bytes("nrow × ncol", f"{rows:,.0f} × {columns:,.0f}", 4 * rows * columns)
+        elif tag == "mesh" and "builtin" in given:
+            vertices = _vertices(given["builtin"], given.get("params", ""))
+            check_bytes("params", given.get("params", ""), _MESH_BYTES * vertices)
+        name = given.get("name", "")
+        refers = {value for key, value in given.items() if key not in ("name", "class")}
+        self._open.append(_Element(tag, name, copies, all_copies, refers))
+        self._parts.append(inside)
+
+    def _attach(self, given: Mapping[str, str], all_copies: float) -> float:
+        """The parts that an `attach` copies."""
+        if "model" in given:
+            self._attached += all_copies
+            return self._models.get(given["model"], max(self._models.values(), default=0.0))
+        # a name that comes with another copy is not known here: no part is larger than all so far
+        inside = self._named.get(given.get("body", given.get("frame", "")), sum(self._parts))
+        self._attached += all_copies * inside
+        return inside
+
+    def _found(self, name: str, folder: Path) -> list[Path]:
+        """The files that a name may mean. MuJoCo looks beside the model first, then beside the files that include."""
+        folders = {self._folder, folder, *self._reading.folders}
+        found = files_of(name, folders)
+        check(found, "file", name, "an existing file")
+        return found
+
+    def _end(self) -> None:
+        element = self._open.pop()
+        parts = element.copies * (1.0 + self._parts.pop())
+        self._parts[-1] += parts
+        check_parts(parts)
+        check_parts(self._parts[-1])
+        if any(each.tag == "worldbody" for each in self._open):
+            if element.name:
+                self._copies[element.name] = max(element.all_copies, self._copies.get(element.name, 1.0))
+            if element.name and element.tag in ("body", "frame"):
+                self._named[element.name] = max(parts, self._named.get(element.name, 0.0))
+        elif element.refers and not any(each.tag in _UNCOPIED for each in (*self._open, element)):
+            self._referring.append(element)
+            if self._open and self._open[-1].name:
+                self._open[-1].refers.update(element.refers)
+
+
+def check_parts(parts: float) -> None:
+    """Refuse too many parts."""
+    number = int(parts) if parts < 1e18 else parts
+    check(parts <= MOST_PARTS, "parts, with all copies,", number, f"at most {MOST_PARTS:,}")
+
+
+def check_bytes(what: str, value: object, size: float, most: int = MOST_BYTES) -> None:
+    """Refuse something that would make a model, or one part of it, of `size` bytes."""
+    check(size <= most, what, value, f"such that the model takes at most {most / 2**30:g} GiB, not {size / 2**30:,.2f}")
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file of acceptable length."""
+    check(file_size(path) <= MOST_TEXT, f"length of {path.name}", file_size(path), f"at most {MOST_TEXT:,} bytes")
+    return path.read_bytes()
+
+
+def files_of(name: str, folders: Iterable[Path], inner: Iterable[str] = ("",)) -> list[Path]:
+    """The existing files that a name may mean, in any of `folders` or in a folder `inner` of one."""
+    paths = {os.path.abspath(folder / part / name) for folder in folders for part in inner}
+    return [Path(path) for path in sorted(paths) if os.path.exists(path)]
+
+
+def file_size(path: Path) -> int:
+    """The size of a file in bytes. It must be a regular one: a device may never end, and a pipe never begin."""
+    check(path.is_file(), "file", str(path), "a regular file")
+    return path.stat().st_size
+
+
+def product(words: str, change: Callable[[float], float] = float) -> float:
+    """The product of the numbers of an attribute, of which those below 1 count as 1."""
+    try:
+        return math.prod(max(1.0, change(float(word))) for word in words.split())
+    except ValueError:
+        raise ValueError(f"{words!r}: must be whole numbers") from None
+
+
+def _vertices(kind: str, params: str) -> float:
+    numbers = params.split()
+    if kind in _SQUARED:
+        return product(" ".join(numbers[:1] * 2))
+    return product(" ".join(numbers[: _DIMENSIONS.get(kind, 3)]))
+
+
+def _refuse_doctype(*given: object) -> None:
+    raise ValueError("it declares a document type: must be plain MJCF or URDF")
+
+
+def _at(tag: str, line: int, error: ValueError) -> str:
+    told = str(error)
+    return told if told.startswith("<") else f"<{tag}> in line {line}: {told}"

@@ -1,0 +1,61 @@
+"""Integration: classical Runge–Kutta steps, split where a source jumps."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from motorgrad.lab.diagram import ROUNDING
+
+PLACES = ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))
+"""Where in the step each slope is taken, as a fraction of it, and the slope's weight."""
+MOST_PIECES = 16  # of a step; what jumps more often is held in the last one
+
+
+def rk4(slope: Callable[[Any, Any], Any], state: Any, time: Any, step: Any) -> Any:
+    r"""The state one `step` after `time` for $\dot x = f(x, t)$, by the classical fourth-order Runge–Kutta method.
+    `slope` is $f$; states are any pytree.
+    """
+    total, last = None, None
+    for place, weight in PLACES:
+        there = state if last is None else _add_scaled(state, place * step, last)
+        last = slope(there, time + place * step)
+        total = jax.tree.map(lambda k: weight * k, last) if total is None else _add_scaled(total, weight, last)  # noqa: B023
+    return _add_scaled(state, step, total)
+
+
+def integrated(
+    slope: Callable[[Any, Any, Any], Any],
+    next_jump: Callable[[Any], Any] | None,
+    state: Any,
+    time: Any,
+    step: float,
+    loop: Callable[..., Any] = jax.lax.while_loop,
+) -> Any:
+    """The state one `step` after `time`: one RK4 step, or one for each piece between jumps.
+
+    **Arguments:**
+
+    - `slope`: of a state, the time, and the time at which the RK4 step began.
+    - `next_jump`: the time of the first jump after a time; `None` if nothing jumps.
+    - `loop`: `jax.lax.while_loop`, or the same in Python.
+    """
+    if next_jump is None:
+        return rk4(lambda there, now: slope(there, now, time), state, time, step)
+
+    def piece(position: Any) -> Any:
+        number, done, state = position
+        start = time + done
+        jump = next_jump(start) - time  # relative, so that single precision does not round the length of a piece
+        last = step - ROUNDING * (jnp.abs(time) + step)  # jumps after it are at the end, and left to the next step
+        inside = (jump > done) & (jump < last) & (number < MOST_PIECES - 1)
+        end = jnp.where(inside, jump, step)
+        return number + 1, end, rk4(lambda there, now: slope(there, now, start), state, start, end - done)
+
+    begin = 0, jnp.zeros((), jnp.result_type(time, float)), state
+    return loop(lambda position: position[1] < step, piece, begin)[2]
+
+
+def _add_scaled(tree: Any, factor: Any, other: Any) -> Any:
+    return jax.tree.map(lambda x, k: x + factor * k, tree, other)

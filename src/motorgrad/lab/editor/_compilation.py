@@ -1,0 +1,86 @@
+"""Compilation that can be stopped: in a thread of its own, because nothing can interrupt the compiler.
+
+What is stopped goes on unseen until it is done. The number of such compilations is limited, and the process waits for
+them at its end: the compiler aborts a process that ends under it.
+"""
+
+import atexit
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from motorgrad._errors import check
+
+PATIENCE = 60.0  # seconds after which a compilation is said to be long
+POLL = 0.02  # seconds between looks whether it is to be stopped
+REPORT = 1.0  # seconds between reports
+MOST_LEFT = 2  # stopped compilations that still go on
+T = TypeVar("T")
+
+
+class Stopped(ValueError):
+    """A compilation was stopped."""
+
+
+class _Making(threading.Thread, Generic[T]):
+    """Makes something, and keeps it, or the exception."""
+
+    def __init__(self, make: Callable[[], T]):
+        super().__init__(name="motorgrad-lab-compiler", daemon=True)
+        self._make = make
+        self.made: T | None = None
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            self.made = self._make()
+        except BaseException as error:  # a block's own code may raise anything
+            self.error = error
+
+
+class Compilation:
+    """Waits for compilations.
+
+    **Arguments:** whether a compilation is to be stopped; a function that is told after every second how long it has
+    taken so far; one that takes a message to the user.
+    """
+
+    def __init__(self, stopped: Callable[[], bool], report: Callable[[float], None], say: Callable[[str], None]):
+        self._stopped, self._report, self._say = stopped, report, say
+        self._left: list[_Making] = []
+
+    def __call__(self, make: Callable[[], T]) -> T:
+        """What `make` returns. **Raises** `Stopped`, or what it raises."""
+        self._left = [thread for thread in self._left if thread.is_alive()]
+        allowed = f"at most {MOST_LEFT - 1}, so that the machine is not used up: wait, or restart the server"
+        check(len(self._left) < MOST_LEFT, "compilations that were stopped and still go on", len(self._left), allowed)
+        making, start, told = _Making(make), time.monotonic(), 0.0
+        making.start()
+        while making.is_alive():
+            making.join(POLL)
+            took = time.monotonic() - start
+            if self._stopped() and making.is_alive():
+                self._left.append(making)
+                atexit.register(_wait_for, making)  # after JAX's own handlers, hence called before them
+                raise Stopped(f"compilation stopped after {took:.0f} s: the compiler goes on unseen until it is done")
+            if took - told >= REPORT:
+                if told < PATIENCE <= took:
+                    self._say(f"compiling for {PATIENCE:.0f} s so far: pause stops it")
+                told = took
+                self._report(took)
+        if making.error is not None:
+            raise making.error
+        return making.made  # type: ignore[return-value]  # it was made
+
+
+def _wait_for(making: threading.Thread) -> None:
+    """Wait at the end of the process, or end it at once if it is interrupted again."""
+    try:
+        if making.is_alive():
+            print("waiting for the compiler to end; Ctrl-C ends at once", file=sys.stderr, flush=True)
+        making.join()
+    except KeyboardInterrupt:
+        os._exit(130)

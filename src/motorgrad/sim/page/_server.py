@@ -1,0 +1,250 @@
+"""viser's server behind the gate of `motorgrad._gate`: who reaches it, and which messages it is given."""
+
+import asyncio
+import contextlib
+import dataclasses
+import http
+import io
+import logging
+import math
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import viser
+import websockets.asyncio.server
+from viser import _messages as viser_messages
+from viser.infra import _infra
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError
+from websockets.http11 import Request, Response
+
+from motorgrad._errors import check, choice, shown
+from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
+
+KINDS: dict[str, Any] = {
+    kind.__name__: kind
+    for kind in (
+        viser_messages.CommandTriggerMessage,
+        viser_messages.GetRenderResponseMessage,
+        viser_messages.GuiFormDirtyMessage,
+        viser_messages.GuiFormSubmitMessage,
+        viser_messages.GuiUpdateMessage,
+        viser_messages.SceneNodeDragMessage,
+        viser_messages.ViewerCameraMessage,
+    )
+}
+"""What the pages send. Everything else is refused, above all the requests to share a page with the world."""
+PICTURE = viser_messages.GetRenderResponseMessage
+LARGEST_PICTURE = 2**24  # bytes
+LARGEST = 2**16  # bytes of any other message
+LONGEST = 1000  # characters of a text field
+TOLERATED = 20  # refused messages after which a client is hung up on
+MOST = 200  # clients at a time
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; worker-src blob:; "
+    "style-src 'unsafe-inline'; img-src 'self' data: blob:; font-src data:; media-src data: blob:; "
+    "connect-src 'self' ws://{host} data: blob:; base-uri 'none'; form-action 'none'"
+)
+"""No script, picture or connection leads to another server, whatever a message or a name contains."""
+
+log = logging.getLogger(__name__)
+_silent = logging.getLogger(f"{__name__}.transport")
+_silent.setLevel(logging.CRITICAL + 1)  # at a lower level it would log whole requests, with the token, and tracebacks
+_opening = threading.Lock()
+
+
+def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserServer:
+    """Start viser's server behind a gate. It takes the next free port if `port` is in use."""
+    front, serve = _Front(gate), websockets.asyncio.server.serve
+
+    def gated(handler: Any, *arguments: Any, **settings: Any) -> Any:
+        if getattr(handler, "__module__", "") != _infra.__name__:
+            return serve(handler, *arguments, **settings)
+        return serve(front.handler(handler), *arguments, **front.settings(settings))
+
+    # viser offers no way to decide about requests, and starts listening in the constructor
+    with _opening, contextlib.redirect_stdout(io.StringIO()):  # its banner; whoever made the page tells its address
+        websockets.asyncio.server.serve = gated  # type: ignore[misc, assignment]
+        try:
+            server = viser.ViserServer(host, port, label=label, verbose=False)
+        finally:
+            websockets.asyncio.server.serve = serve  # type: ignore[misc]
+    if not front.used:
+        server.stop()
+        raise RuntimeError(f"viser {viser.__version__} cannot be put behind a gate: install viser 1.1")
+    front.server = server
+    server.get_event_loop().set_exception_handler(_log_briefly)
+    return server
+
+
+class _Front:
+    """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
+
+    def __init__(self, gate: Gate):
+        self._gate, self._clients, self.used = gate, 0, False
+        self.server: viser.ViserServer | None = None
+
+    def settings(self, given: dict[str, Any]) -> dict[str, Any]:
+        """The settings of viser's server, with the gate before its pages."""
+        self.used = True
+        bounds = {"max_size": LARGEST_PICTURE + LARGEST, "max_queue": 4, "logger": _silent}
+        return {**given, **bounds, "process_request": self._process(given["process_request"])}
+
+    def handler(self, handle: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """viser's handler of a connection, which sees no message out of bounds."""
+
+        async def run(connection: Any) -> None:
+            if self._clients >= MOST:
+                log.warning("a browser was refused: %d are connected", self._clients)
+                await connection.close(1013, "too many browsers")
+                return
+            self._clients += 1
+            try:
+                await handle(_Client(connection, self._check))
+            except Exception as error:
+                log.warning("the connection of a browser failed: %s", _line(error))
+            finally:
+                self._clients -= 1
+
+        return run
+
+    def _process(self, serve_page: Callable[[Any, Request], Response | None]) -> Any:
+        def process(connection: Any, request: Request) -> Response | None:
+            upgrade = "Upgrade" in request.headers
+            verdict = self._gate.judge(request.path, request.headers.raw_items(), upgrade)
+            if isinstance(verdict, Passed) and not upgrade and verdict.path != "/":  # the page is one file
+                verdict = Answer(404, HEADERS, "There is no such page.\n")
+            if isinstance(verdict, Answer):
+                status = http.HTTPStatus(verdict.status)
+                body = verdict.text.encode()
+                headers = Headers({**verdict.headers, "Content-Length": str(len(body))})
+                return Response(status, status.phrase, headers, body)
+            if upgrade:
+                return None
+            page = serve_page(connection, dataclasses.replace(request, path="/"))
+            if page is not None:
+                policy = POLICY.format(host=request.headers["Host"])
+                page.headers.update({**HEADERS, "Content-Security-Policy": policy})
+                if verdict.framed:
+                    del page.headers["Cross-Origin-Resource-Policy"]
+                else:
+                    page.headers["Content-Security-Policy"] = f"{policy}; frame-ancestors 'none'"
+            return page
+
+        return process
+
+    def _check(self, raw: Any) -> None:
+        """Check a message before viser reads it. **Raises** `ValueError`."""
+        message = read_message(raw)
+        if isinstance(message, viser_messages.GuiUpdateMessage) and self.server is not None:
+            apis = [self.server.gui, *(client.gui for client in self.server.get_clients().values())]
+            found = [api._gui_input_handle_from_uuid.get(message.uuid) for api in apis]
+            for handle in filter(None, found):
+                check_value(handle, message.updates)
+
+
+class _Client:
+    """A connection as viser's handler sees it: messages out of bounds are left out, and fast ones wait."""
+
+    def __init__(self, connection: Any, check: Callable[[Any], None]):
+        self._connection, self._check = connection, check
+        self._pace, self._size, self._refused = Pace(), 0, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._connection, name)
+
+    async def recv(self) -> bytes:
+        """The next message that is within bounds."""
+        while True:
+            await self._pace.wait(self._size)
+            try:
+                raw = await self._connection.recv()
+            except ConnectionClosed as error:
+                if error.sent is not None and error.sent.code == 1009:
+                    log.warning("a browser's message was refused: larger than %d bytes", LARGEST_PICTURE)
+                raise
+            self._size = len(raw)
+            try:
+                self._check(raw)
+            except ValueError as error:
+                self._refused += 1
+                log.warning("a browser's message was refused: %s", _line(error))
+                if self._refused >= TOLERATED:
+                    self._connection.transport.abort()  # a proper end would wait for everything else that was sent
+                    raise ConnectionClosedError(None, None) from None
+                continue
+            return raw
+
+
+def read_message(raw: Any) -> Any:
+    """A message of viser's, of a kind that a page sends, whose fields have the right types and finite numbers.
+
+    **Raises** `ValueError`.
+    """
+    check(isinstance(raw, bytes), "message", "text", "binary")
+    check(len(raw) <= LARGEST_PICTURE, "message", f"{len(raw):,} bytes", f"at most {LARGEST_PICTURE:,} bytes")
+    try:
+        fields = msgspec.msgpack.decode(raw)
+        name = fields.pop("type")
+        kind = KINDS.get(name)
+    except Exception as error:  # damaged, not a mapping, keys or types that are lists
+        raise ValueError(f"message: not one of viser's: {_line(error)}") from None
+    if kind is None:
+        raise ValueError(f"message of the kind {shown(name)}: not one that this page sends")
+    check(kind is PICTURE or len(raw) <= LARGEST, name, f"{len(raw):,} bytes", f"at most {LARGEST:,} bytes")
+    known = {field.name for field in dataclasses.fields(kind) if field.init}
+    for field, value in fields.items():
+        choice(f"field of {name}", field, known)
+        check(_is_finite(value), f"{name}.{field}", value, "finite")
+    try:
+        return msgspec.convert(fields, kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{name}: {_line(error)}") from None
+
+
+def check_value(handle: Any, updates: dict[str, Any]) -> None:
+    """Check that a page changes nothing but the value of a field, to one that it can have. **Raises** `ValueError`."""
+    check(set(updates) == {"value"}, "update", list(updates), "of the value alone")
+    value, present = updates["value"], handle._impl.value
+    options = getattr(handle._impl.props, "options", None)
+    if options is not None:
+        check(isinstance(value, str) and value in options, "value", value, "one of the options")
+    elif isinstance(present, bool):
+        check(isinstance(value, bool), "value", value, "true or false")
+    elif isinstance(present, int | float):
+        check(_is_number(value), "value", value, "a number")
+    elif isinstance(present, str):
+        text = isinstance(value, str) and len(value) <= LONGEST
+        check(text, "value", value, f"a text of at most {LONGEST:,} characters")
+    elif isinstance(present, tuple):
+        alike = isinstance(value, list) and len(value) == len(present) and all(map(_is_number, value))
+        check(alike, "value", value, f"{len(present)} numbers")
+    else:
+        check(False, "value", value, "left alone")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether all numbers in a message are finite."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, dict):
+        return all(map(_is_finite, value.values()))
+    return all(map(_is_finite, value)) if isinstance(value, list) else True
+
+
+def _log_briefly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Log what failed in the event loop in one line."""
+    del loop
+    error = context.get("exception")
+    log.warning("the page's server: %s", context["message"] if error is None else _line(error))
+
+
+def _line(error: BaseException) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 200 else f"{text[:199]}…"

@@ -1,0 +1,245 @@
+"""What goes wrong in a run: numbers that are not finite are named; a long compilation is said and can be stopped."""
+
+import dataclasses
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Annotated, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from editor_clients import Client
+
+from motorgrad import lab
+from motorgrad.lab.blocks._scopes import Raster
+from motorgrad.lab.editor import Session, _compilation
+
+
+@pytest.fixture
+def open_client(tmp_path):
+    """A client of a session on a diagram, which is closed in the end."""
+    opened = []
+
+    def start(diagram):
+        opened.append(Session(diagram, folder=tmp_path, states=tmp_path / "states"))
+        return Client(opened[-1])
+
+    yield start
+    for session in opened:
+        session.close()
+
+
+def chain(*blocks, tick=0.01):
+    """Blocks in a row, named by their types."""
+    diagram = lab.Diagram(tick)
+    for block in blocks:
+        diagram.add(block.name, block)
+    for source, target in itertools.pairwise(blocks):
+        diagram.connect(source.name, f"{target.name}.{next(iter(target.inputs))}")
+    return diagram
+
+
+def test_a_signal_that_turns_nan_is_named_with_its_first_tick(open_client):
+    falling = lab.Ramp(-1.0, initial=0.055)  # below 0, where there is no square root, from tick 6 on
+    client = open_client(chain(falling, lab.Function("sqrt"), lab.Scope()))
+    client.do("tick", n=6)
+    assert client.run()["faults"] == []
+    client.do("tick", n=20)
+    assert client.run()["faults"] == [{"path": "scope", "port": "u", "message": "is NaN at tick 6 (0.06 s)"}]
+    assert client.last("error")["message"] == "scope.u: is NaN at tick 6 (0.06 s)"
+    rows = [row for event in client.seen if event["event"] == "samples" for row in _rows(event)]
+    assert len(rows) == 26
+    assert all((row[0] is None) == (tick >= 6) for tick, row in enumerate(rows))  # nothing stands for it
+    client.do("tick", n=5)
+    assert sum(event["event"] == "error" for event in client.seen) == 1  # said once
+    client.do("reset")
+    assert client.run()["faults"] == []
+
+
+def _rows(event):
+    return event["signals"].get("scope.u", {"rows": []})["rows"]
+
+
+def test_a_state_that_nobody_records_is_named_too(open_client):
+    client = open_client(chain(lab.Constant(3e38), lab.Gain(3e38), lab.Integrator()))
+    client.do("tick", n=3)
+    (fault,) = client.run()["faults"]
+    assert (fault["path"], fault["port"]) == ("integrator", None)
+    assert fault["message"] == "its state is NaN or infinite at tick 3 (0.03 s)"
+
+
+def test_of_many_seeds_it_is_said_how_many(open_client):
+    client = open_client(chain(lab.UniformNoise(), lab.Function("log"), lab.Scope()))
+    client.do("seeds", n=20)
+    client.do("tick", n=4)
+    negative = np.isnan(lab.Run(client.session.diagram, 20).advance(1)["scope.u"][:, 0]).sum()
+    assert 0 < negative < 20
+    (fault,) = client.run()["faults"]
+    assert fault["message"] == f"is NaN at tick 0 (0 s) in {negative} of 20 seeds"
+
+
+def test_a_branch_keeps_what_was_found_in_it(open_client):
+    client = open_client(chain(lab.Ramp(-1.0, initial=0.055), lab.Function("sqrt"), lab.Scope()))
+    client.do("tick", n=10)
+    client.do("fork", branch="main", tick=2, name="other")
+    assert client.run()["faults"] == []
+    client.do("parameter", address="ramp.slope", value=1.0)
+    client.do("tick", n=10)
+    assert client.run()["faults"] == []
+    client.do("scrub", branch="main", tick=3)
+    assert len(client.run()["faults"]) == 1
+
+
+def test_a_raster_does_not_draw_nan_as_an_event():
+    record = lab.Record(0, 3, 0.1, {"raster.u": np.array([[[np.nan], [0.0], [1.0]]])}, {"raster.u": 1})
+    (events,) = Raster().figure(record, "raster").axes[0].collections
+    np.testing.assert_allclose(events.get_positions(), [0.2])
+
+
+RELEASED, NUMBERS = threading.Event(), itertools.count()
+
+
+@dataclasses.dataclass(frozen=True)
+class Slow(lab.Block):
+    """A block whose compilation waits, as it would for a program that is too large."""
+
+    name: ClassVar[str] = "slow"
+    category: ClassVar[str] = "tests"
+    number: Annotated[int, lab.Setting("each is another program")] = dataclasses.field(default_factory=NUMBERS.__next__)
+
+    @property
+    def outputs(self):
+        return {"y": lab.Port()}
+
+    def init(self, uniforms):
+        if isinstance(uniforms, jax.core.Tracer) and threading.current_thread().name == "motorgrad-lab-compiler":
+            RELEASED.wait(float(os.environ.get("SLOW", "60")))
+        return jnp.zeros(())
+
+    def output(self, state, inputs, now):
+        return {"y": state}
+
+
+@pytest.fixture
+def slow(open_client):
+    RELEASED.clear()
+    yield open_client(chain(Slow(), lab.Scope()))
+    RELEASED.set()
+
+
+def start(client, op="play", **fields):
+    """Send an operation without waiting. **Returns** its number."""
+    client.session.handle(client.message(op, **fields), client.inbox.put)
+    client.until(lambda event: event["event"] == "run" and event["state"] == "compiling")
+    return client.sequence
+
+
+def test_a_compilation_can_be_stopped_and_the_session_goes_on(slow):
+    sequence = start(slow)
+    slow.do("add", at=[], type="gain")  # the session answers meanwhile
+    began = time.monotonic()
+    slow.do("pause")
+    assert time.monotonic() - began < 5
+    refused = next(event for event in slow.seen if event["event"] == "refused")
+    assert refused["sequence"] == sequence
+    assert refused["message"].startswith("compilation stopped after 0 s")
+    assert slow.run()["state"] == "empty"
+    slow.do("open", text=lab.dumps(chain(lab.Sine(), lab.Scope())))
+    slow.do("tick", n=3)  # another diagram runs while the compiler still works on the first
+    assert slow.run()["tick"] == 3
+
+
+def test_opening_another_diagram_does_not_wait_for_the_compiler(slow):
+    start(slow)
+    slow.do("open", gallery="chain")
+    slow.until(lambda event: event["event"] == "refused")
+    slow.until(lambda event: event["event"] == "run" and event["state"] == "empty")
+
+
+def test_what_was_running_is_there_after_a_stop(open_client):
+    client = open_client(chain(lab.Sine(), lab.Scope()))
+    client.do("tick", n=7)
+    before = client.log()
+    RELEASED.clear()
+    client.do("add", at=[], type="gain")
+    client.session._runner._tree.diagram = chain(Slow(), lab.Scope())
+    client.session._runner._tree.stale = True
+    start(client)
+    client.do("pause")
+    assert (client.run()["tick"], client.log()) == (7, before)
+    RELEASED.set()
+
+
+def test_stopped_compilations_do_not_pile_up(slow):
+    for _ in range(2):
+        start(slow)
+        slow.do("pause")
+    refused = slow.ask("play")
+    assert refused["event"] == "refused"
+    assert refused["message"].startswith("compilations that were stopped and still go on = 2: must be at most 1")
+    RELEASED.set()
+    end = time.monotonic() + 60
+    while slow.ask("play")["event"] == "refused" and time.monotonic() < end:
+        time.sleep(0.05)
+    slow.do("pause")
+    assert slow.run()["state"] == "paused"
+
+
+def test_a_long_compilation_is_said(slow, monkeypatch):
+    monkeypatch.setattr(_compilation, "PATIENCE", 0.2)
+    monkeypatch.setattr(_compilation, "REPORT", 0.05)
+    start(slow)
+    slow.until(lambda event: event["event"] == "error" and event["message"].endswith("so far: pause stops it"))
+    slow.until(lambda event: event["event"] == "run" and (event["waited"] or 0) > 0.2)
+    slow.do("pause")
+
+
+def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path):
+    RELEASED.clear()
+    session = Session(chain(Slow(), lab.Scope()), folder=tmp_path, states=tmp_path / "states")
+    start(Client(session))
+    began = time.monotonic()
+    session.close()
+    assert time.monotonic() - began < 5
+    RELEASED.set()
+
+
+STOPPED = """
+import sys, time
+sys.path[:0] = {path!r}
+from test_lab_editor_faults import Client, Session, Slow, chain, lab, start
+client = Client(Session(chain(Slow(), lab.Scope())))
+start(client)
+client.do("pause")
+print("stopped", flush=True)
+client.session.close()
+sys.exit(7)
+"""
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_process_waits_for_the_compiler_at_its_end_unless_interrupted(interrupted, tmp_path, process_environment):
+    code = STOPPED.format(path=sys.path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=process_environment | {"SLOW": "600" if interrupted else "3"},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline() == "stopped\n"
+    assert process.stderr.readline() == "waiting for the compiler to end; Ctrl-C ends at once\n"
+    if interrupted:
+        process.send_signal(signal.SIGINT)
+    assert process.wait(60) == (130 if interrupted else 7)
+    process.communicate()

@@ -1,0 +1,177 @@
+"""The gated page in a real browser: shown to its owner and in a notebook, closed to pages of others, deaf to markup."""
+
+import contextlib
+import html
+import http.server
+import re
+import threading
+from pathlib import Path
+
+import pytest
+from page_clients import until
+
+import motorgrad as mg
+from motorgrad.sim import live
+
+CHROMIUM = Path("/usr/bin/chromium")
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
+PATIENCE = 60_000  # ms: WebGL in software leaves a page little time for anything else
+
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser: {CHROMIUM} is missing")
+    with sync_api.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=SOFTWARE)
+        yield browser
+        browser.close()
+
+
+@contextlib.contextmanager
+def opened(browser):
+    """An empty page of a browser that has been nowhere, and what it asked the network for."""
+    context = browser.new_context(viewport={"width": 900, "height": 900})
+    page, asked, faults = context.new_page(), [], []
+    page.set_default_timeout(PATIENCE)
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    try:
+        yield page, asked
+    finally:
+        context.close()
+    assert faults == []
+
+
+@contextlib.contextmanager
+def site(text):
+    """Another server on this machine with one page; its address, of another site than localhost."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.end_headers()
+            self.wfile.write(text.encode())
+            heard.append(dict(self.headers))
+
+        def log_message(self, *_):
+            pass
+
+    heard = []
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield server.server_port, heard
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+def shown(place):
+    place.get_by_text("simulated time", exact=True).wait_for()
+
+
+@pytest.mark.journey
+def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
+    token = page._gate.token
+    with opened(browser) as (seen, asked):
+        seen.goto(page.url)
+        shown(seen)
+        assert token not in seen.url
+        seen.reload()
+        shown(seen)
+        assert token not in seen.url
+        assert token not in seen.evaluate("document.cookie + JSON.stringify(localStorage)")  # no script may read it
+        ours = tuple(f"{kind}localhost:{page.server.get_port()}/" for kind in ("http://", "blob:http://"))
+        assert [url for url in asked if not url.startswith((*ours, "data:"))] == []
+        # another server on this machine, to which browsers send the cookies of every port
+        with site("hello") as (port, heard):
+            seen.goto(f"http://localhost:{port}/")
+            assert token not in str(heard)
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_a_notebook_at_another_address_shows_the_page_below_its_cell(browser, page):
+    with site(f"<p>In [1]:</p>{page._repr_html_()}") as (port, _), opened(browser) as (seen, _):
+        seen.goto(f"http://127.0.0.1:{port}/")
+        shown(seen.frames[1])
+        assert page._gate.token not in seen.url
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_pages_of_others_reach_nothing_in_a_browser_that_has_been_let_in(browser, page):
+    """By a socket, by fetching, in a frame, and by a link that names their own server."""
+    port, place = page.server.get_port(), page._gate.place
+    attack = """async ([port, path]) => {
+      const tried = [];
+      for (const host of ["localhost", "127.0.0.1"]) {
+        tried.push(await new Promise(done => {
+          const socket = new WebSocket(`ws://${host}:${port}${path}`);
+          socket.onopen = () => done("open"); socket.onerror = () => done("refused");
+        }));
+        tried.push(await fetch(`http://${host}:${port}${path}`, {credentials: "include"}).then(
+          answer => answer.text().then(text => text.includes("Viser") ? "open" : "refused"), () => "refused"));
+      }
+      return tried;
+    }"""
+    with opened(browser) as (seen, _), site("evil") as (other, heard):
+        seen.goto(page.url)
+        shown(seen)
+        for path in ("/", f"/{place}", f"/{place}/"):
+            for host in ("localhost", "127.0.0.1"):
+                seen.goto(f"http://{host}:{other}/")
+                assert seen.evaluate(attack, [port, path]) == ["refused"] * 4, (path, host)
+        framed = f"http://localhost:{port}/{place}/"
+        seen.set_content(f'<iframe src="{framed}"></iframe>')
+        seen.wait_for_timeout(500)
+        assert all("Viser" not in frame.content() for frame in seen.frames[1:])
+        visits = len(heard)
+        seen.goto(f"{framed}?websocket=ws://localhost:{other}/")
+        shown(seen)
+        assert f"localhost:{other}" not in seen.url
+        assert len(heard) == visits
+
+
+MARKUP = "<img src=x onerror=window.pwned=1>{}<script>window.pwned=1</script>"
+
+
+def spoilt_model(folder):
+    """The file of a leg whose every name is markup, its own included."""
+    text = (Path(__file__).parents[1] / "leg.xml").read_text()
+    for number, name in enumerate(sorted(set(re.findall(r'name="([^"]+)"', text)))):
+        text = text.replace(f'"{name}"', f'"{html.escape(MARKUP.format(number))}"')
+    file = folder / "<img src=x onerror=window.pwned=1>.xml"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_names_with_markup_are_shown_as_they_are(browser, tmp_path):
+    with mg.sim.view(spoilt_model(tmp_path), playing=False) as page, opened(browser) as (seen, asked):
+        model = page.session.model
+        names = [model.body(1).name, model.actuator(0).name, model.joint(0).name]
+        assert all("onerror" in name for name in names)
+        seen.goto(page.url)
+        assert until(lambda: page.server.get_clients())
+        page.session.order(live.Step(3))
+        shown(seen)
+        for tab in ("Muscles", "Capture", "View", "Run"):
+            seen.get_by_text(tab, exact=True).first.dispatch_event("click")
+            seen.wait_for_timeout(500)
+        page.session.order(live.Push(names[0], (1.0, 0.0, 0.0)))
+        assert until(lambda: page.session.log)
+        seen.wait_for_timeout(500)
+        assert "onerror" in seen.content()
+        assert seen.evaluate("window.pwned") is None
+        assert seen.locator("img[onerror], script:text('pwned')").count() == 0
+        assert not any(url.endswith("/x") for url in asked)
+        assert page.failures == 0

@@ -1,0 +1,62 @@
+"""Fifty browsers at a page, some slow, some deaf, some that reload all the time; and a run that goes on."""
+
+import os
+import time
+
+import msgspec
+import pytest
+from page_clients import CAMERA, VERSION, alive, client, until
+
+from crowd import crowd
+from motorgrad.sim import live
+
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
+
+def resident():
+    """Resident memory of this process in MB."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def visited(page, seconds, **kinds):
+    address = page.url.replace("http", "ws", 1)
+    return crowd(address, msgspec.msgpack.encode(CAMERA), seconds, protocols=[VERSION], **kinds)
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_fifty_browsers_disturb_neither_the_run_nor_each_other(page, quiet):
+    session = page.session
+    visited(page, 2, readers=30)  # threads and buffers are made
+    session.order(live.Speed(1.0))
+    session.order(live.Play())
+    before, start, began = resident(), time.monotonic(), session.snapshot().decision
+    found = visited(page, 8, readers=35, slow=5, deaf=3, reloaders=7)
+    made, took = session.snapshot().decision - began, time.monotonic() - start
+    session.order(live.Pause())
+    assert found["failed"] == []
+    assert min(found["readers"]) > 10
+    assert min(found["slow"]) >= 5
+    assert sum(found["reloaders"]) > 20
+    assert made > 0.8 * took / session.period  # at the speed of the clock
+    assert until(lambda: not page.server._websock_server._live_connections)
+    assert until(lambda: not page.server.get_clients())
+    assert resident() - before < 100 + 0.5 * sum(found["reloaders"])
+    assert alive(page)
+    assert quiet() == []
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_a_storm_of_reloads_leaves_nothing_behind(page, quiet):
+    found = visited(page, 6, reloaders=20)
+    assert found["failed"] == []
+    assert sum(found["reloaders"]) > 100
+    assert until(lambda: not page.server._websock_server._live_connections)
+    assert until(lambda: not page.server._websock_server._broadcast_buffer.generator_cursors)
+    with client(page) as connection:
+        start = time.monotonic()
+        assert connection.recv(10)
+        assert time.monotonic() - start < 2
+    assert quiet() == []

@@ -1,0 +1,125 @@
+"""The gate of both pages: every way past it that a stranger could try, without a server."""
+
+import asyncio
+import itertools
+import time
+
+import pytest
+
+from motorgrad._gate import COOKIE, Answer, Gate, Pace, Passed
+
+HOST = "127.0.0.1:8080"
+
+
+@pytest.fixture(scope="module")
+def gate():
+    return Gate("127.0.0.1", "`it`")
+
+
+def judge(gate, target, upgrade=False, **headers):
+    """The gate's verdict; a header given as None is left out, underscores in names are hyphens."""
+    usual = {"Host": HOST, "Origin": f"http://{HOST}" if upgrade else None}
+    given = {name.replace("_", "-"): value for name, value in {**usual, **headers}.items()}
+    return gate.judge(target, [(name, value) for name, value in given.items() if value is not None], upgrade)
+
+
+def cookie(gate):
+    return f"{COOKIE}={gate.token}"
+
+
+def test_the_token_moves_from_the_address_to_a_cookie(gate):
+    answer = judge(gate, f"/{gate.token}/")
+    assert isinstance(answer, Answer)
+    assert (answer.status, answer.headers["Location"]) == (303, f"/{gate.place}/")
+    assert answer.headers["Set-Cookie"] == f"{cookie(gate)}; Path=/{gate.place}; HttpOnly; SameSite=Lax"
+    assert gate.token not in answer.headers["Location"] + answer.text
+    assert judge(gate, f"/{gate.place}/x.js", Cookie=cookie(gate)) == Passed("/x.js", False)
+    assert judge(gate, f"/{gate.place}", True, Cookie=f"a=b; {cookie(gate)};c") == Passed("/", False)
+
+
+def test_a_frame_keeps_the_token_since_no_cookie_reaches_it(gate):
+    framed = {"Sec_Fetch_Dest": "iframe"}
+    assert judge(gate, f"/{gate.token}/", **framed) == Passed("/", True)
+    assert judge(gate, f"/{gate.token}", True) == Passed("/", False)
+    again = judge(gate, f"/{gate.token}/?websocket=ws://evil.example", **framed)
+    assert (again.status, again.headers["Location"], "Set-Cookie" in again.headers) == (303, f"/{gate.token}/", False)
+    # by the cookie it is a page of its own, which nothing may frame
+    assert judge(gate, f"/{gate.place}/", Cookie=cookie(gate), **framed) == Passed("/", False)
+
+
+def test_no_query_reaches_a_page(gate):
+    for query in ("?websocket=ws://evil.example", "?playbackPath=http://evil.example/x", "?", "?a?b"):
+        answer = judge(gate, f"/{gate.place}/{query}", Cookie=cookie(gate))
+        if query != "?":
+            assert (answer.status, answer.headers["Location"]) == (303, f"/{gate.place}/")
+
+
+def test_nobody_else_gets_in(gate):
+    """Every wrong token with every wrong cookie, for pages and sockets."""
+    other = Gate("127.0.0.1", "`it`")
+    firsts = ["", gate.place, other.token, other.place, gate.token[:-1], gate.token + "x", gate.token.swapcase(), "é"]
+    firsts += [f"/{gate.token}", f"x/{gate.token}", f"?{gate.token}", f"{gate.token}%00", f".{gate.token}", "*"]
+    cookies = [None, "", COOKIE, f"{COOKIE}=", f"{COOKIE}={other.token}", f"{COOKIE}={gate.token}x", f"x={gate.token}"]
+    cookies += [f"x{cookie(gate)}", f'{COOKIE}="{gate.token}"', f"{COOKIE}=é"]
+    for first, wrong, upgrade in itertools.product(firsts, cookies, (False, True)):
+        assert judge(gate, f"/{first}", upgrade, Cookie=wrong).status == 403, (first, wrong)
+    for first in firsts:  # the cookie opens its own place, and that alone
+        if first != gate.place:
+            assert judge(gate, f"/{first}", Cookie=cookie(gate)).status == 403
+
+
+FOREIGN = ["evil.example", "127.0.0.1.evil.example:8080", "localhost.evil.example", "evil.example#localhost", "", "::1"]
+FOREIGN += ["localhost@evil.example", "evil.example@localhost", "[::2]:8080", "192.168.0.1:8080", "local host", "0"]
+
+
+@pytest.mark.parametrize("upgrade", [False, True])
+@pytest.mark.parametrize("host", FOREIGN)
+def test_foreign_names_do_not_lead_here(gate, host, upgrade):
+    for origin in (f"http://{host}", f"http://{HOST}", None):
+        assert judge(gate, f"/{gate.token}/", upgrade, Host=host, Origin=origin).status == 403
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8080", "[::1]:8080", "127.0.0.1:9999"])
+def test_own_names_do_also_through_a_tunnel_from_another_port(gate, host):
+    assert judge(gate, f"/{gate.token}/", True, Host=host, Origin=f"http://{host}") == Passed("/", False)
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "", "http://127.0.0.1:8081", "https://127.0.0.1:8080", "file://", HOST]
+)
+def test_pages_of_other_origins_are_refused(gate, origin):
+    for upgrade in (False, True):
+        assert judge(gate, f"/{gate.token}/", upgrade, Origin=origin).status == 403
+        assert judge(gate, f"/{gate.place}/", upgrade, Origin=origin, Cookie=cookie(gate)).status == 403
+    assert judge(gate, f"/{gate.token}", True, Origin=None).status == 403  # no browser leaves it out
+
+
+def test_a_header_given_twice_is_refused(gate):
+    for name, value in (("Host", HOST), ("host", "evil.example"), ("Origin", f"http://{HOST}")):
+        headers = [("Host", HOST), ("Origin", f"http://{HOST}"), (name, value)]
+        assert gate.judge(f"/{gate.token}/", headers, True).status == 403
+
+
+def test_an_exposed_page_takes_addresses_and_own_names_only():
+    gate = Gate("0.0.0.0", "`it`")
+    for host in ("192.168.0.7:8080", "[fe80::1]", "localhost:8080"):
+        assert judge(gate, f"/{gate.token}", True, Host=host, Origin=f"http://{host}") == Passed("/", False)
+    assert judge(gate, f"/{gate.token}", True, Host="evil.example", Origin="http://evil.example").status == 403
+
+
+def test_no_two_gates_have_the_same_secrets():
+    gates = [Gate("localhost", "`it`") for _ in range(100)]
+    assert len({gate.token for gate in gates} | {gate.place for gate in gates}) == 200
+    assert min(len(gate.token) for gate in gates) >= 32
+
+
+def test_who_sends_too_fast_waits():
+    async def send(count, size=0):
+        pace, start = Pace(rate=1000.0, burst=100.0), time.monotonic()
+        for _ in range(count):
+            await pace.wait(size)
+        return time.monotonic() - start
+
+    assert asyncio.run(send(90)) < 0.1
+    assert asyncio.run(send(300)) >= 0.19
+    assert asyncio.run(send(30, size=10 * 2**16)) >= 0.2  # long messages count for more
