@@ -107,7 +107,8 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
         source = " ".join([str(given.file), *(["with", *given.rest] if given.rest else [])])
         raise ValueError(f"{source}: {error}" if given.file else str(error)) from None
     if given.check:
-        print(tomli_w.dumps(getattr(options, "effective", lambda: table(options))()), end="")
+        values = getattr(options, "effective", lambda: table(options))()
+        print(tomli_w.dumps({name: value for name, value in values.items() if name not in ASKED}), end="")
         raise SystemExit(0)
     return options
 

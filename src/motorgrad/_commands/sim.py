@@ -77,7 +77,7 @@ class Options:
         check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
 
     def effective(self: Any) -> dict[str, Any]:
-        values = {name: value for name, value in {**table(self), **self.scene}.items() if name != "trust"}
+        values = {**table(self), **self.scene}
         if self.task is None:
             return values
         return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}

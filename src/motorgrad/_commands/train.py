@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._commands._configuration import ASKED, Arguments, pop_option, read_arguments, resolve
+from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
 from motorgrad._errors import check
@@ -105,7 +105,7 @@ class Options:
         return self.out or Path("runs") / self.task.name
 
     def effective(self: Any) -> dict[str, Any]:
-        values = {name: value for name, value in table(self).items() if name not in ("sweep", *ASKED)}
+        values = {name: value for name, value in table(self).items() if name != "sweep"}
         values |= {} if self.swept is None else {"sweep": self.swept}
         return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
 
