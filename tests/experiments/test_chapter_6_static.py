@@ -9,7 +9,6 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, Workspace, reproduce
-from motorgrad.experiments._claims import moving_mean
 from motorgrad.experiments.chapter_6._local_study import frozen_reward, late_reward, median_row, outside, visited
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_2 import Partition, change, fit, parts
@@ -28,6 +27,7 @@ from motorgrad.experiments.chapter_6.section_6_3_noise import Noise, decisions_t
 from motorgrad.experiments.chapter_6.section_6_5.mixtures import Mixtures
 from motorgrad.experiments.chapter_6.section_6_5.pruning import Pruning
 from motorgrad.policies import LocalGaussians, tiles
+from motorgrad.statistics import moving_mean
 from motorgrad.tasks import FallingParticle, region_reward
 from motorgrad.worlds import ParticleState
 

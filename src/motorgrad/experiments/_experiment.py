@@ -8,7 +8,7 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
@@ -121,7 +121,7 @@ class Experiment(abc.ABC):
     def figure(self, values: Values) -> Figure:
         """Draw the results."""
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterable[Claim]:
         """Compare the results with what the source says. A mere drawing claims nothing."""
         del values
         return ()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad.bodies import path_points
-from motorgrad.experiments._claims import Measured, moving_mean
+from motorgrad.statistics import Measured, moving_mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +65,6 @@ def draw_intervals(axes: Axes, x: Any, measured: Sequence[Measured], across: boo
     """Measured numbers at `x` with their intervals as error bars; `across` puts the numbers on the horizontal axis."""
     values = [each.value for each in measured]
     errors = np.reshape([[each.value - each.low, each.high - each.value] for each in measured], (-1, 2)).T
-    errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     if across:
         axes.errorbar(values, x, xerr=errors, **look)

@@ -1,13 +1,13 @@
 """Section 3.2.1: the effect of a baseline, and the reach that a trace needs."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._claims import Claim
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._baseline_claims import all_claims, shared_rewards, variances
@@ -21,6 +21,7 @@ from motorgrad.experiments.chapter_3._estimates import (
     variance,
 )
 from motorgrad.learning import Baseline, Constant, MeanReward
+from motorgrad.statistics import Measured, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
@@ -119,8 +120,8 @@ class Baselines(Experiment):
     def figure(self, values: Values) -> Figure:
         return draw_baselines(values)
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return all_claims(values)
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from all_claims(values)
 
 
 def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:

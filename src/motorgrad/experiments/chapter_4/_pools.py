@@ -94,14 +94,8 @@ def thresholds_and_gains(policies: Policy) -> tuple[np.ndarray, np.ndarray]:
 
 def parameter_history(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Thresholds and gains at every record, `(seeds, records, units)` each."""
-    threshold, gain = history(run, 2)
-    return threshold, gain
-
-
-def history(run: Run, fields: int) -> np.ndarray:
-    """All parameters at every record, `(fields, seeds, records, units)`, for units with this many parameters each."""
-    rows = np.stack(run.metrics["parameters"].to_pylist())
-    return rows.reshape(-1, len(run.seeds), fields, rows.shape[1] // fields).transpose(2, 1, 0, 3)
+    threshold, gain = thresholds_and_gains(run.policies_at())
+    return threshold.swapaxes(0, 1).astype(float), gain.swapaxes(0, 1).astype(float)
 
 
 def with_new_unit(pools: Policy, threshold: Any, gain: float = 0.0) -> Motoneurons:

@@ -1,6 +1,6 @@
 """Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Self
 
 import jax
@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, mean_of
+from motorgrad.experiments._claims import Claim, at_least, within
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.statistics import Measured, mean_of
 from motorgrad.worlds import FiniteMDP, chain
 
 DRAWN = 6  # states in the thesis's drawing
@@ -80,31 +81,23 @@ class ChainExploration(Experiment):
         axes.legend(title="a wrong move leads", loc="upper left")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         row = int(np.flatnonzero(values["length"] == DRAWN)[0])
-        made = []
         for name, statement in (
             ("walk", "A walk that moves left or right takes N(N − 1) steps to the reward, here 30"),
             ("reset", "If a wrong move leads back to the start, it takes 2^N − 2 steps, here 62"),
             ("cut", "In episodes of N − 1 decisions, it takes (N − 1) 2^(N − 1) steps, here 160"),
         ):
             expected, waits = EXPLORERS[name][2](DRAWN), mean_of(values[name][row])
-            holds = abs(waits.low / expected - 1) < CLOSE and abs(waits.high / expected - 1) < CLOSE
-            made.append(Claim(f"{statement}.", "figure 4.9", f"{expected} ± {CLOSE:.0%}", waits, holds, "steps"))
+            yield within(expected * (1 - CLOSE), expected * (1 + CLOSE), f"{statement}.", waits, unit="steps")
         for name, words in (("walk", "as drawn"), ("reset", "if a wrong move leads back to the start")):
-            growth = doublings(values[name])
-            made.append(
-                Claim(
-                    f"Undirected exploration takes exponentially many steps ({words}).",
-                    "figure 4.9",
-                    "the wait doubles with every state: at least 0.9 doublings",
-                    growth,
-                    growth.low >= 0.9,
-                    "doublings with the last state",
-                    "" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
-                )
+            yield at_least(
+                0.9,
+                f"Undirected exploration takes exponentially many steps ({words}).",
+                doublings(values[name]),
+                unit="doublings with the last state",
+                note="" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
             )
-        return made
 
 
 def doublings(waits: np.ndarray) -> Measured:

@@ -8,7 +8,6 @@ import numpy as np
 
 from motorgrad import bodies
 from motorgrad._errors import check
-from motorgrad.experiments._claims import practice_curve
 from motorgrad.experiments._experiment import Experiment, Workspace
 from motorgrad.learning import Agent
 from motorgrad.tasks import Hopper
@@ -94,22 +93,15 @@ def median_seed(run: Run, outcome: Evaluation) -> int:
     return run.seeds[int(order[len(order) // 2])]
 
 
-def practice_heights(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def practice_heights(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heights of hops during practice, averaged over the last `SMOOTH` simulated seconds.
 
-    **Returns:** simulated seconds `(records,)`, and heights in m `(seeds, records)`, 0 if there was no hop.
+    **Returns:** simulated seconds `(records,)`; heights in m `(seeds, records)`, 0 if there was no hop; and when they
+    first exceeded `HIGH`, `(seeds,)`, the whole practice for a seed in which they never did.
     """
-    time, heights = practice_curve(run, "apex", SMOOTH)
-    return time, np.nan_to_num(heights)
-
-
-def time_to_height(height: float, time: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """When each seed's hops first exceeded `height`, `(seeds,)`; the whole practice for those that never did.
-
-    Nothing counts before `SMOOTH` seconds, when the mean would include only a few hops.
-    """
-    passed = (heights > height) & (time >= min(SMOOTH, time[-1]))
-    return np.where(passed.any(axis=1), time[np.argmax(passed, axis=1)], time[-1])
+    time, heights = run.curve("apex", x="simulated", smooth=SMOOTH)
+    passed = run.first_time("apex", above=HIGH, x="simulated", smooth=SMOOTH, never=time[-1])
+    return time, np.nan_to_num(heights), passed
 
 
 def posture(body: bodies.Hopper, interior: float) -> np.ndarray:

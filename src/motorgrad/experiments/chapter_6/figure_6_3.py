@@ -1,15 +1,16 @@
 """Figure 6.3: the particle's policy as a diagram, and the number of distinct forces of its units."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._claims import Claim, at_most
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
+from motorgrad.statistics import exact
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleState
 
@@ -112,28 +113,23 @@ class ParticlePolicy(Experiment):
         axes.set_axis_off()
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         sides = values["sides"]
         last = int(sides[-1])
-        return [
-            Claim(
-                f"N forces to each side have 2^(2N) firing patterns (N from 1 to {last}).",
-                "section 6.3",
-                f"for N = {last}: {4**last:,}; for each N exactly",
-                exact(values["patterns"][-1]),
-                np.array_equal(values["patterns"], 4**sides),
-                "patterns",
-            ),
-            Claim(
-                f"They produce only 2N + 1 distinct actions (N from 1 to {last}).",
-                "section 6.3",
-                f"distinct velocities after one decision, for N = {last}: {2 * last + 1}; for each N exactly",
-                exact(values["motions"][-1]),
-                np.array_equal(values["motions"], 2 * sides + 1),
-                "actions",
-                "Counted by simulation, from rest in the middle of the box.",
-            ),
-        ]
+        yield at_most(
+            0,
+            f"N forces to each side have 2^(2N) firing patterns (N from 1 to {last}).",
+            exact(np.abs(values["patterns"] - 4**sides).max()),
+            "greatest difference",
+            note=f"For N = {last}: {values['patterns'][-1]:,}.",
+        )
+        yield at_most(
+            0,
+            f"They produce only 2N + 1 distinct actions (N from 1 to {last}).",
+            exact(np.abs(values["motions"] - (2 * sides + 1)).max()),
+            "greatest difference in the number of distinct velocities after one decision",
+            note=f"For N = {last}: {values['motions'][-1]}. Counted by simulation, from rest in the middle of the box.",
+        )
 
 
 def motions(side: int) -> tuple[int, int]:

@@ -1,11 +1,11 @@
 """Section 4.4.1: learners that query the loads at which they learn."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, below, median_of
+from motorgrad.experiments._claims import OURS, Claim, at_most, below
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import (
@@ -16,6 +16,7 @@ from motorgrad.experiments.chapter_4._pools import (
     parameter_history,
     spacing_deviation,
 )
+from motorgrad.statistics import median_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import agent_for
 
@@ -81,36 +82,27 @@ class ActiveLearning(Experiment):
         sizes = {"plain": self.plain_units, "natural": self.natural_units}
         return draw_active(values, {name: f"{words}, {sizes[name]} units" for name, words in WORDS.items()})
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for name, words in WORDS.items():
             steps = values[f"{name} decision"][-1]
             found = [values[f"{name} {loads} from"] for loads in ("uniform", "queried")]
             never = [int(np.isinf(times).sum()) for times in found]
             times = [np.minimum(times, steps) for times in found]
-            quicker = median_of(times[1] / times[0])
             late = f"Never, and counted as {steps:,}: {never[0]} with uniform loads, {never[1]} with queried ones."
-            final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
-            made += [
-                below(
-                    1,
-                    f"Querying loads in proportion to the policy's entropy shortens learning ({words}).",
-                    "section 4.4.1",
-                    "decisions until equally spaced for good, relative to uniform loads from the same start: "
-                    "the whole interval below 1",
-                    quicker,
-                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
-                ),
-                Claim(
-                    f"Over uniform loads, the learned force is no worse ({words}).",
-                    "our own expectation",
-                    "root mean square error in the end, relative to uniform loads: the whole interval at "
-                    f"most {NO_WORSE}",
-                    final,
-                    final.high <= NO_WORSE,
-                ),
-            ]
-        return made
+            yield below(
+                1,
+                f"Querying loads in proportion to the policy's entropy shortens learning ({words}).",
+                median_of(times[1] / times[0]),
+                "decisions until equally spaced for good, relative to uniform loads from the same start,",
+                note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
+            )
+            yield at_most(
+                NO_WORSE,
+                f"Over uniform loads, the learned force is no worse ({words}).",
+                median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1]),
+                "root mean square error in the end, relative to uniform loads,",
+                source=OURS,
+            )
 
 
 def draw_active(values: Values, words: Mapping[str, str]) -> Figure:

@@ -1,16 +1,17 @@
 """Section 4.4.1: a baseline that forgets, for a muscle or a load that changes."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, positive
+from motorgrad.experiments._claims import Claim, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -101,50 +102,40 @@ class ForgettingBaseline(Experiment):
     def figure(self, values: Values) -> Figure:
         return draw_baselines(values, OF)
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [claim for of in OF for claim in self._claims(values, of)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for of in OF:
+            yield from self._claims(values, of)
 
-    def _claims(self, values: Values, of: str) -> list[Claim]:
+    def _claims(self, values: Values, of: str) -> Iterator[Claim]:
         """The claims about pools for one kind of change."""
         after = values["decision"] > values["changes"][0]
         behind, error = (values[f"{name} {of}"][:, :, after].mean(axis=2) for name in ("behind", "error"))
-        lines, made = [str(line) for line in values["line"]], []
+        lines = [str(line) for line in values["line"]]
         changes = "the muscle" if of == "strength" else "the load"
         for row in range(1, len(lines) - 1):
-            nearer = mean_of(behind[0] - behind[row])
-            better = mean_of(error[0] - error[row])
-            made += [
-                positive(
-                    f"If {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster "
-                    "than the mean of "
-                    "all rewards.",
-                    "section 4.4.1",
-                    "after the first change, the baseline is nearer to the current rewards: difference above 0",
-                    nearer,
-                    "reward",
-                    f"Mean distance {behind[row].mean():.4f}; with the mean of all, {behind[0].mean():.4f}.",
-                ),
-                positive(
-                    f"Pools that learn with it ({lines[row]}) track {changes} better.",
-                    "section 4.4.1",
-                    "less mean error after the first change: difference above 0",
-                    better,
-                    "of the pool's force",
-                    f"Mean error {error[row].mean():.4f}; with the mean of all, {error[0].mean():.4f}.",
-                ),
-            ]
-        natural = mean_of(error[0] - error[-1])
-        return [
-            *made,
-            positive(
-                f"Pools track {changes} better with the natural gradient than with the plain one.",
-                OURS,
-                "less mean error after the first change: difference above 0",
-                natural,
+            yield positive(
+                f"If {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster than the mean of "
+                "all rewards.",
+                mean_of(behind[0] - behind[row]),
+                "distance of the baseline from the current rewards after the first change: difference",
+                "reward",
+                note=f"Mean distance {behind[row].mean():.4f}; with the mean of all, {behind[0].mean():.4f}.",
+            )
+            yield positive(
+                f"Pools that learn with it ({lines[row]}) track {changes} better.",
+                mean_of(error[0] - error[row]),
+                "mean error after the first change: difference",
                 "of the pool's force",
-                f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
-            ),
-        ]
+                note=f"Mean error {error[row].mean():.4f}; with the mean of all, {error[0].mean():.4f}.",
+            )
+        yield positive(
+            f"Pools track {changes} better with the natural gradient than with the plain one.",
+            mean_of(error[0] - error[-1]),
+            "mean error after the first change: difference",
+            "of the pool's force",
+            note=f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
+            source=OURS,
+        )
 
 
 def draw_baselines(values: Values, of: Sequence[str]) -> Figure:

@@ -1,16 +1,17 @@
 """Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any, Self
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, negative, positive, share_of
+from motorgrad.experiments._claims import Claim, at_most, negative, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
+from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -113,46 +114,36 @@ class SizePrinciple(Experiment):
             place.set_xlabel("size / total force (hollow: negative gain)")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made, chance, pay = [], 1 / len(values["orders"]), values["order pay"]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        chance, pay = 1 / len(values["orders"]), values["order pay"]
         for name, words in WORDS.items():
             found = order(values, name)
-            each, whole = mean_of(found), share_of(found > 1 - 1e-9)
+            whole = share_of(found > 1 - 1e-9)
             graded = share_of((values[f"{name} gain"] > 0).all(axis=1))
-            made.append(
-                positive(
-                    f"Units organise by the size principle: small ones are recruited first ({words}).",
-                    "section 4.4.1",
-                    "rank correlation of size and recruitment: mean above 0",
-                    each,
-                    note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
-                )
+            yield positive(
+                f"Units organise by the size principle: small ones are recruited first ({words}).",
+                mean_of(found),
+                "mean rank correlation of size and recruitment",
+                note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
             )
         best = values["orders"][pay.argmax()] + 1
-        made.append(
-            Claim(
-                "On the arm, the order of the size principle has the highest reward.",
-                "section 4.4.1",
-                "deficit to the best order of noiseless units: 0",
-                exact(pay.max() - pay[0]),
-                pay[0] == pay.max(),
-                "reward",
-                f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
-                f"{', '.join(map(str, best))}.",
-            )
+        yield at_most(
+            0,
+            "On the arm, the order of the size principle has the highest reward.",
+            exact(pay.max() - pay[0]),
+            "deficit to the best order of noiseless units",
+            "reward",
+            note=f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
+            f"{', '.join(map(str, best))}.",
         )
         for name in ("linear plain", "linear natural"):
-            inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
-            made.append(
-                negative(
-                    f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
-                    "our own observation",
-                    "rank correlation of size and distance from the middle: mean below 0",
-                    inward,
-                    note="Stated after the first results.",
-                )
+            yield negative(
+                f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
+                mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5))),
+                "mean rank correlation of size and distance from the middle",
+                note="Stated after the first results.",
+                source="our own observation",
             )
-        return made
 
 
 def orders_of(units: int) -> list[tuple[int, ...]]:

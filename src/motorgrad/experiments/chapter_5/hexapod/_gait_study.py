@@ -17,7 +17,6 @@ from motorgrad.training import Evaluation, Run, agent_for, evaluate
 GAITS = ("tripod", "pronk", "intermediate", "stalled")
 MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
 START = 2.0  # seconds at the start of a walk that do not count towards its gait
-OURS = "our own expectation"
 INDEPENDENT = "an independent model of the hexapod"
 JITTER = 1e-3
 """Relative variation of the servos' gain: negligible in itself, but sufficient for walks, which are chaotic, to

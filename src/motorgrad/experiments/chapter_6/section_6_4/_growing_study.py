@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._experiment import Experiment, Workspace
-from motorgrad.experiments._films import recorded_policies
 from motorgrad.learning import Agent
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
@@ -113,6 +112,6 @@ def grown_policies(run: Run, counts: Sequence[int]) -> Any:
     leading axis, seeds along the second. A record at an addition already contains the new unit in its initial state,
     which is masked here."""
     decision = run.curve()[0]
-    policies = recorded_policies(run, [int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
+    policies = run.policies_at([int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
     active = jnp.arange(policies.active.shape[-1]) < jnp.asarray(counts)[:, None, None]
     return eqx.tree_at(lambda each: each.active, policies, jnp.broadcast_to(active, policies.active.shape))
