@@ -77,7 +77,7 @@ def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
     assert len(found.claims) == CLAIMS[name]
     assert {"figure.svg", "figure.png", "record.json", "values.npz"} <= {path.name for path in found.folder.iterdir()}
-    assert all(np.isfinite(claim.measured.value) for claim in found.claims)
+    assert all(np.isfinite(claim.measured.value) or claim.verdict == "undecided" for claim in found.claims)
 
 
 def test_they_stand_in_the_order_of_the_source():

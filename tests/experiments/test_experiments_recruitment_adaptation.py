@@ -32,7 +32,7 @@ from motorgrad.worlds import immediate_reward
 
 CLAIMED = {
     "sec-4.4-negative-inputs": 8,
-    "sec-4.4-large-loads": 8,
+    "sec-4.4-large-loads": 9,
     "sec-4.4.1-baseline": 6,
     "sec-4.4.1-gain-decay": 9,
     "sec-4.4.1-size-principle": 7,

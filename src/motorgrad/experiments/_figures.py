@@ -39,6 +39,12 @@ def new_figure(width: float, height: float, dpi: int | None = None) -> Figure:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
+def subplots(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
+    """Such a figure with its axes, one or an array of them; `grid` as in matplotlib's `subplots`."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots(rows, columns, **grid)
+
+
 def draw_band(
     axes: Axes,
     x: np.ndarray,

@@ -1,14 +1,14 @@
 """Figure A.1: the geometry of a muscle that wraps around a joint's capsule."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
 from motorgrad.experiments._claims import Claim, at_most
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_bones, draw_path, flat_path, new_figure
 from motorgrad.statistics import exact
 
@@ -38,19 +38,17 @@ class Wrapping(Experiment):
     origin_distance: float = 0.13
     insertion_distance: float = 0.1
     radius: float = 0.045
-    geometries: int = 500
+    geometries: int = ranged(500, 1, 100_000)
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(0 < self.radius < 10, "radius", self.radius, "from 0 to 10 m")
         for name in ("origin_distance", "insertion_distance"):
             value = getattr(self, name)
             check(1.01 * self.radius <= value < 100, name, value, f"at least 1.01 times the radius, {self.radius} m")
-        self.check_range(1, 100_000, "geometries")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(geometries=20)
+    quick = smoke(geometries=20)
 
     @property
     def shape(self) -> Shape:

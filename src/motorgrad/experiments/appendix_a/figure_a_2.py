@@ -1,14 +1,13 @@
 """Figure A.2: the circular force field."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, at_most, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.sim import draw_paths, draw_regions
 from motorgrad.statistics import exact
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
@@ -36,15 +35,13 @@ class Circular(Experiment):
     tangential: float = 0.5
     radial: float = 1.0
     radius: float = 0.25
-    seconds: float = 200.0
+    seconds: float = ranged(200.0, 1, 10**5, " simulated s")
 
     def __post_init__(self) -> None:
-        check(1 <= self.seconds <= 1e5, "seconds", self.seconds, "from 1 to 100,000 simulated s")
+        super().__post_init__()
         self.physics(self.tangential, self.radial)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=40.0)
+    quick = smoke(seconds=40.0)
 
     def physics(self, tangential: float, radial: float, mass: float = 1.0, drag: float = 1.0) -> ParticlePhysics:
         """A particle in such a field, without gravity and far from all walls."""
@@ -71,8 +68,7 @@ class Circular(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(11, 3.9)
-        axes = figure.subplots(1, 3, width_ratios=[1, 1, 1.15])
+        figure, axes = subplots(11, 3.9, 1, 3, width_ratios=[1, 1, 1.15])
         physics = self.physics(self.tangential, self.radial)
         draw_field(axes[0], physics, force_at, ())
         draw_field(axes[1], physics, None, list(values["paths"]))

@@ -2,15 +2,14 @@
 
 import itertools
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, below, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
 from motorgrad.statistics import exact, mean_of, median_of, share_of
@@ -52,21 +51,14 @@ class HillClimbing(Experiment):
     - `seed`: of the learners and of the random rewards.
     """
 
-    columns: int = 201
-    rows: int = 101
-    runs: int = 200
-    decisions: int = 50_000
-    rewards: int = 500
+    columns: int = ranged(201, 5, 1000)
+    rows: int = ranged(101, 5, 1000)
+    runs: int = ranged(200, 2, 10**5)
+    decisions: int = ranged(50_000, RECORDS, 10**8)
+    rewards: int = ranged(500, 2, 10**5)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        for name, low, high in (("columns", 5, 1000), ("rows", 5, 1000), ("runs", 2, 10**5), ("rewards", 2, 10**5)):
-            check(low <= getattr(self, name) <= high, name, getattr(self, name), f"from {low:,} to {high:,}")
-        check(RECORDS <= self.decisions <= 10**8, "decisions", self.decisions, f"from {RECORDS} to 100,000,000")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
+    quick = smoke(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
 
     def run(self, work: Workspace) -> Values:
         means, deviations = np.linspace(-SIDE, SIDE, self.columns), np.linspace(0, SIDE, self.rows)

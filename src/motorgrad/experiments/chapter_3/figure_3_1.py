@@ -1,14 +1,14 @@
 """Figure 3.1: the learner, and how good its gradient estimates are on the three-state MDP."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._tree import numbers_of
 from motorgrad.experiments._claims import Claim, at_most, in_every, negative, positive, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, relative_error
 from motorgrad.learning import Constant, MeanReward
@@ -65,23 +65,18 @@ class Learner(Experiment):
     - `decays`: of the traces, per decision, 0 and 0.95 among them.
     """
 
-    runs: int = 1000
-    longest: int = 100_000
-    seeds: int = 50
-    steps: int = 600_000
+    runs: int = ranged(1000, 2, 100_000)
+    longest: int = ranged(100_000, 1_000, 10**8, " decisions")
+    seeds: int = ranged(50, 1, 10_000)
+    steps: int = ranged(600_000, 200, 10**9)
     decays: tuple[float, ...] = tuple(BIAS)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 100_000, "runs")
-        self.check_range(1_000, 10**8, "longest", unit=" decisions")
-        self.check_range(1, 10_000, "seeds")
+        super().__post_init__()
         known = {SHORT, LONG} <= set(self.decays) <= set(BIAS)
         check(known, "decays", self.decays, f"{SHORT:g}, {LONG:g} and others of {', '.join(map(str, BIAS))}")
-        self.check_range(200, 10**9, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(runs=20, longest=1_000, seeds=3, steps=2_000, decays=(SHORT, LONG))
+    quick = smoke(runs=20, longest=1_000, seeds=3, steps=2_000, decays=(SHORT, LONG))
 
     @property
     def lengths(self) -> list[int]:

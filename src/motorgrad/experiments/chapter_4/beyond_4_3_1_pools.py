@@ -1,14 +1,14 @@
 """Beyond section 4.3.1: large pools of motoneurons, by the natural step of each unit."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, below, in_every
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     NORMAL,
@@ -66,23 +66,19 @@ class LargePools(Experiment):
     - `share`: fraction of the full number of decisions.
     """
 
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 1000)
     pools: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128)
-    dissected: int = 32
-    tries: int = 5
+    dissected: int = ranged(32, 2, 1024, " units")
+    tries: int = ranged(5, 1, 5)
     share: float = 1.0
 
     def __post_init__(self) -> None:
-        self.check_range(2, 1000, "seeds")
+        super().__post_init__()
         rising = list(self.pools) == sorted(set(self.pools)) and SHOWN in self.pools and self.pools[0] >= 2
         check(rising and self.pools[-1] <= 1024, "pools", self.pools, "rising numbers from 2 to 1,024, 16 among them")
-        self.check_range(2, 1024, "dissected", unit=" units")
-        self.check_range(1, 5, "tries")
         check(0 < self.share <= 10, "share", self.share, "above 0, at most 10")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=2, pools=(SHOWN,), dissected=SHOWN, tries=1, share=0.002)
+    quick = smoke(seeds=2, pools=(SHOWN,), dissected=SHOWN, tries=1, share=0.002)
 
     def run(self, work: Workspace) -> Values:
         budgets = {units: min(64_000 * units, MOST) if units <= 64 else 2 * MOST for units in self.pools}
@@ -124,7 +120,35 @@ class LargePools(Experiment):
         return run.curve()[0], spacing_deviation(*parameter_history(run), task)
 
     def figure(self, values: Values) -> Figure:
-        return draw(values, self.dissected, tuple(WITHOUT), SPACED)
+        """Three panels: error over time, time against size, and learners of `dissected` units by the names of `parts`;
+        `equal` is the error that counts as equally spaced."""
+        parts = tuple(WITHOUT)
+        figure, (over, against, without) = subplots(11, 4.4, 1, 3)
+        for name, (label, colour, _) in LEARNERS.items():
+            _band(over, values[f"{name}_decision"], values[f"{name}_error"], colour, label)
+        over.set(xscale="log", title="16 units")
+        for name, (label, colour, marker) in LEARNERS.items():
+            _against(against, values, name, label, colour, marker)
+        _doublings(against, values["normal_units"])
+        against.set(
+            ylim=(None, 1e10),
+            xlabel="units",
+            ylabel="decisions until equally spaced for good",
+            title="time against size",
+        )
+        for place, (part, colour) in enumerate(zip(parts, PARTS, strict=True)):
+            label = f"{part}, α {float(values[f'without_{place}_rate']):g}"
+            _band(without, values[f"without_{place}_decision"], values[f"without_{place}_error"], colour, label)
+        without.set(title=f"{self.dissected} units, one part replaced")
+        for axes in (over, without):
+            axes.axhline(SPACED, color="0.5", linewidth=0.8, linestyle=":")
+            axes.set(yscale="log", xlabel="decisions", ylim=(0.01, 1500))
+        without.set(xlim=(0, None))
+        without.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}k")
+        over.set_ylabel("greatest deviation of a threshold (spacings)")
+        for axes in (over, against, without):
+            axes.legend(fontsize=8, loc="upper right")
+        return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
         for units in (SHOWN, 64):
@@ -192,35 +216,6 @@ def _growth_claim(values: Values, learner: str, power: float, most: int, least: 
         return above(power, said, measured, "power of the number of units", note=note)
     said = f"The time of the natural step grows more slowly than the number of units, over {over} units."
     return below(power, said, measured, "power of the number of units", note=note)
-
-
-def draw(values: Values, dissected: int, parts: Sequence[str], equal: float) -> Figure:
-    """Three panels: error over time, time against size, and learners of `dissected` units by the names of `parts`;
-    `equal` is the error that counts as equally spaced."""
-    figure = new_figure(11, 4.4)
-    over, against, without = figure.subplots(1, 3)
-    for name, (label, colour, _) in LEARNERS.items():
-        _band(over, values[f"{name}_decision"], values[f"{name}_error"], colour, label)
-    over.set(xscale="log", title="16 units")
-    for name, (label, colour, marker) in LEARNERS.items():
-        _against(against, values, name, label, colour, marker)
-    _doublings(against, values["normal_units"])
-    against.set(
-        ylim=(None, 1e10), xlabel="units", ylabel="decisions until equally spaced for good", title="time against size"
-    )
-    for place, (part, colour) in enumerate(zip(parts, PARTS, strict=True)):
-        label = f"{part}, α {float(values[f'without_{place}_rate']):g}"
-        _band(without, values[f"without_{place}_decision"], values[f"without_{place}_error"], colour, label)
-    without.set(title=f"{dissected} units, one part replaced")
-    for axes in (over, without):
-        axes.axhline(equal, color="0.5", linewidth=0.8, linestyle=":")
-        axes.set(yscale="log", xlabel="decisions", ylim=(0.01, 1500))
-    without.set(xlim=(0, None))
-    without.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}k")
-    over.set_ylabel("greatest deviation of a threshold (spacings)")
-    for axes in (over, against, without):
-        axes.legend(fontsize=8, loc="upper right")
-    return figure
 
 
 def _band(axes: Axes, decision: np.ndarray, errors: np.ndarray, colour: str, label: str) -> None:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, at_most
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import fires_at
 from motorgrad.statistics import exact
 
@@ -32,12 +32,8 @@ class ForceGrading(Experiment):
     - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
 
-    units: int = 5
-    steepness: float = 4.0
-
-    def __post_init__(self) -> None:
-        self.check_range(2, 100, "units")
-        self.check_range(0.1, 1000, "steepness")
+    units: int = ranged(5, 2, 100)
+    steepness: float = ranged(4.0, 0.1, 1000)
 
     def run(self, work: Workspace) -> Values:
         deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]
@@ -53,8 +49,7 @@ class ForceGrading(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(8, 5.6)
-        ((single, total), (steep, others)) = figure.subplots(2, 2)
+        figure, ((single, total), (steep, others)) = subplots(8, 5.6, 2, 2)
         force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units
         single.plot(POINTS, force, linewidth=1.4)
         single.set(title=f"{self.units} single units", ylabel="activation", xlabel="input")

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, more_than_half, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
     RATE,
@@ -65,8 +65,7 @@ class LinearPolicies(LinearStudy):
     def figure(self, values: Values) -> Figure:
 
         sizes = values["units"].tolist()
-        figure = new_figure(2.7 * len(sizes) + 0.8, 5.2)
-        panels = figure.subplots(2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
+        figure, panels = subplots(2.7 * len(sizes) + 0.8, 5.2, 2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
         inputs = np.linspace(0, 1, 401)
         mesh: Any = None
         for (policy, seeds), units in zip(panels.T, sizes, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, more_than_half, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     SPACED,
     LinearStudy,
@@ -40,8 +40,7 @@ class LinearPerformance(LinearStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(8, 6)
-        error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+        figure, (error, spaced) = subplots(8, 6, 2, 1, sharex=True, height_ratios=[2, 1])
         numbers, decision = values["units"].tolist(), values["decision"] / 1e6
         curves = [(str(units), f"{units} units", f"C{row}", "-") for row, units in enumerate(numbers)]
         curves.append(("ratio", f"{numbers[0]} units, ratio form", "C0", "--"))

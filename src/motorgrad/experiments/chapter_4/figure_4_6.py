@@ -1,15 +1,14 @@
 """Figure 4.6: the height to which the arm lifts loads, by simulation and from the table."""
 
 from collections.abc import Iterator
-from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import lift, lift_table
 from motorgrad.experiments._claims import Claim, at_least, at_most
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 
@@ -36,15 +35,10 @@ class HeightFunction(Experiment):
     - `seed`: of the random points.
     """
 
-    points: int = 200
+    points: int = ranged(200, 1, 100_000)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        self.check_range(1, 100_000, "points")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(points=5)
+    quick = smoke(points=5)
 
     def run(self, work: Workspace) -> Values:
         loads, active = self.drawn()
@@ -74,8 +68,7 @@ class HeightFunction(Experiment):
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        figure = new_figure(8, 3.9)
-        left, right = figure.subplots(1, 2, sharey=True)
+        figure, (left, right) = subplots(8, 3.9, 1, 2, sharey=True)
         shades, full = colormaps["viridis"], ArmRecruitment().scale
         for row, active in enumerate(SHOWN):
             colour = shades(active)

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, at_least, at_most, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 
@@ -26,11 +26,8 @@ class RewardSurface(Experiment):
     - `activations`: grid points over the activations.
     """
 
-    loads: int = 321
-    activations: int = 1001
-
-    def __post_init__(self) -> None:
-        self.check_range(11, 10_001, "loads", "activations")
+    loads: int = ranged(321, 11, 10_001)
+    activations: int = ranged(1001, 11, 10_001)
 
     def run(self, work: Workspace) -> Values:
         task = ArmRecruitment()
@@ -39,8 +36,7 @@ class RewardSurface(Experiment):
         return {"load": loads, "activation": active, "reward": reward, "best": active[reward.argmax(0)]}
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(7, 4.6)
-        axes = figure.subplots()
+        figure, axes = subplots(7, 4.6)
         load, active = values["load"], values["activation"]
         mesh = axes.pcolormesh(load, active, values["reward"], cmap="viridis", shading="nearest", rasterized=True)
         some = load > 0

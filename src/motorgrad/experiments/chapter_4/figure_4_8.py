@@ -1,15 +1,15 @@
 """Figure 4.8: the policies that pools learn on the arm."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, at_least, more_than_half, negative
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
     THRESHOLD,
@@ -48,17 +48,14 @@ class ArmPolicies(Experiment):
     """
 
     units: tuple[int, ...] = (2, 3, 4)
-    steps: int = 400_000
-    seeds: int = 32
+    steps: int = ranged(400_000, 200, 10**9, " decisions")
+    seeds: int = ranged(32, 1, 10_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_units(self.units, 1)
-        self.check_range(200, 10**9, "steps", unit=" decisions")
-        self.check_range(1, 10_000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=(2, 3), steps=2_000, seeds=3)
+    quick = smoke(units=(2, 3), steps=2_000, seeds=3)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}
@@ -80,8 +77,9 @@ class ArmPolicies(Experiment):
         """Above, the policies of the median pools, and samples; below, the results of every seed."""
 
         counts = values["units"].tolist()
-        figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
-        panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
+        figure, panels = subplots(
+            2.7 * (len(counts) + 1) + 0.6, 5.4, 2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False
+        )
         mesh: Any = None
         for (policy, seeds), units in zip(panels.T, counts, strict=False):
             load, best = values[f"load {units}"], values[f"best count {units}"]

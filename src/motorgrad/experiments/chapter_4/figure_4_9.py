@@ -1,16 +1,14 @@
 """Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
 from collections.abc import Iterator
-from typing import Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad.statistics import Measured, mean_of
 from motorgrad.worlds import FiniteMDP, chain
 
@@ -42,17 +40,11 @@ class ChainExploration(Experiment):
     - `seed`: of the walks.
     """
 
-    longest: int = 12
-    runs: int = 4000
+    longest: int = ranged(12, DRAWN, 20, " states")
+    runs: int = ranged(4000, 2, 10**6)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        check(DRAWN <= self.longest <= 20, "longest", self.longest, f"from {DRAWN} to 20 states")
-        self.check_range(2, 10**6, "runs")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(longest=DRAWN, runs=200)
+    quick = smoke(longest=DRAWN, runs=200)
 
     def run(self, work: Workspace) -> Values:
         lengths = range(2, self.longest + 1)
@@ -66,8 +58,7 @@ class ChainExploration(Experiment):
         return first_reward_times(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(7, 5.6)
-        drawing, axes = figure.subplots(2, 1, height_ratios=[1, 3.2])
+        figure, (drawing, axes) = subplots(7, 5.6, 2, 1, height_ratios=[1, 3.2])
         _chain(drawing)
         length = values["length"]
         for colour, (name, (_, _, formula)) in zip(("C0", "C1", "C2"), EXPLORERS.items(), strict=True):

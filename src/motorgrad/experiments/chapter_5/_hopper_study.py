@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
 from motorgrad import bodies
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment, Workspace
+from motorgrad.experiments._experiment import Experiment, Workspace, ranged, smoke
 from motorgrad.learning import Agent
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
@@ -38,7 +38,7 @@ class HopperStudy(Experiment):
     """
 
     seconds: float = 1500.0
-    seeds: int = 16
+    seeds: int = ranged(16, 1, 10_000)
     reward_type: RewardType = "apex"
     decay: float = 0.98
     rate: float = 5e-4
@@ -46,18 +46,12 @@ class HopperStudy(Experiment):
     watched: float = 20.0
 
     def __post_init__(self) -> None:
-        task, _ = self.task, self.learner
-        check_practice(self.seconds, self.seeds, task.period)
-        check(
-            2 * task.period <= self.watched <= 3600,
-            "watched",
-            self.watched,
-            f"from {2 * task.period} to 3600 simulated s",
-        )
+        super().__post_init__()
+        period, _ = self.task.period, self.learner
+        check_practice(self.seconds, period)
+        check(2 * period <= self.watched <= 3600, "watched", self.watched, f"from {2 * period} to 3600 simulated s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=20.0, seeds=3, watched=4.0)
+    quick = smoke(seconds=20.0, seeds=3, watched=4.0)
 
     @property
     def task(self) -> Hopper:
@@ -76,10 +70,9 @@ class HopperStudy(Experiment):
         return evaluate(run, round(self.watched / self.task.period), untrained=untrained, threads=work.threads)
 
 
-def check_practice(seconds: float, seeds: int, period: float) -> None:
-    """Refuse an impossible length of practice or number of seeds."""
+def check_practice(seconds: float, period: float) -> None:
+    """Refuse an impossible length of practice."""
     check(period <= seconds < math.inf, "seconds", seconds, f"finite and at least one decision, {period} s")
-    check(1 <= seeds <= 10_000, "seeds", seeds, "from 1 to 10,000")
 
 
 def hop_heights(outcome: Evaluation) -> np.ndarray:

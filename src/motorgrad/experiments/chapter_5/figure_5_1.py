@@ -4,14 +4,14 @@
 # (the bindings of mujoco have no types)
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
 from motorgrad.experiments._claims import Claim, at_most, positive, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import (
     EXTENSOR,
     FLEXOR,
@@ -42,17 +42,15 @@ class MusclePair(Experiment):
     """
 
     angles: tuple[float, ...] = (50.0, 90.0, 148.0)
-    points: int = 221
+    points: int = ranged(221, 3, 100_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
             check(10 <= angle <= 175, "angles", angle, "from 10 to 175 degrees")
-        self.check_range(3, 100_000, "points")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(points=12)
+    quick = smoke(points=12)
 
     def run(self, work: Workspace) -> Values:
         body = Hopper()

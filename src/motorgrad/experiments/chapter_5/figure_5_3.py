@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, at_least, at_most, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, new_figure
+from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, subplots
 from motorgrad.experiments.chapter_5._hopper_study import (
     HIGH,
     HopperStudy,
@@ -99,8 +99,7 @@ def behaviour_of(
 
 def draw_behaviour(shown: dict[str, np.ndarray]) -> Figure:
     """Knee angle, foot height and muscle activity, before (left) and after (right)."""
-    figure = new_figure(9, 5.4)
-    axes = figure.subplots(3, 2, sharex="col", sharey="row", height_ratios=[3, 3, 1.2])
+    figure, axes = subplots(9, 5.4, 3, 2, sharex="col", sharey="row", height_ratios=[3, 3, 1.2])
     groups, period = shown["groups"].tolist(), float(shown["period"])
     edges = period * np.arange(shown["angle"].shape[1] + 1)
     time = edges[:-1]

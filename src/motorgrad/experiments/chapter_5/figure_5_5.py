@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import Claim, more_than_half
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy
 from motorgrad.statistics import LEVEL, Measured, share_of
 
@@ -39,8 +39,7 @@ class HopperWeights(HopperStudy):
     def figure(self, values: Values) -> Figure:
 
         weights = values["weights"]
-        figure = new_figure(8, 5.2)
-        axes = figure.subplots()
+        figure, axes = subplots(8, 5.2)
         size = np.median(np.abs(weights), axis=0)
         for sensor, height in enumerate(HEIGHTS):
             _node(axes, (LEFT, height), SENSOR, SENSORS[sensor], "0.2", dashed=SENSORS[sensor] == "bias")

@@ -1,13 +1,11 @@
 """Figure 6.2: predictors of the dynamics partition the input space, and with it a simple decision."""
 
 from collections.abc import Iterator
-from typing import Self
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, above, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.statistics import exact, mean_of
 
@@ -33,20 +31,12 @@ class Partition(Experiment):
     - `fits`: of linear predictors, each from another random start.
     """
 
-    predictors: int = 8
-    brake: float = 0.6
-    cells: int = 161
-    fits: int = 24
+    predictors: int = ranged(8, 2, 100)
+    brake: float = ranged(0.6, NEAR, DISTANT)
+    cells: int = ranged(161, 20, 2_000)
+    fits: int = ranged(24, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(2, 100, "predictors")
-        check(NEAR <= self.brake <= DISTANT, "brake", self.brake, f"from {NEAR:g} to {DISTANT:g}")
-        self.check_range(20, 2_000, "cells")
-        self.check_range(2, 10_000, "fits")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(cells=41, fits=3)
+    quick = smoke(cells=41, fits=3)
 
     def run(self, work: Workspace) -> Values:
         bearing = np.linspace(-np.pi / 2, np.pi / 2, self.cells)

@@ -1,15 +1,15 @@
 """Figure 6.3: the particle's policy as a diagram, and the number of distinct forces of its units."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, at_most
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, subplots
 from motorgrad.statistics import exact
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleState
@@ -32,14 +32,9 @@ class ParticlePolicy(Experiment):
     - `most`: largest number of forces to each side for which firing patterns are counted.
     """
 
-    most: int = 6
+    most: int = ranged(6, 1, 8, " forces to each side")
 
-    def __post_init__(self) -> None:
-        self.check_range(1, 8, "most", unit=" forces to each side")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(most=3)
+    quick = smoke(most=3)
 
     def run(self, work: Workspace) -> Values:
         del work
@@ -55,8 +50,7 @@ class ParticlePolicy(Experiment):
         """Position, units, forces, particle, reward."""
         from matplotlib.patches import FancyBboxPatch
 
-        figure = new_figure(9.2, 4.6)
-        axes = figure.subplots()
+        figure, axes = subplots(9.2, 4.6)
         for place, words, colour in (
             (UNITS, "plastic, stochastic layer\n$\\theta_t$", PLASTIC),
             (FORCES, "fixed forces", FIXED),

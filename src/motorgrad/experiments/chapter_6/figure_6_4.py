@@ -2,13 +2,12 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_6._local_study import gaussians
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
@@ -35,17 +34,11 @@ class InitialPolicy(Experiment):
     - `seed`: of the episodes.
     """
 
-    episodes: int = 15_000
-    drawn: int = 12
+    episodes: int = ranged(15_000, 10, 10**6)
+    drawn: int = ranged(12, 1, 1_000, " episodes")
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        self.check_range(10, 10**6, "episodes")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(episodes=200, drawn=4)
+    quick = smoke(episodes=200, drawn=4)
 
     def run(self, work: Workspace) -> Values:
         task = FallingParticle()
@@ -72,8 +65,7 @@ class InitialPolicy(Experiment):
         return np.array([len(path) - 1 for path in trajectories(task, policy, self.episodes, self.seed)])
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 4.6)
-        policy, stationary = figure.subplots(1, 2)
+        figure, (policy, stationary) = subplots(9, 4.6, 1, 2)
         draw_regions(policy, ())
         draw_paths(policy, np.split(values["paths"], values["ends"][:-1]))
         draw_units(policy, gaussians(values["centre"], values["log width"]), values["forces"])

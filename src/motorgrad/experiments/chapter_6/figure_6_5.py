@@ -1,12 +1,11 @@
 """Figure 6.5: local policies learned in two layouts of rewards, and the particle's paths under them."""
 
 from collections.abc import Iterator, Mapping
-from typing import Self
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, more_than_half, positive, within
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     FORGETTING,
@@ -47,17 +46,11 @@ class LocalPolicies(LocalStudy):
     - `drawn` (episodes): paths in each picture.
     """
 
-    episodes: int = 15_000
-    looks: int = 200
-    drawn: int = 12
+    episodes: int = ranged(15_000, 1, 10**6, " episodes")
+    looks: int = ranged(200, 1, 10**6, " episodes")
+    drawn: int = ranged(12, 1, 10**6, " episodes")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(1, 10**6, "episodes", "looks", "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
+    quick = smoke(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}

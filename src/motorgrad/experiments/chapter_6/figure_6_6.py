@@ -1,14 +1,14 @@
 """Figure 6.6: where a learned policy acts."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, more_than_half
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad.policies import Policy
@@ -33,17 +33,10 @@ class AnyUnitFires(LocalStudy):
     - `cells`: along each side of the box.
     """
 
-    looks: int = 200
-    cells: int = 60
+    looks: int = ranged(200, 1, 10**6, " episodes")
+    cells: int = ranged(60, 10, 1_000)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(1, 10**6, "looks", unit=" episodes")
-        self.check_range(10, 1_000, "cells")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, looks=20, cells=20)
+    quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 
     def run(self, work: Workspace) -> Values:
         task, run = FallingParticle(layout="R2"), self.learned(work, "R2")

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, at_most, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
@@ -108,9 +108,7 @@ class Forgetting(LocalStudy):
             "from 0 to 0.6, rising",
         )
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=1_000, seeds=3, kinds=("local", "linear"), gaps=(0.2,))
+    quick = smoke(decisions=1_000, seeds=3, kinds=("local", "linear"), gaps=(0.2,))
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
@@ -143,8 +141,15 @@ class Forgetting(LocalStudy):
         """For every kind of policy and gap: reward of frozen policies on A while first A and then B is learned, and
         reward of the learner on B."""
         words = {name: KINDS[name].words for name in self.kinds}
-        figure = new_figure(2.6 * len(words), 0.6 + 2.5 * len(self.gaps))
-        grid = figure.subplots(len(self.gaps), len(words), sharex=True, sharey=True, squeeze=False)
+        figure, grid = subplots(
+            2.6 * len(words),
+            0.6 + 2.5 * len(self.gaps),
+            len(self.gaps),
+            len(words),
+            sharex=True,
+            sharey=True,
+            squeeze=False,
+        )
         for number, (row, gap) in enumerate(zip(grid, self.gaps, strict=True)):
             for panel, (name, title) in zip(row, words.items(), strict=True):
                 key = f"{gap:g} {name}"

@@ -1,13 +1,13 @@
 """Section 6.3: the effect of noise on observations and dynamics on learning."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, above, at_least, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising, smoke
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
 from motorgrad.statistics import first_time, mean_of, median_of, moving_mean
@@ -45,9 +45,7 @@ class Noise(LayoutStudy):
             levels = getattr(self, name)
             check(rising(levels, above=0), name, levels, "positive deviations, rising")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, layouts=("R1",), observation=(0.1,), dynamics=(0.8,))
+    quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), observation=(0.1,), dynamics=(0.8,))
 
     def levels(self, kind: str) -> tuple[float, ...]:
         """The deviations of one kind of noise."""

@@ -1,14 +1,13 @@
 """Figure 4.10: the local effect of a new unit on a learned pool."""
 
 from collections.abc import Iterator
-from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, at_most, below
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, with_new_unit
 from motorgrad.statistics import median_of, share_of
 from motorgrad.tasks import LinearRecruitment
@@ -31,22 +30,17 @@ class LocalEffect(Experiment):
     - `steps` (decisions): for which each pool learns, by the natural gradient.
     """
 
-    units: int = 6
-    threshold: float = 0.5
+    units: int = ranged(6, 1, 100)
+    threshold: float = ranged(0.5, 0, 1)
     gains: tuple[float, ...] = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)
-    seeds: int = 24
-    steps: int = 400_000
+    seeds: int = ranged(24, 2, 10_000)
+    steps: int = ranged(400_000, 200, 10**9)
 
     def __post_init__(self) -> None:
-        self.check_range(1, 100, "units")
-        self.check_range(0, 1, "threshold")
+        super().__post_init__()
         check(rising(self.gains, 2) and self.gains[0] == 0, "gains", self.gains, "at least two, rising from 0")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, steps=2_000)
+    quick = smoke(seeds=3, steps=2_000)
 
     def run(self, work: Workspace) -> Values:
         task = LinearRecruitment(units=self.units)
@@ -62,8 +56,7 @@ class LocalEffect(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 3.6)
-        without, where, width = figure.subplots(1, 3, width_ratios=[1, 1.5, 1])
+        figure, (without, where, width) = subplots(9, 3.6, 1, 3, width_ratios=[1, 1.5, 1])
         load = values["load"]
         for row in values["before"]:
             without.plot(load, row, color="C0", linewidth=0.5, alpha=0.5)

@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
@@ -39,7 +39,7 @@ class ForgettingBaseline(Experiment):
     """
 
     units: int = 2
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     steps: int = 4_000_000
     period: int = 2_000_000
     amount: float = -0.5
@@ -47,7 +47,7 @@ class ForgettingBaseline(Experiment):
     rates: tuple[float, ...] = (0.001, 0.01, 0.1)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
+        super().__post_init__()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         check(len(self.rates) > 0, "rates", self.rates, "at least one")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
@@ -56,9 +56,7 @@ class ForgettingBaseline(Experiment):
             for changes in self.learners().values():
                 agent_for(self.task(of), **changes)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
+    quick = smoke(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
 
     def task(self, of: Literal["strength", "load"]) -> LinearRecruitment:
         """The task in which strength or load changes."""
@@ -100,7 +98,23 @@ class ForgettingBaseline(Experiment):
         return least_error(moved, 1.0)
 
     def figure(self, values: Values) -> Figure:
-        return draw_baselines(values, OF)
+        """For each kind of change: the lag of the baselines, the error of the force, and the error minus that with
+        the mean of all rewards."""
+        figure, axes = subplots(10, 7.6, 3, len(OF), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
+        for column, each in zip(axes.T, OF, strict=True):
+            _draw(column, values, each)
+            column[0].set_title(TITLES[each], fontsize=11)
+        axes[0, 0].set(ylabel="|baseline − mean reward|", yscale="log", ylim=(1e-3, None))
+        axes[1, 0].set(ylabel="mean error of the force", ylim=(0, None))
+        axes[2, 0].set(ylabel="error minus that\nwith the mean of all")
+        figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
+        figure.supxlabel(
+            "shaded: weak muscle, or added load; dotted: the least possible error\n"
+            "above: median and quartiles of the pools; below: mean with 95 % interval",
+            fontsize=9,
+            color="0.4",
+        )
+        return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
         for of in OF:
@@ -136,27 +150,6 @@ class ForgettingBaseline(Experiment):
             note=f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
             source=OURS,
         )
-
-
-def draw_baselines(values: Values, of: Sequence[str]) -> Figure:
-    """One column per kind of change: the lag of the baselines, the error of the force, and the error minus that with
-    the mean of all rewards."""
-    figure = new_figure(10, 7.6)
-    axes = figure.subplots(3, len(of), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
-    for column, each in zip(axes.T, of, strict=True):
-        _draw(column, values, each)
-        column[0].set_title(TITLES[each], fontsize=11)
-    axes[0, 0].set(ylabel="|baseline − mean reward|", yscale="log", ylim=(1e-3, None))
-    axes[1, 0].set(ylabel="mean error of the force", ylim=(0, None))
-    axes[2, 0].set(ylabel="error minus that\nwith the mean of all")
-    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
-    figure.supxlabel(
-        "shaded: weak muscle, or added load; dotted: the least possible error\n"
-        "above: median and quartiles of the pools; below: mean with 95 % interval",
-        fontsize=9,
-        color="0.4",
-    )
-    return figure
 
 
 def _draw(axes: Sequence[Axes], values: Values, of: str) -> None:

@@ -1,14 +1,13 @@
 """Section 4.4.1: gains that decay, so that units keep exploring."""
 
 from collections.abc import Iterator
-from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
 from motorgrad.statistics import mean_of
@@ -39,17 +38,16 @@ class GainDecay(Experiment):
     """
 
     units: int = 2
-    seeds: int = 20
-    learned: int = 4_000_000
+    seeds: int = ranged(20, 2, 10_000)
+    learned: int = ranged(4_000_000, 200, 10**9)
     steps: int = 3_000_000
     period: int = 2_000_000
     amount: float = -0.5
     decays: tuple[float, ...] = (1e-7, 1e-6, 1e-5)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
+        super().__post_init__()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
-        self.check_range(200, 10**9, "learned")
         check(
             len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,
             "decays",
@@ -59,9 +57,7 @@ class GainDecay(Experiment):
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
         Drift(self.amount, self.period)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
+    quick = smoke(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
 
     def task(self, drifts: bool) -> LinearRecruitment:
         return LinearRecruitment(
@@ -89,8 +85,7 @@ class GainDecay(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 6)
-        axes = figure.subplots(2, 3, sharex="col", sharey="row")
+        figure, axes = subplots(9, 6, 2, 3, sharex="col", sharey="row")
         labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]
         columns = {
             "first": "from the start",

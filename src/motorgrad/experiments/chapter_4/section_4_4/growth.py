@@ -1,13 +1,13 @@
 """Section 4.4: pools that grow one unit at a time."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, below, more_than_half, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_4._pools import (
     NORMAL,
     SPACED,
@@ -50,20 +50,13 @@ class Growth(Experiment):
     - `seeds`: pools of each kind.
     """
 
-    units: int = 8
-    phase: int = 100_000
-    plain_units: int = 4
-    plain_phase: int = 800_000
-    seeds: int = 24
+    units: int = ranged(8, 3, 64)
+    phase: int = ranged(100_000, 200, 10**8)
+    plain_units: int = ranged(4, 3, 64)
+    plain_phase: int = ranged(800_000, 200, 10**8)
+    seeds: int = ranged(24, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(3, 64, "units", "plain_units")
-        self.check_range(200, 10**8, "phase", "plain_phase")
-        self.check_range(2, 10_000, "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
+    quick = smoke(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
 
     @property
     def ways(self) -> dict[str, Way]:
@@ -117,8 +110,7 @@ class Growth(Experiment):
     def figure(self, values: Values) -> Figure:
         """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
         words = {name: way.words for name, way in self.ways.items()}
-        figure = new_figure(9, 6)
-        axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
+        figure, axes = subplots(9, 6, 2, len(words), sharey="row", height_ratios=[1.5, 1])
         for column, (name, title) in enumerate(words.items()):
             phases = len(values[f"{name} grown spacing"])
             for kind, colour, label in (
@@ -204,7 +196,7 @@ def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
     grown, whole = values[f"{name} grown from"], values[f"{name} start from"]
     total = grown.sum(0)  # infinite if any phase ended too early
     there = np.isfinite(total) & np.isfinite(whole)
-    ratio = f"{median_of(total[there] / whole[there])} of the decisions. " if there.any() else ""
+    ratio = f"{median_of(total[there] / whole[there]).words('of the decisions')}. " if there.any() else ""
     return more_than_half(
         f"Growing would be faster if each unit were added as soon as the others are equally spaced ({way.words}).",
         share_of(total < whole),

@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, below, more_than_half, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_4._pools import firing_probability
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
@@ -38,19 +38,16 @@ class LargeLoads(Experiment):
     """
 
     sizes: tuple[int, ...] = (4, 16, 32)
-    seeds: int = 40
-    steps: int = 150_000
+    seeds: int = ranged(40, 2, 10_000)
+    steps: int = ranged(150_000, 200, 10**9)
     least: float = 12.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(sizes=(2, 4), seeds=3, steps=2_000)
+    quick = smoke(sizes=(2, 4), seeds=3, steps=2_000)
 
     def task(self, reward_type: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
         """The task of pools of this size, with this reward and these loads."""
@@ -80,8 +77,7 @@ class LargeLoads(Experiment):
     def figure(self, values: Values) -> Figure:
         """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and
         the number of silent pools."""
-        figure = new_figure(8, 6.4)
-        axes = figure.subplots(2, 2, sharex="row", sharey="row")
+        figure, axes = subplots(8, 6.4, 2, 2, sharex="row", sharey="row")
         for column, (reward_type, title) in enumerate(TITLES.items()):
             _pay(axes[0, column], values, reward_type)
             axes[0, column].set_title(title, fontsize=11)

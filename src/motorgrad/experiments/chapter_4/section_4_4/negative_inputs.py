@@ -1,13 +1,12 @@
 """Section 4.4: leaving out the loads at which no unit should fire."""
 
 from collections.abc import Iterator, Mapping
-from typing import Self
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, more_than_half, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
 from motorgrad.statistics import mean_of, share_of
@@ -45,20 +44,17 @@ class NegativeInputs(Experiment):
     """
 
     units: int = 4
-    seeds: int = 100
-    steps: int = 200_000
+    seeds: int = ranged(100, 2, 10_000)
+    steps: int = ranged(200_000, 200, 10**9)
     decays: tuple[float, ...] = (1e-3, 1e-2)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
+        super().__post_init__()
         for decay in self.decays:
             check(0 < decay <= 1, "decays", decay, "in (0, 1]")
         self.task("thesis")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=4, steps=4_000, decays=(1e-3,))
+    quick = smoke(seeds=4, steps=4_000, decays=(1e-3,))
 
     def task(self, inputs: str) -> ArmRecruitment:
         """The task with the inputs of this name."""

@@ -1,15 +1,15 @@
 """Section 4.4.1: units with graded activation (rate modulation)."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, below
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
 from motorgrad.statistics import first_time, median_of
 from motorgrad.tasks import LinearRecruitment
@@ -40,21 +40,18 @@ class RateModulation(Experiment):
     """
 
     units: tuple[int, ...] = (1, 2, 4)
-    steps: int = 300_000
+    steps: int = ranged(300_000, 200, 10**9)
     deviation: float = 0.3
     floor: float = 0.02
-    seeds: int = 24
+    seeds: int = ranged(24, 2, 10_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, from 1 to 64")
-        self.check_range(200, 10**9, "steps")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
-        self.check_range(2, 10_000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(steps=2_000, seeds=3)
+    quick = smoke(steps=2_000, seeds=3)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}
@@ -76,9 +73,8 @@ class RateModulation(Experiment):
                 for name in ("threshold", "gain"):
                     found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
                 if kind == "graded":
-                    found[f"{units} deviation"] = self.floor + np.exp(
-                        np.swapaxes(run.policies_at().log_deviation, 0, 1).astype(float)
-                    )
+                    log_deviation = np.asarray(run.policies_at().log_deviation, float)
+                    found[f"{units} deviation"] = self.floor + np.exp(log_deviation.swapaxes(0, 1))
         return found
 
     def figure(self, values: Values) -> Figure:
@@ -86,8 +82,7 @@ class RateModulation(Experiment):
         pool. Bars at the right: the error without noise, by the mean or the most probable action."""
 
         units = [int(count) for count in values["units"]]
-        figure = new_figure(3 * len(units) + 0.6, 7.6)
-        axes = figure.subplots(3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
+        figure, axes = subplots(3 * len(units) + 0.6, 7.6, 3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
         decision = values["decision"] / 1e3
         for column, count in enumerate(units):
             above, noise, below = axes[:, column]

@@ -2,14 +2,14 @@
 
 import itertools
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_most, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
@@ -41,22 +41,18 @@ class SizePrinciple(Experiment):
     - `arm` (decisions): for which pools learn to lift, by either gradient.
     """
 
-    units: int = 4
+    units: int = ranged(4, 3, 6)
     size_ratio: float = 8.0
-    seeds: int = 48
-    linear: int = 6_000_000
-    linear_natural: int = 1_000_000
-    arm: int = 600_000
+    seeds: int = ranged(48, 2, 10_000)
+    linear: int = ranged(6_000_000, 200, 10**9)
+    linear_natural: int = ranged(1_000_000, 200, 10**9)
+    arm: int = ranged(600_000, 200, 10**9)
 
     def __post_init__(self) -> None:
-        self.check_range(3, 6, "units")
+        super().__post_init__()
         check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "linear", "linear_natural", "arm")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
+    quick = smoke(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
 
     def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
         """For every line: the task, what differs from its own learner, and the decisions."""
@@ -87,8 +83,7 @@ class SizePrinciple(Experiment):
         """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
         grey line joins the units of a pool; units of negative gain are hollow."""
         orders = {name: order(values, name) for name in WORDS}
-        figure = new_figure(8, 6.8)
-        axes = figure.subplots(2, 2, sharex=True)
+        figure, axes = subplots(8, 6.8, 2, 2, sharex=True)
         size = values["size"]
         for place, (name, title) in zip(axes.flat, WORDS.items(), strict=True):
             loads = values[f"{name} load"]

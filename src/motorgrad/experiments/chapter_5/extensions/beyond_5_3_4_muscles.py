@@ -1,13 +1,13 @@
 """Beyond section 5.3.4: the hexapod learns to walk on 24 independent muscles."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, at_least, at_most, in_every, negative, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._experiment import Values, Workspace, experiment, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
 from motorgrad.statistics import mean_of, median_of
@@ -56,9 +56,7 @@ class Muscles(MuscleStudy):
             check(variant != FULL, "variants", variant, "changed learners only")
             _ = self.learner(variant)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
+    quick = smoke(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"variants": np.array(self.variants), "compared": np.array(self.compared)}
@@ -126,7 +124,6 @@ def muscle_claims(values: Values) -> Iterator[Claim]:
     net = median_of(mode["net"])
     counts = zip(*np.unique(mode["gait"], return_counts=True), strict=True)
     gaits = f"Gaits with the most probable actions: {', '.join(f'{kind} {count}' for kind, count in counts)}."
-    walks = median_of(sample["net"])
     seeds = len(mode["speed"])
     yield at_most(
         0.1,
@@ -153,7 +150,8 @@ def muscle_claims(values: Values) -> Iterator[Claim]:
         net,
         "most probable actions: median net displacement over 20 s",
         "m/s",
-        note=f"With sampled actions: speed {median_of(sample['speed'])}, net displacement {walks} m/s.",
+        note=f"With sampled actions: speed {median_of(sample['speed']).words('m/s')}, net displacement "
+        f"{median_of(sample['net']).words('m/s')}.",
         source=OURS,
     )
     yield in_every(

@@ -1,14 +1,14 @@
 """Beyond section 5.4.1: synergies extracted from learned gaits, and learning on them with four units."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
 from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad.experiments.chapter_5.hexapod._gait_study import controller_speeds
@@ -42,20 +42,16 @@ class FoundSynergies(MuscleStudy):
     """
 
     gaits: int = 5
-    learners: int = 4
-    seconds: float = 600.0
+    learners: int = ranged(4, 2, 1000)
+    seconds: float = ranged(600.0, 1, 10**6, " simulated s")
     lag: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"from 1 to seeds, {self.seeds}")
-        self.check_range(2, 1000, "learners")
-        check(1 <= self.seconds <= 1e6, "seconds", self.seconds, "from 1 to 1,000,000 simulated s")
         _ = HexapodSynergy(lag=self.lag)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(updates=4, seeds=2, watched=20.0, gaits=1, learners=2, seconds=4.0)
+    quick = smoke(updates=4, seeds=2, watched=20.0, gaits=1, learners=2, seconds=4.0)
 
     def run(self, work: Workspace) -> Values:
         found = dict(work.part("synergies", lambda: self._find(work)))
@@ -109,7 +105,7 @@ class FoundSynergies(MuscleStudy):
             median_of(values["found sample speed"]),
             "frozen, sampled actions: median speed, against the fixed controller's,",
             "m/s",
-            note=f"Net displacement over 20 s: {net} m/s; with the most probable actions {mode}; on hand-made "
+            note=f"Net displacement over 20 s: {net.words('m/s')}; with the most probable actions {mode}; on hand-made "
             "synergies "
             f"{hand}.",
             source=OURS,

@@ -1,8 +1,7 @@
 """Section 5.3.3: hexapods that learn to walk with stronger or weaker muscles."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
-from typing import Self
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,8 +9,8 @@ from motorgrad._errors import check
 from motorgrad.bodies import TOUCH, BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.experiments._claims import Claim, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_5.section_5_2_2 import behind_best
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodSynergy
@@ -45,24 +44,20 @@ class Forces(Experiment):
     """
 
     levels: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
-    seconds: float = 200.0
-    seeds: int = 12
-    watched: float = 22.0
+    seconds: float = ranged(200.0, 1, 10**6, " simulated s")
+    seeds: int = ranged(12, 2, 10_000)
+    watched: float = ranged(22.0, SETTLING + 1, 10**6, " simulated s")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(
             rising(self.levels, 3, above=0) and 1.0 in self.levels[1:-1],
             "levels",
             self.levels,
             "at least three, rising, 1 between the ends",
         )
-        self.check_range(2, 10_000, "seeds")
-        for name, least in (("seconds", 1.0), ("watched", SETTLING + 1.0)):
-            check(least <= getattr(self, name) <= 1e6, name, getattr(self, name), f"from {least:g} to 1e6 simulated s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
+    quick = smoke(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
 
     def task(self, lateral: float, vertical: float) -> HexapodSynergy:
         """The task with scaled muscle forces."""
@@ -107,8 +102,24 @@ class Forces(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
+        """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
+        standard value of each."""
         usual = {"all": LateralPair().retractor, "lateral": LateralPair().retractor / VerticalPair().depressor}
-        return draw_forces(values, usual)
+        figure, axes = subplots(9, 9.8, len(ROWS), 2, sharex="col", sharey="row")
+        levels = values["levels"]
+        for column, (way, title) in enumerate(TITLES.items()):
+            for row, (name, words) in enumerate(ROWS):
+                _against(axes[row, column], levels, values[f"{way} {name}"])
+                if not column:
+                    axes[row, 0].set_ylabel(words)
+            axes[0, column].set_title(title)
+        lateral, ratio = usual["all"] * levels, usual["lateral"] * levels
+        vertical = usual["all"] / usual["lateral"] * levels
+        axes[-1, 0].set_xticks(levels, [f"{a:.0f}\n{b:.0f}" for a, b in zip(lateral, vertical, strict=True)])
+        axes[-1, 0].set_xlabel("maximum force of lateral (above)\nand vertical muscles (below), N")
+        axes[-1, 1].set_xticks(levels, [f"{one:.2g}" for one in ratio])
+        axes[-1, 1].set_xlabel("lateral over vertical force")
+        return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
         usual = values["levels"].tolist().index(1.0)
@@ -155,27 +166,6 @@ def _medians(values: Values, way: str) -> str:
     """Median speeds at all levels, in words."""
     pairs = zip(values["levels"], np.median(values[f"{way} speed"], axis=1), strict=True)
     return ", ".join(f"{speed:.2f} m/s at {level:g}" for level, speed in pairs)
-
-
-def draw_forces(values: Values, usual: Mapping[str, float]) -> Figure:
-    """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
-    standard value of each."""
-    figure = new_figure(9, 9.8)
-    axes = figure.subplots(len(ROWS), 2, sharex="col", sharey="row")
-    levels = values["levels"]
-    for column, (way, title) in enumerate(TITLES.items()):
-        for row, (name, words) in enumerate(ROWS):
-            _against(axes[row, column], levels, values[f"{way} {name}"])
-            if not column:
-                axes[row, 0].set_ylabel(words)
-        axes[0, column].set_title(title)
-    lateral, ratio = usual["all"] * levels, usual["lateral"] * levels
-    vertical = usual["all"] / usual["lateral"] * levels
-    axes[-1, 0].set_xticks(levels, [f"{a:.0f}\n{b:.0f}" for a, b in zip(lateral, vertical, strict=True)])
-    axes[-1, 0].set_xlabel("maximum force of lateral (above)\nand vertical muscles (below), N")
-    axes[-1, 1].set_xticks(levels, [f"{one:.2g}" for one in ratio])
-    axes[-1, 1].set_xlabel("lateral over vertical force")
-    return figure
 
 
 def _against(axes: Axes, levels: np.ndarray, found: np.ndarray) -> None:

@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
 from motorgrad.experiments._claims import OURS, Claim, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.extensions._body_space import (
     HEAVIER,
@@ -70,28 +70,22 @@ class Morphology(Experiment):
     """
 
     evaluations: int = 240
-    searches: int = 5
-    batch: int = 12
-    seconds: float = 4.0
-    again: int = 12
-    bodies: int = 40
+    searches: int = ranged(5, 2, 10_000)
+    batch: int = ranged(12, 4, 10_000)
+    seconds: float = ranged(4.0, SETTLING + 1, 3600, " simulated s")
+    again: int = ranged(12, 2, 10_000)
+    bodies: int = ranged(40, 2, 10_000)
     temperature: float = Boltzmann.temperature
     changed: int = Boltzmann.changed
     width: float = Boltzmann.width
 
     def __post_init__(self) -> None:
-        for name, least in (("searches", 2), ("batch", 4), ("again", 2), ("bodies", 2)):
-            check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"from {least} to 10,000")
+        super().__post_init__()
         whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
         self.method("boltzmann")
-        check(
-            SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"from {SETTLING + 1:g} to 3600 simulated s"
-        )
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
+    quick = smoke(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
 
     def method(self, kind: str) -> Method:
         """A search method, with equally many candidates per round."""
@@ -321,7 +315,7 @@ def _observation_claims(values: Values) -> Iterator[Claim]:
             base,
             f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference",
             "m/s",
-            note=f"Width alone: {width} m/s; mass alone: {mass} m/s.",
+            note=f"Width alone: {width.words('m/s')}; mass alone: {mass.words('m/s')}.",
         )
     for bodies, words in BODY_WORDS.items():
         speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]

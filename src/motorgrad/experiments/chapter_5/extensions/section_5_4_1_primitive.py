@@ -1,7 +1,7 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learned together."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,8 +11,8 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
 from motorgrad.experiments._claims import OURS, Claim, more_than_half, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
 from motorgrad.learning import Agent
@@ -53,17 +53,15 @@ class LearnedPrimitives(Experiment):
     """
 
     seconds: float = 400.0
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     watched: float = 10.0
 
     def __post_init__(self) -> None:
-        check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
-        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
+        super().__post_init__()
+        check_practice(self.seconds, RECORDS * self.task.period)
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=2.4, seeds=2, watched=0.4)
+    quick = smoke(seconds=2.4, seeds=2, watched=0.4)
 
     @property
     def task(self) -> HexapodPrimitive:
@@ -114,8 +112,7 @@ class LearnedPrimitives(Experiment):
     def figure(self, values: Values) -> Figure:
         """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
         start = (self.task.swing, self.task.stance)
-        figure = new_figure(10, 7.6)
-        panels: Any = figure.subplots(2, 2)
+        figure, panels = subplots(10, 7.6, 2, 2)
         records = max(1, len(values["time"]) // 20)
         for kind, label in WORDS.items():
             draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)

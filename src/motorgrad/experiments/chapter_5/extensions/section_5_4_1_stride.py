@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,8 +11,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, at_least, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
 from motorgrad.learning import Agent
@@ -44,23 +44,20 @@ class StridePeriod(Experiment):
     """
 
     seconds: float = 300.0
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     periods: tuple[float, ...] = (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4)
-    starts: int = 8
+    starts: int = ranged(8, 2, 1_000)
     watched: float = 6.0
 
     def __post_init__(self) -> None:
-        check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
-        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
-        self.check_range(2, 1_000, "starts")
+        super().__post_init__()
+        check_practice(self.seconds, RECORDS * self.task.period)
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
         limits = f"from {self.task.shortest} to {self.task.longest} s"
         check(within and rising(self.periods, 2), "periods", self.periods, f"at least two rising ones {limits}")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=1.2, seeds=2, periods=(0.16, 0.3), starts=2, watched=0.2)
+    quick = smoke(seconds=1.2, seeds=2, periods=(0.16, 0.3), starts=2, watched=0.2)
 
     @property
     def task(self) -> HexapodStride:
@@ -102,8 +99,7 @@ class StridePeriod(Experiment):
 
     def figure(self, values: Values) -> Figure:
         """Learning curves; speed and period over the slope; and speed over fixed periods."""
-        figure = new_figure(10, 7)
-        panels: Any = figure.subplots(2, 2)
+        figure, panels = subplots(10, 7, 2, 2)
         _learning(panels[0, 0], values)
         _speeds(panels[0, 1], values)
         _grid(panels[1, 0], values)

@@ -1,12 +1,11 @@
 """Figure 5.7: the fixed controller of a leg as a state machine, and a walk under it."""
 
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
-from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, LegState, TripodController, walk
 from motorgrad.experiments._claims import Claim, in_every, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import STATE_COLOURS, draw_angles, draw_contacts, draw_states
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, JITTER, jittered_hexapods
@@ -38,16 +37,10 @@ class StateMachine(Experiment):
     - `seeds`: walks of nearly identical bodies.
     """
 
-    seconds: float = 20.0
-    seeds: int = 20
+    seconds: float = ranged(20.0, SHOWN, 3600, " simulated s")
+    seeds: int = ranged(20, 2, 1000)
 
-    def __post_init__(self) -> None:
-        check(SHOWN <= self.seconds <= 3600, "seconds", self.seconds, f"from {SHOWN:g} to 3600 simulated s")
-        self.check_range(2, 1000, "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=3.0, seeds=2)
+    quick = smoke(seconds=3.0, seeds=2)
 
     def run(self, work: Workspace) -> Values:
         return work.part("walks", lambda: self._walk(work.threads))

@@ -7,8 +7,8 @@ import numpy as np
 
 from motorgrad.bodies import LEGS, TRIPODS, debounced
 from motorgrad.experiments._claims import Claim, more_than_half
-from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
 from motorgrad.experiments.chapter_5.hexapod._gait_study import START, SynergyStudy
 from motorgrad.statistics import share_of
@@ -34,11 +34,7 @@ class TwoGaits(SynergyStudy):
     - `shown` (simulated s): length of the record, from the middle of the walk on.
     """
 
-    shown: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(0.1, 10, "shown", unit=" simulated s")
+    shown: float = ranged(2.0, 0.1, 10, " simulated s")
 
     def run(self, work: Workspace) -> Values:
         found = []
@@ -78,8 +74,7 @@ class TwoGaits(SynergyStudy):
         """Lateral angles and ground contacts of one seed for each gait, or a note if no seed learned the gait."""
         from matplotlib.patches import Patch
 
-        figure = new_figure(8.6, 8.0)
-        panels: Any = figure.subplots(2 * len(SHOWN), 1, height_ratios=[1.15, 1] * len(SHOWN), sharex=True)
+        figure, panels = subplots(8.6, 8.0, 2 * len(SHOWN), 1, height_ratios=[1.15, 1] * len(SHOWN), sharex=True)
         time, seeds = values["time"], len(values["gait"])
         for number, kind in enumerate(SHOWN):
             angles, feet = panels[2 * number : 2 * number + 2]

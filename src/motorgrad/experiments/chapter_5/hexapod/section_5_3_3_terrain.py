@@ -1,15 +1,15 @@
 """Section 5.3.3: the fixed controller over varying terrain."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
 from motorgrad.experiments._claims import OURS, Claim, above, at_least, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, jittered_hexapods
 from motorgrad.statistics import mean_of, share_of
 
@@ -45,19 +45,16 @@ class RoughGround(Experiment):
     """
 
     heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
-    seconds: float = 20.0
-    seeds: int = 20
+    seconds: float = ranged(20.0, LAST, 20, " simulated s: the field ends")
+    seeds: int = ranged(20, 2, 1000)
     clearance: float = 0.16
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
-        check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"from {LAST:g} to 20 simulated s: the field ends")
-        self.check_range(2, 1000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(heights=(0.16, 0.25), seconds=5.0, seeds=2)
+    quick = smoke(heights=(0.16, 0.25), seconds=5.0, seeds=2)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"height": np.array([0.0, *self.heights])}
@@ -100,8 +97,7 @@ class RoughGround(Experiment):
     def figure(self, values: Values) -> Figure:
         """Speed, phase, and the shares of grounds with a tripod gait and of those on which it stands still, over the
         height of each kind of ground; means and shares with their intervals."""
-        figure = new_figure(9.8, 8.6)
-        panels: Any = figure.subplots(4, len(KINDS), sharex=True, sharey="row")
+        figure, panels = subplots(9.8, 8.6, 4, len(KINDS), sharex=True, sharey="row")
         for column, kind in zip(panels.T, KINDS, strict=True):
             for wording, (colour, line, words) in LOOKS.items():
                 gait = values[f"{kind} {wording} gait"]

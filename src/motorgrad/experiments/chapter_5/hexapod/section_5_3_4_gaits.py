@@ -190,8 +190,8 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
             f"Learned policies get farther than the fixed controller, with {words} ({late}).",
             share_of(values[f"lag {lag} {mode} net"] > level),
             f"share of seeds with a net displacement in 20 s above {level:.2f} m/s",
-            note=f"Medians: {median_of(values[f'lag {lag} {mode} net'])} m/s; heading speed "
-            f"{median_of(values[f'lag {lag} {mode} speed'])} m/s.",
+            note=f"Medians: {median_of(values[f'lag {lag} {mode} net']).words('m/s')}; heading speed "
+            f"{median_of(values[f'lag {lag} {mode} speed']).words('m/s')}.",
             source=OURS,
         )
     yield below(

@@ -65,8 +65,14 @@ class GrowingReward(GrowingStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
+        """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
         independent = {units: INDEPENDENT[units] for units in self.counts(tuple(INDEPENDENT))}
-        return draw_growing_reward(values, self.units, independent, WITHIN)
+        figure = new_figure(9.4, 6.6)
+        panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
+        _one_seed(panels["one"], values, self.units)
+        _all_seeds(panels["all"], values, self.units)
+        _after(panels["after"], values, self.units, independent, WITHIN)
+        return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
         after, other = values["grown after"], values["right first after"]
@@ -128,16 +134,6 @@ class GrowingReward(GrowingStudy):
                 note=f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
                 source="an independent model",
             )
-
-
-def draw_growing_reward(values: Values, units: int, independent: Mapping[int, float], within: float) -> Figure:
-    """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
-    figure = new_figure(9.4, 6.6)
-    panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
-    _one_seed(panels["one"], values, units)
-    _all_seeds(panels["all"], values, units)
-    _after(panels["after"], values, units, independent, within)
-    return figure
 
 
 def _one_seed(axes: Axes, values: Values, units: int) -> None:

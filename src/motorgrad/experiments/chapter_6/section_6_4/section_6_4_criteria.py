@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowthComparison, learning_phase
 from motorgrad.statistics import mean_of, median_of, share_of
 
@@ -48,8 +48,7 @@ class Criteria(GrowthComparison):
         """For each layout: reward over decisions, units over decisions, and reward against units."""
         from matplotlib.ticker import MaxNLocator
 
-        figure = new_figure(10, 6.6)
-        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, sharey="col")
+        figure, axes = subplots(10, 6.6, len(self.layouts), 3, squeeze=False, sharey="col")
         thousands = values["decision"] / 1e3
         span = max(1, round(INTERVAL / values["decision"][0]))
         for row, layout in zip(axes, self.layouts, strict=True):
@@ -84,7 +83,8 @@ class Criteria(GrowthComparison):
             mean_of(ends["first"] - ends["clock"]),
             "final reward minus that by the clock",
             "reward per decision",
-            note=f"{median_of(sizes['first'])} units; {ends['first'].mean():.3f} and {ends['clock'].mean():.3f}.",
+            note=f"{median_of(sizes['first']).words('units')}; {ends['first'].mean():.3f} and "
+            f"{ends['clock'].mean():.3f}.",
             source="section 6.4.3",
         )
         for way in ("plateau", "short"):
@@ -96,7 +96,7 @@ class Criteria(GrowthComparison):
                 share_of((sizes[way] < self.units) & quiet),
                 f"share of seeds with fewer than {self.units} units, and none added in the last tenth of the "
                 "decisions,",
-                note=f"{median_of(sizes[way])} units; the last was added after "
+                note=f"{median_of(sizes[way]).words('units')}; the last was added after "
                 f"{last_added(values, layout, way)} decisions.",
                 source="sections 6.4.1 and 6.4.3, which leave the criterion open; our own",
             )

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad.experiments._claims import OURS, Claim, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     GrowthComparison,
@@ -48,8 +48,7 @@ class Placement(GrowthComparison):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(10, 6.4)
-        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
+        figure, axes = subplots(10, 6.4, len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
         span = max(1, round(INTERVAL / values["decision"][0]))
         for row, layout in zip(axes, self.layouts, strict=True):
             for place, (colour, words) in PLACES.items():

@@ -1,14 +1,14 @@
 """Section 6.5.4: sub-policies that act only while the unit above them fires."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import Claim, above, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.learning import Agent
@@ -66,18 +66,11 @@ class Hierarchy(Experiment):
     - `drawn` (episodes): paths in each picture.
     """
 
-    decisions: int = 200_000
-    seeds: int = 24
-    drawn: int = 10
+    decisions: int = ranged(200_000, 400, 10**9)
+    seeds: int = ranged(24, 2, 10_000)
+    drawn: int = ranged(10, 1, 1_000, " episodes")
 
-    def __post_init__(self) -> None:
-        self.check_range(400, 10**9, "decisions")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, drawn=3)
+    quick = smoke(decisions=2_000, seeds=3, drawn=3)
 
     def learner(self, name: str) -> tuple[FallingParticle, Agent]:
         """A task with the forces of a policy's units, and the policy's learner."""

@@ -66,7 +66,7 @@ the third."""
 AXES = (("graded", 0), ("plane", 0), ("plane", 1))
 
 
-GRADED = [name for name, kind in KINDS.items() if "strength" in kind.changes.get("rates", {})]
+GRADED = [name for name, kind in KINDS.items() if "strength" in kind.changes.get("learning_rate", {})]
 
 
 @experiment("sec-6.5-mixtures", "mixtures, and learned forces", "section 6.5")

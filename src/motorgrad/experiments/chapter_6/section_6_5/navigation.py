@@ -1,15 +1,15 @@
 """Section 6.5.4: a learned flow field leads around an obstacle to a goal."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._claims import OURS, Claim, in_every, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.policies import Policy
 from motorgrad.sim import draw_paths, draw_reward
@@ -38,20 +38,12 @@ class Navigation(Experiment):
     - `drawn` (episodes): paths in each picture.
     """
 
-    decisions: int = 200_000
-    seeds: int = 24
-    watched: int = 10_000
-    drawn: int = 8
+    decisions: int = ranged(200_000, 400, 10**9)
+    seeds: int = ranged(24, 2, 10_000)
+    watched: int = ranged(10_000, 1_000, 10**7, " decisions")
+    drawn: int = ranged(8, 1, 1_000, " episodes")
 
-    def __post_init__(self) -> None:
-        self.check_range(400, 10**9, "decisions")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(1_000, 10**7, "watched", unit=" decisions")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
+    quick = smoke(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 
     def learned(self, work: Workspace, name: str) -> Run:
         """The runs with these step sizes."""
@@ -83,8 +75,7 @@ class Navigation(Experiment):
     def figure(self, values: Values) -> Figure:
         """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
         task = ParticleNavigation()
-        figure = new_figure(11, 4.1)
-        axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
+        figure, axes = subplots(11, 4.1, 1, 3, width_ratios=[1, 1, 1.1])
         for panel, when in zip(axes, ("before", "after"), strict=False):
             draw_reward(panel, task)
             flow = values[f"{when} flow"]

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,8 +10,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_most, below, within
-from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
 from motorgrad.experiments.chapter_6.figure_6_5 import JUNK
 from motorgrad.policies import LocalGaussians, Masked, activity, prune, reach
@@ -39,17 +39,14 @@ class Pruning(LayoutStudy):
     - `bounds`: expected firings per episode below which units are removed; the first is that of junk.
     """
 
-    looks: int = 400
+    looks: int = ranged(400, 10, 10**6, " episodes")
     bounds: tuple[float, ...] = (JUNK, 0.5, 2.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.check_range(10, 10**6, "looks", unit=" episodes")
         check(rising(self.bounds, above=0), "bounds", self.bounds, "positive numbers, rising")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
+    quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"bounds": np.array(self.bounds)}
@@ -81,8 +78,7 @@ class Pruning(LayoutStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 3.8)
-        units, kept = figure.subplots(1, 2)
+        figure, (units, kept) = subplots(9, 3.8, 1, 2)
         for colour, layout in zip(("C0", "C1", "C2"), self.layouts, strict=False):
             firing = values[f"{layout} firing"]
             units.plot(np.sort(firing.ravel()), np.arange(1, firing.size + 1) / len(firing), color=colour, label=layout)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,8 +11,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, at_most, below, positive, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import STYLE, Figure, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import STYLE, Figure, subplots
 from motorgrad.learning import Agent, SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
 from motorgrad.statistics import difference_of, exact, mean_of, median_of
@@ -45,23 +45,17 @@ class Index(Experiment):
     """
 
     sizes: tuple[int, ...] = (16, 64, 256, 1024, 4096)
-    pairs: int = 7
-    decisions: int = 10_000
-    units: int = 256
-    seeds: int = 24
-    steps: int = 100_000
+    pairs: int = ranged(7, 1, 20)
+    decisions: int = ranged(10_000, 200, 10**7)
+    units: int = ranged(256, 16, 8192)
+    seeds: int = ranged(24, 2, 1000)
+    steps: int = ranged(100_000, 200, 10**8)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.sizes, above=3) and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
-        self.check_range(1, 20, "pairs")
-        self.check_range(200, 10**7, "decisions")
-        self.check_range(16, 8192, "units")
-        self.check_range(2, 1000, "seeds")
-        self.check_range(200, 10**8, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(sizes=(16, 64), pairs=1, decisions=400, units=64, seeds=2, steps=400)
+    quick = smoke(sizes=(16, 64), pairs=1, decisions=400, units=64, seeds=2, steps=400)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"sizes": np.array(self.sizes)}
@@ -93,8 +87,7 @@ class Index(Experiment):
         import matplotlib as mpl
 
         with mpl.rc_context(STYLE):
-            figure = new_figure(9, 3.8)
-            left, right = figure.subplots(1, 2)
+            figure, (left, right) = subplots(9, 3.8, 1, 2)
             for kind, colour in zip(KINDS, ("#777777", "#3b6fb6"), strict=True):
                 cost = values[f"{kind}_cost"]
                 middle = np.median(cost, axis=1)
