@@ -36,7 +36,7 @@ class Reproduce:
     quick: bool = False
     """A smoke test: small sizes, a minute or two for all experiments, meaningless numbers."""
     strict: bool = False
-    """Exit with status 1 where a claim does not hold."""
+    """Exit with status 1 where a claim is refuted or undecided."""
     animate: bool = False
     """Also film the learning of particles, where an experiment has them: animation.mp4 in its folder."""
     threads: int = 0

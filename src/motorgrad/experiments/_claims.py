@@ -9,6 +9,8 @@ from typing import Any, Literal
 from motorgrad.statistics import LEVEL, Measured, tally_of
 
 Verdict = Literal["holds", "refuted", "undecided"]
+"""Whether the measurement supports a claim."""
+
 VERDICTS: tuple[Verdict, ...] = ("holds", "refuted", "undecided")
 OURS = "our own expectation"
 

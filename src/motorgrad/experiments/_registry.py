@@ -80,3 +80,4 @@ def _experiment_in(path: str) -> type[Experiment]:
 
 
 EXPERIMENTS: dict[str, type[Experiment]] = {kind.name: kind for kind in map(_experiment_in, MODULES)}
+"""All experiments by name."""

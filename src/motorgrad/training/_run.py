@@ -163,7 +163,7 @@ class Run:
 
         ```python
         run = mg.train("linear-recruitment", steps=2_000, seeds=4, progress=False)
-        print(run.policies_at().threshold.shape)  # → (20, 4, 2)
+        print(run.policies_at().threshold.shape)  # → (200, 4, 4)
         ```
         """
         check(seed is None or seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")
