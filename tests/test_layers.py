@@ -17,16 +17,17 @@ ANYWHERE = {file.stem for file in ROOT.glob("_*.py")} - {"__init__", "__main__"}
 LEARNING = {"policies", "learning"}
 DYNAMICS = {"bodies", "worlds"}
 BELOW = {
+    "statistics": set(),
     "policies": set(),
     "learning": {"policies"},
     "search": set(),
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
-    "training": {"tasks"} | DYNAMICS | LEARNING,
+    "training": {"tasks", "statistics"} | DYNAMICS | LEARNING,
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
-    "experiments": {"training", "tasks", "sim", "search"} | DYNAMICS | LEARNING,
+    "experiments": {"training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
     "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "lab", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,

@@ -20,7 +20,19 @@ from motorgrad._gymnasium_ids import register_with_gymnasium
 
 __version__ = "0.1.0"
 
-_ROOMS = ("bodies", "environments", "experiments", "lab", "learning", "policies", "sim", "tasks", "training", "worlds")
+_ROOMS = (
+    "bodies",
+    "environments",
+    "experiments",
+    "lab",
+    "learning",
+    "policies",
+    "sim",
+    "statistics",
+    "tasks",
+    "training",
+    "worlds",
+)
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
@@ -47,6 +59,7 @@ __all__ = [
     "policies",
     "resume",
     "sim",
+    "statistics",
     "tasks",
     "train",
     "training",
@@ -54,7 +67,19 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from motorgrad import bodies, environments, experiments, lab, learning, policies, sim, tasks, training, worlds
+    from motorgrad import (
+        bodies,
+        environments,
+        experiments,
+        lab,
+        learning,
+        policies,
+        sim,
+        statistics,
+        tasks,
+        training,
+        worlds,
+    )
     from motorgrad.learning import Agent
     from motorgrad.tasks import make
     from motorgrad.training import Run, agent_for, evaluate, load, resume, train

@@ -1,5 +1,7 @@
 """Batched stepping: determinism, snapshots, divergence."""
 
+import pickle
+
 import jax
 import numpy as np
 import pytest
@@ -50,6 +52,44 @@ def test_sensors_are_current():
     np.testing.assert_allclose(
         state.sensors["load_height"], state.position[:, 0] + 0.5 * np.sin(np.pi / 4) + 0.03, atol=1e-6
     )
+
+
+def test_a_wrong_sensor_name_is_told_with_the_nearest():
+    batch = BodyBatch(Hopper(), 2)
+    sensors = batch.unpack(batch.packed).sensors
+    told = "unknown sensor 'foot_hight': did you mean 'foot_height'[?] known are foot_contact, foot_height"
+    with pytest.raises(ValueError, match=told):
+        sensors["foot_hight"]
+    with pytest.raises(ValueError, match=told):
+        jax.jit(lambda packed: batch.unpack(packed).sensors["foot_hight"])(batch.packed)
+    with pytest.raises(ValueError, match=told):
+        jax.tree.map(np.square, sensors)["foot_hight"]
+    assert "foot_hight" not in sensors
+    assert sensors.get("foot_hight") is None
+
+
+def test_sensors_are_a_tree_as_a_dict_is():
+    batch = BodyBatch(Hopper(), 2)
+    sensors = batch.unpack(batch.packed).sensors
+    plain = dict(sensors)
+    assert [jax.tree_util.keystr(path) for path, _ in jax.tree.leaves_with_path(sensors)] == [
+        jax.tree_util.keystr(path) for path, _ in jax.tree.leaves_with_path(plain)
+    ]
+    jax.tree.map(np.testing.assert_array_equal, jax.tree.leaves(sensors), jax.tree.leaves(plain))
+    assert pickle.loads(pickle.dumps(sensors)).keys() == sensors.keys()
+
+
+@pytest.mark.parametrize(
+    ("components", "told"),
+    [
+        ({"foot_hight": 2}, "unknown sensor in sensor_components 'foot_hight': did you mean 'foot_height'"),
+        ({"foot_height": 3}, "sensor_components\\['foot_height'\\] = 3: must be an integer from 0 to 2"),
+    ],
+)
+def test_components_of_sensors_that_a_body_lacks_are_refused(monkeypatch, components, told):
+    monkeypatch.setattr(Hopper, "sensor_components", components)
+    with pytest.raises(ValueError, match=told):
+        BodyBatch(Hopper(), 1)
 
 
 def test_unpack_is_slicing_and_works_under_jit():

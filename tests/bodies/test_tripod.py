@@ -232,6 +232,21 @@ def test_a_standing_body_is_stalled():
     assert np.isfinite([gait.phase[0], gait.correlation[0]]).all()
 
 
+@pytest.mark.parametrize(("shift", "correlation"), [(0.0, 1.0), (0.5, -2 / 3), (0.4, -2 / 3), (0.1, 7 / 12)])
+def test_the_contacts_of_the_tripods_are_correlated(shift, correlation):
+    # on the ground for 0.4 of a cycle, both for `both` of it: (both − 0.16)/(0.4 · 0.6)
+    assert correlation == pytest.approx((max(0.4 - shift, 0) - 0.16) / 0.24)
+    gait = measure_gait(*synthetic(shift, duty=0.4))
+    assert gait.contact_correlation[0] == pytest.approx(correlation, abs=0.02)
+
+
+@pytest.mark.parametrize("force", [0.0, 9.0])
+def test_contacts_that_never_change_have_no_correlation(force):
+    reading, period = synthetic(0.5)
+    gait = measure_gait(reading._replace(contact=np.full_like(reading.contact, force)), period)
+    assert gait.contact_correlation[0] == 0
+
+
 def test_short_touches_and_gaps_do_not_count():
     touch = np.zeros((60, 1), bool)
     touch[10] = touch[30:50] = True

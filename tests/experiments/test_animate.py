@@ -18,7 +18,6 @@ from motorgrad.experiments import (
     Experiment,
     animate,
     course_of,
-    recorded_policies,
     reproduce,
     write_report,
 )
@@ -64,7 +63,7 @@ def growing(tmp_path_factory):
 @pytest.mark.slow
 def test_the_last_record_is_the_policy_that_was_learned(falling, growing):
     for run in (falling, growing):
-        last = recorded_policies(run, [-1])
+        last = run.policies_at([-1])
         for stored, learned in zip(jax.tree.leaves(last), jax.tree.leaves(run.policies), strict=True):
             np.testing.assert_array_equal(stored[0], np.asarray(learned))
 
@@ -73,7 +72,7 @@ def test_the_last_record_is_the_policy_that_was_learned(falling, growing):
 def test_records_in_between_are_those_of_shorter_runs(growing):
     task = growing.task
     shorter = train(task, GROWING, 1_000, [4, 7], window=250, progress=False)
-    found = recorded_policies(growing, [0, 3], seed=7)
+    found = growing.policies_at([0, 3], seed=7)
     for stored, learned in zip(jax.tree.leaves(found), jax.tree.leaves(shorter.policy(7)), strict=True):
         np.testing.assert_allclose(stored[1], learned, atol=1e-6)
     assert found.active.sum(-1).tolist() == [1, 3]
@@ -89,7 +88,7 @@ def test_units_are_switched_on_after_those_that_were_there():
     growth = Growth(Clock(400), shrink=0.99)
     agent = Agent(pool, olgarb(0.9), SGD(1e-4), growth=growth)
     run = train(task, agent, 1_000, 1, window=100, progress=False)
-    found = recorded_policies(run, [0, 4, 9], seed=0)
+    found = run.policies_at([0, 4, 9], seed=0)
     assert found.active.astype(int).tolist() == [[1, 0, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]]
     np.testing.assert_array_equal(found.active[-1], run.policy().active)
 
@@ -234,7 +233,7 @@ def test_a_course_fits_together(falling, change, words):
 
 def test_records_that_are_not_there(falling):
     with pytest.raises(ValueError, match=r"records = \[10\]: must be among the 10 records of the run"):
-        recorded_policies(falling, [10])
+        falling.policies_at([10])
 
 
 # motorgrad plot

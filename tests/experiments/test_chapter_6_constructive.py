@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.experiments import EXPERIMENTS, mean_of, reproduce
+from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.appendix_a.figure_a_2 import Circular, force_at, orbit
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import after_units, disturbance, grown_policies
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import GrowingPolicy, at_own_interval, centre_shifts
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_8 import INDEPENDENT, WITHIN, GrowingReward
-from motorgrad.experiments.chapter_6.section_6_4.figure_6_9 import Orbits, meets
+from motorgrad.experiments.chapter_6.section_6_4.figure_6_9 import Orbits
 from motorgrad.experiments.chapter_6.section_6_4.section_6_4_criteria import WAYS, Criteria
 from motorgrad.experiments.chapter_6.section_6_4.section_6_4_placement import Placement
 from motorgrad.experiments.chapter_6.section_6_5.hierarchy import (
@@ -62,7 +62,7 @@ def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, progress=False)
     assert len(found.claims) == CLAIMS[name]
     assert {"figure.svg", "figure.png", "record.json", "values.npz"} <= {path.name for path in found.folder.iterdir()}
-    assert all(np.isfinite(claim.measured.value) for claim in found.claims)
+    assert all(np.isfinite(claim.measured.value) or claim.verdict == "undecided" for claim in found.claims)
 
 
 def test_they_stand_in_the_order_of_the_source():
@@ -176,12 +176,6 @@ def test_the_claims_about_orbits_can_come_out_either_way():
     assert all(claim.holds for claim in Orbits().claims(good))
     flat = {name: np.full((24, 16), 1 / 3) + chance for name in good}
     assert not any(claim.holds for claim in Orbits().claims(flat))
-
-
-def test_intervals_meet_where_they_overlap():
-    found = mean_of([0.9, 1.0, 1.1])  # ± 0.25
-    assert meets(found, 1.3, 0.1)
-    assert not meets(found, 1.3, 0.01)
 
 
 # --- criteria and placement ---

@@ -9,7 +9,6 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, Workspace, reproduce
-from motorgrad.experiments._claims import moving_mean
 from motorgrad.experiments.chapter_6._local_study import frozen_reward, late_reward, median_row, outside, visited
 from motorgrad.experiments.chapter_6.beyond_6_2_natural import NaturalStep
 from motorgrad.experiments.chapter_6.figure_6_2 import Partition, change, fit, parts
@@ -28,6 +27,7 @@ from motorgrad.experiments.chapter_6.section_6_3_noise import Noise, decisions_t
 from motorgrad.experiments.chapter_6.section_6_5.mixtures import Mixtures
 from motorgrad.experiments.chapter_6.section_6_5.pruning import Pruning
 from motorgrad.policies import LocalGaussians, tiles
+from motorgrad.statistics import moving_mean
 from motorgrad.tasks import FallingParticle, region_reward
 from motorgrad.worlds import ParticleState
 
@@ -77,7 +77,7 @@ def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
     assert len(found.claims) == CLAIMS[name]
     assert {"figure.svg", "figure.png", "record.json", "values.npz"} <= {path.name for path in found.folder.iterdir()}
-    assert all(np.isfinite(claim.measured.value) for claim in found.claims)
+    assert all(np.isfinite(claim.measured.value) or claim.verdict == "undecided" for claim in found.claims)
 
 
 def test_they_stand_in_the_order_of_the_source():

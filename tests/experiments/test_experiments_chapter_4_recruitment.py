@@ -181,7 +181,7 @@ def learned(units, off, soon, gain, seeds=24):
     ],
 )
 def test_linear_policies_are_judged_by_spacing_and_gain(off, soon, gain, verdicts):
-    claims = EXPERIMENTS["fig-4.3"]().claims(learned((2, 4), off, soon, gain))
+    claims = list(EXPERIMENTS["fig-4.3"]().claims(learned((2, 4), off, soon, gain)))
     assert [claim.holds for claim in claims] == verdicts
 
 
@@ -196,7 +196,7 @@ def test_a_smaller_step_takes_longer_in_the_mean_field():
 def test_the_mean_field_is_told_where_it_is_known():
     found = learned((2, 4, 8), 0.1, 0.1, 5.0)
     del found["mean field 8"]
-    claims = EXPERIMENTS["fig-4.3"]().claims(found)
+    claims = list(EXPERIMENTS["fig-4.3"]().claims(found))
     assert "takes 1.5 million decisions (mean of 2 starts)" in claims[0].note
     assert "mean field" not in claims[2].note
     assert claims[3].source == "the mean field: after 1.5 million decisions (mean of 2 starts)"
@@ -253,7 +253,7 @@ def test_being_spaced_counts_from_when_it_is_for_good():
 
 def test_pools_that_never_are_count_with_all_decisions():
     never = performance(course(0.4, 0.15, 40), course(0.4, 0.1, 300))
-    claim = EXPERIMENTS["fig-4.4"]().claims(never)[-1]
+    claim = list(EXPERIMENTS["fig-4.4"]().claims(never))[-1]
     assert claim.measured.value == pytest.approx((200_000 - 41_000) / 1e6)
     assert "0 and 24 of 24 pools never get there" in claim.note
 
@@ -374,5 +374,5 @@ def test_realistic_policies_are_judged_by_reward_gain_and_place():
     exact = realistic(3.0, 5.0, [0.1, 7.1])
     assert [claim.holds for claim in experiment.claims(exact)] == [False, True, False]
     caught = realistic([3.0, -0.1], 5.8, [0.0, 40.0])
-    claims = experiment.claims(caught)  # no pool is left whose thresholds could be asked about
+    claims = list(experiment.claims(caught))  # no pool is left whose thresholds could be asked about
     assert [claim.holds for claim in claims] == [True, False]

@@ -164,10 +164,10 @@ def rough(study, tripod, net, still_mended, still_worded, overturned):
 
 def test_terrain_claims_hold_of_robust_walks_and_not_of_others():
     study = EXPERIMENTS["sec-5.3.3-terrain"]()
-    robust = study.claims(rough(study, True, 0.5, False, True, False))
+    robust = list(study.claims(rough(study, True, 0.5, False, True, False)))
     assert [claim.holds for claim in robust if not claim.statement.startswith("As the thesis")] == [True] * 15
     assert [claim.holds for claim in robust if claim.statement.startswith("As the thesis")] == [False]
-    frail = study.claims(rough(study, False, 0.1, True, False, True))
+    frail = list(study.claims(rough(study, False, 0.1, True, False, True)))
     assert [claim.holds for claim in frail if not claim.statement.startswith("As the thesis")] == [False] * 15
     study.figure(rough(study, True, 0.5, False, True, False))
 
@@ -244,8 +244,6 @@ def test_how_legs_move_together():
         np.testing.assert_allclose(each["within"], 1.0)
     np.testing.assert_allclose(jumping["all six"], 1.0)
     assert walking["all six"] < 0
-    assert jumping["feet"] > 0.9
-    assert walking["feet"] < -0.5
     assert jumping["airborne"] > 0.3
     assert walking["airborne"] < 0.01
     standing = movement(np.zeros((1, 50, 6)), np.ones((1, 50, 6), bool))
@@ -260,7 +258,7 @@ def test_the_two_gaits_claims_are_of_the_seeds_of_each_class():
     assert [claim.holds for claim in kind.claims(values)] == [True] * 4
     swapped = values | {"gait": np.repeat(["tripod", "pronk", "intermediate"], 8), "within": np.zeros(24)}
     assert [claim.holds for claim in kind.claims(swapped)] == [False] * 4
-    none = kind.claims(values | {"gait": np.full(24, "stalled")})
+    none = list(kind.claims(values | {"gait": np.full(24, "stalled")}))
     assert [claim.holds for claim in none] == [False] * 4
     assert all("None of 24 seeds" in claim.note for claim in none)
 

@@ -8,7 +8,7 @@ import pytest
 from motorgrad.bodies import Hopper, compile_model
 from motorgrad.experiments import EXPERIMENTS, Workspace
 from motorgrad.experiments.appendix_a.figure_a_1 import deviations, first_touch, measure
-from motorgrad.experiments.chapter_5._hopper_study import posture, time_to_height
+from motorgrad.experiments.chapter_5._hopper_study import posture
 from motorgrad.experiments.chapter_5.figure_5_4 import firing_shares, hop_events, median_hop
 from motorgrad.experiments.chapter_5.section_5_2_2 import ActionPeriod, behind_best
 from motorgrad.training import Evaluation
@@ -94,6 +94,18 @@ def test_signs_count_when_most_seeds_have_them():
     kind.figure({"weights": half})
 
 
+def test_inverted_signs_are_refuted():
+    kind = EXPERIMENTS["fig-5.5"]()
+    weights = np.tile([[-1.0, 1.0, -0.5, -1.0], [4.0, -1.0, 1.0, 0.1]], (16, 1, 1))
+    assert [claim.verdict for claim in kind.claims({"weights": -weights})] == ["refuted"] * 7
+    for sensor in range(3):
+        for unit in range(2):
+            one = weights.copy()
+            one[:, unit, sensor] *= -1
+            verdicts = [claim.verdict for claim in kind.claims({"weights": one})]
+            assert sorted(verdicts) == ["holds"] * 5 + ["refuted"] * 2  # this sign, and all six at once
+
+
 def test_firing_is_tied_to_the_contact_that_was_seen():
     contact = np.tile([1.0, 0.0, 0.0, 1.0, 0.0], (2, 40))[:, :200]
     # the action of a decision is that chosen on the contact before it
@@ -129,12 +141,6 @@ def test_one_hop_is_the_one_of_middle_height():
 
 def test_a_record_without_hops_can_be_drawn():
     assert median_hop(np.ones(20, bool), np.zeros(20), 0.03) == (0, 10, 20)
-
-
-def test_the_time_to_a_height_leaves_out_the_first_seconds():
-    time = np.arange(5.0, 105.0, 5.0)
-    heights = np.stack([np.where(time > 50, 0.5, 0.1), np.full(20, 0.1), np.where(time < 11, 0.5, 0.1)])
-    np.testing.assert_array_equal(time_to_height(0.3, time, heights), [55.0, 100.0, 100.0])
 
 
 def test_the_best_period_is_chosen_by_the_other_seeds():

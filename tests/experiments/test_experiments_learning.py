@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from motorgrad.experiments import EXPERIMENTS, mean_of, reproduce
+from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, objective
 from motorgrad.experiments.chapter_2.figure_2_2 import HillClimbing
-from motorgrad.experiments.chapter_3._baseline_claims import ratio_of, shared_rewards, variances
+from motorgrad.experiments.chapter_3._baseline_claims import shared_rewards, variances
 from motorgrad.experiments.chapter_3._estimates import (
     along,
     biases,
     comparison_point,
     estimates,
-    joint_quantile,
     mixing_time,
     relative_error,
     scores,
@@ -28,6 +27,7 @@ from motorgrad.experiments.chapter_3.figure_3_1 import Learner
 from motorgrad.experiments.chapter_3.section_3_2_1 import Baselines, surprise
 from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import train as train_run
 from motorgrad.worlds import FiniteMDP, chain, oracle
@@ -149,8 +149,6 @@ def test_measures():
     truth = np.array([3.0, 4.0])
     assert relative_error(np.array([[3.0, 4.0], [3.0, 9.0]]), truth) == pytest.approx([0, 1])
     assert along(np.array([[6.0, 8.0], [4.0, -3.0]]), truth) == pytest.approx([2, 0])
-    assert joint_quantile(1) == pytest.approx(1.959964, abs=1e-6)
-    assert ratio_of(np.array([2.0, 8.0]), np.array([1.0, 1.0])).value == pytest.approx(4)
 
 
 def synthetic(shift):
@@ -169,19 +167,19 @@ def synthetic(shift):
     return values | {"earned": np.array([[0.5, 0.7995], [0.5, 0.7992]])}
 
 
-def test_figures_of_others_are_judged_by_their_own_uncertainty():
+def test_figures_of_others_are_judged_within_a_tenth():
     judged = [claim.holds for claim in Learner().claims(synthetic(0.0)) if "mean relative error" in claim.statement]
     assert judged == [True] * 6
-    # the mean of 500 runs is known to 1/√500 = 0.045 of the spread: a shift of 0.3 of it is another distribution
-    judged = [claim.holds for claim in Learner().claims(synthetic(0.3)) if "mean relative error" in claim.statement]
-    assert not any(judged)
+    # a shift of 0.3 of a spread of one half
+    judged = [claim.verdict for claim in Learner().claims(synthetic(0.3)) if "mean relative error" in claim.statement]
+    assert judged == ["refuted"] * 6
 
 
 def test_one_seed_that_does_not_learn_refutes_that_every_seed_does():
     values = synthetic(0.0)
-    assert Learner().claims(values)[-1].holds
+    assert list(Learner().claims(values))[-1].holds
     values["earned"][1, -1] = 0.79
-    assert not Learner().claims(values)[-1].holds
+    assert not list(Learner().claims(values))[-1].holds
 
 
 # --- from end to end ---

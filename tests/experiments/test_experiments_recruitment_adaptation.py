@@ -9,7 +9,6 @@ from scipy import stats
 
 import motorgrad as mg
 from motorgrad.experiments import EXPERIMENTS, reproduce
-from motorgrad.experiments._claims import final
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     entropy,
@@ -25,7 +24,6 @@ from motorgrad.experiments.chapter_4.section_4_4.negative_inputs import (
     LOWS,
     always_firing,
     best_activation,
-    share_among,
 )
 from motorgrad.experiments.chapter_4.section_4_4.size_principle import order, order_pay, orders_of, recruitment_loads
 from motorgrad.policies import Motoneurons
@@ -34,7 +32,7 @@ from motorgrad.worlds import immediate_reward
 
 CLAIMED = {
     "sec-4.4-negative-inputs": 8,
-    "sec-4.4-large-loads": 8,
+    "sec-4.4-large-loads": 9,
     "sec-4.4.1-baseline": 6,
     "sec-4.4.1-gain-decay": 9,
     "sec-4.4.1-size-principle": 7,
@@ -123,7 +121,7 @@ def test_parameters_are_those_of_the_records(run):
     threshold, gain = parameter_history(run)
     assert threshold.shape == gain.shape == (3, 4, 4)
     np.testing.assert_array_equal([threshold[:, -1], gain[:, -1]], thresholds_and_gains(run.policies))
-    np.testing.assert_allclose(final(run, "error", 0.5), run.curve("error")[1][:, 2:].mean(axis=1))
+    np.testing.assert_allclose(run.final("error", 0.5), run.curve("error")[1][:, 2:].mean(axis=1))
 
 
 # too few negative inputs
@@ -133,13 +131,6 @@ def test_a_stuck_unit_fires_at_all_loads_of_0_and_below():
     threshold, gain = np.array([[-5.0, 15.0, -0.5, 5.0]]), np.array([[2.0, -2.0, 9.0, 2.0]])
     p = 1 / (1 + np.exp(-gain[:, None] * (LOADS[:, None] - threshold[:, None])))
     np.testing.assert_array_equal(always_firing({"load": LOADS, "firing": p[None]}), [[[True, True, False, False]]])
-
-
-def test_a_share_of_none_is_unknown():
-    none = share_among(np.ones(3, bool), np.zeros(3, bool))
-    assert math.isnan(none.value)
-    assert (none.low, none.high, none.count) == (0, 1, 0)
-    assert share_among(np.array([True, False, True]), np.array([True, True, False])).value == 0.5
 
 
 def test_the_best_activation_pays_best():
@@ -222,12 +213,12 @@ def test_claims_about_large_loads_see_a_collapse_and_its_absence():
     kind = EXPERIMENTS["sec-4.4-large-loads"]()
     collapse = {"height large": [0, 38], "complete large": [0, 38], "height all": [0, 0], "complete all": [0, 2]}
     values = loads_values(collapse, -1.0)
-    assert [claim.holds for claim in kind.claims(values)] == [True] * 8
+    assert [claim.holds for claim in kind.claims(values)] == [True] * 9
     kind.figure(values)
     none = loads_values({**collapse, "height large": [0, 0], "complete large": [0, 0]}, 1.0)
-    assert [claim.holds for claim in kind.claims(none)] == [False] * 8
+    assert [claim.holds for claim in kind.claims(none)] == [False] * 8 + [True]
     whatever = loads_values({**collapse, "complete large": [38, 38], "complete all": [0, 38]}, -1.0)
-    assert [claim.holds for claim in kind.claims(whatever)][6:] == [False, False]
+    assert [claim.holds for claim in kind.claims(whatever)][6:] == [False] * 3
 
 
 # baselines and decays

@@ -14,17 +14,19 @@ import pytest
 from motorgrad.cli import main
 from motorgrad.experiments import (
     EXPERIMENTS,
-    Claim,
     Experiment,
-    exact,
-    mean_of,
-    median_of,
+    above,
+    at_least,
+    at_most,
+    below,
+    in_every,
     reproduce,
     select_experiments,
-    share_of,
+    within,
     write_report,
 )
 from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, first_reward_times
+from motorgrad.statistics import Measured, exact, mean_of, median_of, share_of
 from motorgrad.training import RunWarning
 from motorgrad.worlds import FiniteMDP, chain
 
@@ -66,8 +68,9 @@ class Coin(Experiment):
     def claims(self, values):
         share = share_of(values["heads"])
         return [
-            Claim("A coin is fair.", "figure 9.9", "1/2", share, share.low <= 0.5 <= share.high),
-            Claim("It always shows <heads>.", "figure 9.9", "1", share, share.value == 1, note="It does not."),
+            within(0.4, 0.6, "A coin is fair.", share),
+            in_every("It always shows <heads>.", values["heads"], note="It does not.", source="hearsay"),
+            above(share.value, "It shows more.", share),
         ]
 
 
@@ -76,51 +79,72 @@ def _nothing_made():
     Coin.made.clear()
 
 
-# intervals
+# verdicts
 
 
-def test_an_exact_number_has_no_interval():
-    assert (exact(2).low, exact(2).high, str(exact(2))) == (2, 2, "2")
+def measured(low, high, level=0.95):
+    return Measured((low + high) / 2, low, high, 10, "mean", level)
 
 
-def test_the_interval_of_a_mean_is_students():
-    found = mean_of([1.0, 2.0, 3.0, 4.0])
-    # t(.975, 3) = 3.18245, standard deviation 1.29099
-    assert found.value == 2.5
-    np.testing.assert_allclose([found.low, found.high], [2.5 - 2.05426, 2.5 + 2.05426], atol=1e-5)
-
-
-def test_one_seed_has_an_unbounded_interval():
-    assert mean_of([1.0]).high == np.inf
-
-
-def test_the_interval_of_a_median_is_of_order_statistics():
-    found = median_of(np.arange(16.0))  # the 4th and the 13th of 16 hold the median with probability .9787
-    assert (found.value, found.low, found.high) == (7.5, 3.0, 12.0)
-    assert (median_of([3.0, 1.0, 2.0]).low, median_of([3.0, 1.0, 2.0]).high) == (1.0, 3.0)
-
-
-@pytest.mark.parametrize(("interval", "draw", "truth"), [
-    (mean_of, lambda rng: rng.normal(2.0, 1.0, 12), 2.0),
-    (median_of, lambda rng: rng.exponential(1.0, 16), np.log(2)),
-    (share_of, lambda rng: rng.random(16) < 0.7, 0.7),
+@pytest.mark.parametrize(("low", "high", "verdict"), [
+    (1.1, 2.0, "holds"), (0.1, 0.9, "refuted"), (0.5, 1.5, "undecided"),
+    (1.0, 2.0, "undecided"), (0.0, 1.0, "undecided"), (1.0, 1.0, "undecided"),
+    (-np.inf, np.inf, "undecided"), (1.1, np.inf, "holds"), (np.nan, np.nan, "undecided"),
 ])  # fmt: skip
-def test_intervals_hold_the_truth_as_often_as_they_say(interval, draw, truth):
-    rng = np.random.default_rng(1)
-    found = [interval(draw(rng)) for _ in range(1000)]
-    covered = np.mean([f.low <= truth <= f.high for f in found])
-    assert 0.93 < covered < 0.99
+def test_a_verdict_is_the_intervals_place_about_the_bound(low, high, verdict):
+    opposite = {"holds": "refuted", "refuted": "holds", "undecided": "undecided"}[verdict]
+    assert above(1, "It is more.", measured(low, high)).verdict == verdict
+    assert below(1, "It is less.", measured(low, high)).verdict == opposite
+    assert above(-1, "It is more.", measured(-high, -low)).verdict == opposite
 
 
-def test_the_interval_of_a_share_is_wilsons():
-    found = share_of([True] * 8)
-    np.testing.assert_allclose([found.low, found.high], [8 / (8 + 1.959964**2), 1.0], atol=1e-6)
+@pytest.mark.parametrize(
+    ("value", "verdict"), [(1.1, "holds"), (1.0, "refuted"), (0.9, "refuted"), (np.nan, "undecided")]
+)
+def test_what_is_exact_is_decided(value, verdict):
+    assert above(1, "It is more.", exact(value)).verdict == verdict
 
 
-@pytest.mark.parametrize("values", [[], [1.0, np.nan]])
-def test_what_never_occurred_cannot_be_averaged(values):
-    with pytest.raises(ValueError, match=r"values = .*finite"):
-        mean_of(values)
+def test_a_closed_bound_belongs_to_its_range():
+    assert at_least(1, "It is no less.", measured(1, 2)).holds
+    assert at_most(1, "It is no more.", measured(0, 1)).holds
+    assert [within(0, 1, "It is there.", measured(*ends)).verdict for ends in ((0, 1), (-1, 0.5), (2, 3), (-1, 2))] == [
+        "holds", "undecided", "refuted", "undecided",
+    ]  # fmt: skip
+
+
+def test_an_interval_short_of_its_level_decides_nothing():
+    few, enough = [2.0] * 5, [2.0] * 6
+    assert above(1, "It is more.", median_of(few)).verdict == "undecided"
+    assert above(1, "It is more.", median_of(enough)).verdict == "holds"
+    assert below(1, "It is less.", median_of(few)).verdict == "undecided"
+    assert above(1, "It is more.", mean_of([2.0])).verdict == "undecided"
+
+
+def test_nobody_decides_nothing():
+    assert above(0.5, "Most do.", share_of([])).verdict == "undecided"
+
+
+def test_every_seed_is_a_fact_about_the_seeds_at_hand():
+    assert in_every("All do.", [True] * 3).verdict == "holds"
+    assert in_every("All do.", [True, True, False]).verdict == "refuted"
+    assert in_every("All do.", [True] * 3).finding == "1, share of 3"
+
+
+def test_the_criterion_is_said_by_quantity_bound_and_direction():
+    found = measured(0, 1)
+    said = [
+        claim.criterion
+        for claim in (
+            above(0.5, "", found, "share of seeds"), at_least(-0.02, "", found), below(1, "", found, "ratio"),
+            at_most(1e-9, "", found), within(-0.05, 0.05, "", found), within(2, 20, "", found, "gain"),
+            in_every("", [True]),
+        )
+    ]  # fmt: skip
+    assert said == [
+        "share of seeds above 0.5", "at least −0.02", "ratio below 1", "at most 1e−09", "within ±0.05",
+        "gain between 2 and 20", "share of these seeds equal to 1",
+    ]  # fmt: skip
 
 
 # a reproduction
@@ -128,11 +152,13 @@ def test_what_never_occurred_cannot_be_averaged(values):
 
 def test_a_reproduction_leaves_figure_claims_and_provenance(tmp_path):
     done = reproduce(Coin(), tmp_path, progress=False)
-    assert [claim.holds for claim in done.claims] == [True, False]
+    assert [claim.verdict for claim in done.claims] == ["holds", "refuted", "undecided"]
+    assert [claim.source for claim in done.claims] == ["figure 9.9", "hearsay", "figure 9.9"]
     record = json.loads((tmp_path / "coin" / "record.json").read_text())
     assert record == json.loads(json.dumps(done.record()))
     assert record["settings"] == {"throws": 400, "stop": False}
     assert record["claims"][0]["measured"]["count"] == 400
+    assert [claim["verdict"] for claim in record["claims"]] == ["holds", "refuted", "undecided"]
     assert record["versions"]["mujoco"] == "4.0.0"
     assert record["seconds"] > 0
     assert done.figure.read_text().startswith("<?xml")
@@ -250,7 +276,7 @@ def test_the_report_is_one_page_with_everything_in_it(tmp_path):
     reproduce(EXPERIMENTS["fig-2.1"](), tmp_path, quick=True, progress=False)
     page = Page(write_report(tmp_path, EXPERIMENTS).read_text())
     text = " ".join("".join(page.words).split())
-    assert "1 of 2 claims hold" in text
+    assert "1 of 3 claims hold, 1 refuted, 1 undecided" in text
     assert "a coin & its faces" in text
     assert "Throw a coin <so> many times." in text
     assert "It always shows <heads>." in text

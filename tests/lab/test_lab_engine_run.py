@@ -42,6 +42,18 @@ def test_retuning_does_not_compile_again():
     assert np.all(np.abs(run.advance(40)["level.u"][:, -1]) < 1e-3)
 
 
+@pytest.mark.parametrize("make", [mixed, hosted])
+def test_compiling_ahead_changes_nothing_and_is_done_once(make):
+    at_once, ahead = Run(make(), 3), Run(make(), 3)
+    ahead.compile()
+    same(ahead.state, at_once.state)
+    compiled = ahead.compilations
+    record = ahead.advance(20)
+    assert ahead.compilations == compiled == 1
+    same(record.signals, at_once.advance(20).signals)
+    same(ahead.state, at_once.state)
+
+
 @pytest.mark.parametrize(
     ("address", "value", "says"),
     [

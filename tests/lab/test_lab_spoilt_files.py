@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from motorgrad.lab import BLOCKS, Diagram, dumps, loads, problems
+from motorgrad.lab import BLOCKS, Diagram, dumps, example, loads, problems
 
 LONGEST = 1_000  # characters of a refusal
 SLOWEST = 5.0  # seconds for one file
@@ -117,3 +117,10 @@ def test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code(count, 
             assert loads(dumps(diagram)) == diagram
     assert watch.seen == []
     assert count / 10 < refused < count
+
+
+def test_a_policy_of_many_inputs_is_laid_out_in_no_time():
+    text = dumps(example("particle"))
+    start = time.monotonic()
+    loads(text.replace('"observed": 2', '"observed": 10000'))
+    assert time.monotonic() - start < SLOWEST

@@ -1,5 +1,6 @@
 """What is learned and what is fixed, storing a policy's structure, refusing wrong shapes, and the initial policies."""
 
+import inspect
 import json
 from types import SimpleNamespace
 
@@ -29,6 +30,16 @@ from motorgrad.policies import (
 from motorgrad.worlds import AdmissionThresholds
 
 FIXED = {"p_max", "steepness", "active"}
+
+
+def test_every_argument_of_a_public_function_is_explained():
+    functions = {
+        name: getattr(policies, name) for name in policies.__all__ if inspect.isfunction(getattr(policies, name))
+    }
+    assert set(functions) >= {"hyperplanes", "initial", "prune", "sizes"}
+    for name, function in functions.items():
+        explained = function.__doc__.partition("**Arguments:**")[2]
+        assert not [each for each in inspect.signature(function).parameters if f"`{each}`" not in explained], name
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

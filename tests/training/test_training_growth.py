@@ -60,8 +60,11 @@ def test_the_metrics_say_how_many_units_there_are():
     run = go("clock")
     units = columns(run.metrics)["units"].reshape(-1, 3)
     np.testing.assert_array_equal(units, np.repeat([1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 6], 3).reshape(-1, 3))
+    # a unit shrinks for 19 decisions; the last came at 200
+    adding = columns(run.metrics)["adding"].reshape(-1, 3)
+    np.testing.assert_array_equal(adding, np.repeat([0, 1] * 5 + [0, 0], 3).reshape(-1, 3))
     assert run.policies.active.all()
-    assert "units" not in go_plain().metrics.column_names
+    assert not {"units", "adding"} & set(go_plain().metrics.column_names)
 
 
 def go_plain():
@@ -81,6 +84,11 @@ def test_it_grows_on_a_body():
     task = mg.make("hopper")
     run = mg.train(task, RULES["clock"], 45, 2, window=15, progress=False)
     np.testing.assert_array_equal(columns(run.metrics)["units"].reshape(-1, 2), [[1, 1], [1, 1], [2, 2]])
+    # 19 decisions of the first unit from the start, and of the second from 40 on
+    np.testing.assert_array_equal(run.curve("adding")[1], [[1, 0, 1]] * 2)
+    history = run.policies_at()
+    np.testing.assert_array_equal(history.active.sum(-1).T, run.curve("units")[1])
+    np.testing.assert_array_equal(history.pool.centre[-1], run.policies.pool.centre)
 
 
 def test_settings_make_the_schedule():

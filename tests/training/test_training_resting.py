@@ -49,19 +49,16 @@ def stepper(complete=False, mode: Any = "learn"):
 
 
 def watched(found):
-    """For every decision, whether it was learned from resting."""
+    """For every decision and seed, whether it was learned from resting."""
     seen = []
-
-    def watch(learn, rested):
-        def call(*told):
-            seen.append(rested)
-            return learn(*told)
-
-        return call
-
     found.program = copy.copy(found.program)  # engines share it
-    found.program.learn_resting = watch(found.program.learn_resting, True)
-    found.program.learn = watch(found.program.learn, False)
+    learn = found.program.learn_each
+
+    def watch(cycles, resting, row):
+        seen.append(resting.tolist())
+        return learn(cycles, resting, row)
+
+    found.program.learn_each = watch
     return seen
 
 
@@ -72,7 +69,7 @@ def test_what_is_learned_is_the_same_with_and_without_resting():
     for found in (resting, complete):
         found.advance(130)
     due = [t % IMPROVE == 0 or t % INTERVAL == 0 for t in range(1, 131)]
-    assert seen == [not each for each in due]
+    assert seen == [[not each] * 2 for each in due]
     one, other = resting.state, complete.state
     assert_differ(one, before)
     assert int(one["cycle"].agent.steps[0]) == 130 // IMPROVE
@@ -87,7 +84,7 @@ def test_an_engine_restored_between_two_steps_rests_when_the_saved_one_does():
     for found in (saved, fresh):
         found.advance(2 * IMPROVE)
     assert rests[0] == rests[1]
-    assert set(rests[0]) == {True, False}
+    assert {*map(tuple, rests[0])} == {(True, True), (False, False)}
     assert_same(fresh.state, saved.state)
 
 
@@ -103,14 +100,42 @@ def test_a_decision_that_diverged_puts_off_the_step_of_its_own_seed_alone():
     assert learners.steps.tolist() == [3, 3]
     assert learners.gradient.count.tolist() == [5, 6]
     own = {t for t in range(1, 67) if t % IMPROVE == 0 or t % INTERVAL == 0}
-    assert {t for t, rested in enumerate(seen, 1) if not rested} == own | {t + 1 for t in own}
+    for seed, late in enumerate((1, 0)):
+        assert {t for t, rested in enumerate(seen, 1) if not rested[seed]} == {t + late for t in own}
+
+
+def test_a_seed_that_diverged_changes_no_bit_of_another_however_the_two_decisions_round():
+    healthy, hurt = stepper(), stepper()
+    for found in (healthy, hurt):
+        found.program = copy.copy(found.program)  # engines share it
+        found.program.learn_resting = rounded(found.program.learn_resting)
+    hurt._out = hurt._out.copy()
+    hurt._out[0, 0] = np.nan
+    for found in (healthy, hurt):
+        found.advance(3 * IMPROVE)
+    assert hurt.batch.diverged.tolist() == [1, 0]
+    one, other = (jax.tree.map(lambda leaf: leaf[1], found.state["cycle"]) for found in (healthy, hurt))
+    assert_same(other, one)
+    np.testing.assert_array_equal(hurt.batch.packed[1], healthy.batch.packed[1])
+
+
+def rounded(learn):
+    """A compiled decision whose controls are other than those of the other one in a late digit."""
+
+    def call(*told):
+        cycles, out = learn(*told)
+        out = out.copy()
+        out[:, 0] *= 1 - 1e-4
+        return cycles, out
+
+    return call
 
 
 def test_frozen_policies_always_rest():
     found = stepper(mode="sample")
     seen = watched(found)
     found.advance(50)
-    assert seen == [True] * 50
+    assert seen == [[True, True]] * 50
 
 
 def test_the_rest_is_up_to_the_nearest_that_is_due():

@@ -1,5 +1,6 @@
 """`train` and `load`: run directories, going on with a run, and what is refused before any work."""
 
+import dataclasses
 import json
 import shutil
 import tomllib
@@ -290,6 +291,58 @@ def test_a_curve_has_the_seeds_in_rows(made):
     np.testing.assert_array_equal(decision, [20, 40, 60])
     np.testing.assert_array_equal(values[0], run.metrics.filter(pa.compute.field("seed") == 4)["reward"])
     assert values.shape == (2, 3)
+
+
+def test_parameters_over_time_are_arrays(made):
+    run = made(FINITE)
+    history = run.policies_at()
+    for stored, learned in zip(jax.tree.leaves(history), jax.tree.leaves(run.policies), strict=True):
+        assert stored.shape == (3, *learned.shape)
+        np.testing.assert_array_equal(stored[-1], learned)
+    for one, all_ in zip(jax.tree.leaves(run.policies_at([-1, 0], seed=1)), jax.tree.leaves(history), strict=True):
+        np.testing.assert_array_equal(one, all_[::-2, 1])
+    with pytest.raises(ValueError, match=r"records = \[3\]: must be among the 3 records"):
+        run.policies_at([3])
+    with pytest.raises(ValueError, match=r"seed = 7: must be one of the run's seeds, \[4, 1\]"):
+        run.policies_at(seed=7)
+
+
+def with_rewards(run, rows):
+    """The run with these rewards, one row per seed."""
+    column = pa.array(np.array(rows, np.float32).T.ravel())
+    return dataclasses.replace(
+        run, metrics=run.metrics.set_column(run.metrics.column_names.index("reward"), "reward", column)
+    )
+
+
+def test_the_time_to_a_bar_is_that_of_the_first_record_beyond_it(made):
+    run = with_rewards(made(FINITE), [[0.1, 0.5, 0.9], [0.25, 0.25, 0.25]])
+    np.testing.assert_array_equal(run.first_time(above=0.4), [40, np.nan])
+    np.testing.assert_array_equal(run.first_time("reward", below=0.15, never=60), [20, 60])
+    np.testing.assert_array_equal(run.first_time(above=0.25, x="decisions"), [40, np.nan])  # to pass is not to reach
+    assert (run.first_time(above=-1.0, x="wall") > 0).all()
+    for bars in ({}, {"above": 0.0, "below": 1.0}):
+        with pytest.raises(ValueError, match=r"above, below = .* one of the two"):
+            run.first_time(**bars)
+
+
+def test_a_mean_over_few_records_counts_for_no_bar(made):
+    run = with_rewards(made(FINITE), [[0.9, 0.1, 0.2], [0.1, 0.9, 0.9]])
+    time, values = run.curve(smooth=40)
+    np.testing.assert_array_equal(time, [20, 40, 60])
+    np.testing.assert_allclose(values, [[0.9, 0.5, 0.15], [0.1, 0.5, 0.9]], rtol=1e-6)
+    np.testing.assert_array_equal(run.first_time(above=0.8, smooth=40), [np.nan, 60])
+    np.testing.assert_array_equal(run.curve(smooth=1)[1], values)  # two records at least
+    with pytest.raises(ValueError, match="has no simulated time"):
+        run.curve(x="simulated")
+
+
+def test_the_end_of_training_is_a_share_of_its_records(made):
+    run = with_rewards(made(FINITE), [[0.1, 0.5, 0.9], [0.2, 0.4, 0.2]])
+    np.testing.assert_allclose(run.final(), [0.9, 0.2], rtol=1e-6)
+    np.testing.assert_allclose(run.final(share=0.7), [0.7, 0.3], rtol=1e-6)
+    with pytest.raises(ValueError, match="share = 0: must be above 0, at most 1"):
+        run.final(share=0)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])

@@ -219,6 +219,12 @@ def test_a_sweep_is_loaded_split_judged_and_plotted(tmp_path):
     assert repr(run).startswith("Run(three-state, 2 settings of 2 seeds, 60 of 60 decisions")
     decision, values = run.curve()
     assert values.shape == (4, len(decision))
+    wall, smooth = run.curve(x="wall", smooth=1e9)
+    assert (wall.shape, smooth.shape) == (decision.shape, values.shape)
+    for stored, learned in zip(jax.tree.leaves(run.policies_at([-1])), jax.tree.leaves(run.policies), strict=True):
+        np.testing.assert_array_equal(stored[0], learned)
+    with pytest.raises(ValueError, match=r"seed = 1: must be none for a sweep"):
+        run.policies_at(seed=1)
     for index, part in enumerate(run.split()):
         assert part.settings == []
         assert part.path is None

@@ -11,7 +11,16 @@ from motorgrad._commands._configuration import Arguments, read_arguments, resolv
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
-from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce, select_experiments, write_report
+from motorgrad.experiments import (
+    EXPERIMENTS,
+    Reproduction,
+    count_verdicts,
+    reproduce,
+    select_experiments,
+    write_report,
+)
+
+MARKS = {"holds": "✓", "refuted": "✗", "undecided": "?"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,7 +36,7 @@ class Reproduce:
     quick: bool = False
     """A smoke test: small sizes, a minute or two for all experiments, meaningless numbers."""
     strict: bool = False
-    """Exit with status 1 where a claim does not hold."""
+    """Exit with status 1 where a claim is refuted or undecided."""
     animate: bool = False
     """Also film the learning of particles, where an experiment has them: animation.mp4 in its folder."""
     threads: int = 0
@@ -104,13 +113,11 @@ def _print(done: list[Reproduction], report: Path) -> None:
     if any(each.quick for each in done):
         print("A smoke test: everything has run, but the numbers and verdicts mean nothing.")
     for each in done:
-        held = sum(claim.holds for claim in each.claims)
-        judged = f": {held} of {len(each.claims)} claims hold" if each.claims else ""
+        judged = f": {count_verdicts(claim.verdict for claim in each.claims)}" if each.claims else ""
         print(f"\n{each.experiment.source}, {each.experiment.title}{judged}  {each.figure}")
         for film in each.films:
             print(f"  filmed: {film}")
         for claim in each.claims:
-            print(f"  {'✓' if claim.holds else '✗'} {claim.statement}")
-            unit = f" ({claim.unit})" if claim.unit else ""
-            print(f"      expected {claim.expected}; measured {claim.measured}{unit}")
+            print(f"  {MARKS[claim.verdict]} {claim.statement}")
+            print(f"      expected {claim.criterion}; measured {claim.finding}")
     print(f"\nreport: {report}")

@@ -48,7 +48,7 @@ class Options:
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
     host: str = HERE
-    """Where the page listens. Other machines reach a host other than 127.0.0.1, unencrypted: keep its address secret."""
+    """Where the page listens. Others can reach a host other than 127.0.0.1, unencrypted: keep the address secret."""
     port: int | None = None
     """The page's port; by default 8080, or the next free one."""
     browser: bool = True

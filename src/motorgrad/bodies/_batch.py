@@ -6,11 +6,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import mujoco
 import numpy as np
 from mujoco import batch as mujoco_batch
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check, check_integer, unknown
 from motorgrad.bodies._body import START, Body, actuators_of, compile_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, uses_callback
 
@@ -20,12 +21,32 @@ _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
 _VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
+class Sensors(dict[str, Any]):
+    """Sensor readings by name: a `dict` that suggests the nearest name for an unknown one, with a `ValueError`.
+
+    JAX treats it as it does a `dict`.
+    """
+
+    def __missing__(self, name: Any) -> Any:
+        raise unknown("sensor", name, self)
+
+
+def _flatten(sensors: Sensors) -> tuple[list[tuple[Any, Any]], tuple[str, ...]]:
+    names = tuple(sorted(sensors))
+    return [(jax.tree_util.DictKey(name), sensors[name]) for name in names], names
+
+
+jax.tree_util.register_pytree_with_keys(
+    Sensors, _flatten, lambda names, values: Sensors(zip(names, values, strict=True))
+)
+
+
 class BodyState(NamedTuple):
     """The state of a body. NumPy or JAX arrays with any leading axes.
 
     - `position` (..., nq): generalised positions, m and rad.
     - `velocity` (..., nv): generalised velocities, m/s and rad/s.
-    - `sensors`: by name, (..., dim), or (...) for a scalar.
+    - `sensors`: by name, (..., dim), or (...) for a scalar; an unknown name is a `ValueError` with the nearest one.
     """
 
     position: Any
@@ -218,6 +239,11 @@ class _Layout:
         self.sensordata = slice(nq + nv, nq + nv + ns)
         self.width = nq + nv + ns + 1
         self.sensors: dict[str, int | slice] = {}
+        sizes = {model.sensor(i).name: int(model.sensor_dim[i]) for i in range(model.nsensor)}
+        for name, index in components.items():
+            if name not in sizes:
+                raise unknown("sensor in sensor_components", name, sizes)
+            check_integer(f"sensor_components[{name!r}]", index, 0, sizes[name] - 1)
         for i in range(model.nsensor):
             sensor = model.sensor(i)
             first, size = nq + nv + int(sensor.adr[0]), int(sensor.dim[0])
@@ -229,7 +255,7 @@ class _Layout:
     def unpack(self, packed: Any) -> BodyState:
         width = packed.shape[-1]
         check(width == self.width, "packed.shape[-1]", width, f"{self.width}")
-        sensors = {name: packed[..., where] for name, where in self.sensors.items()}
+        sensors = Sensors({name: packed[..., where] for name, where in self.sensors.items()})
         return BodyState(packed[..., self.position], packed[..., self.velocity], sensors)
 
 

@@ -105,7 +105,7 @@ def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
     **Returns:** the model. If it has muscles of the "thesis" model, the gain callback is installed and verified.
 
     **Raises:** `RuntimeError` if another gain callback is installed; `ValueError` for a description that MuJoCo refuses
-    or that is beyond the [limits](../bodies.md#models-from-elsewhere).
+    or that is beyond the limits of size, which the page on bodies lists.
 
     ```python
     model = mg.bodies.compile_model(mg.bodies.Hopper(load_mass=3.0))

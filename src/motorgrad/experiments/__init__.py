@@ -5,9 +5,22 @@ is stored, draws the figure, judges the claims and leaves a record; `write_repor
 page.
 """
 
-from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, share_of
+from motorgrad.experiments._claims import (
+    Claim,
+    Verdict,
+    above,
+    at_least,
+    at_most,
+    below,
+    count_verdicts,
+    in_every,
+    more_than_half,
+    negative,
+    positive,
+    within,
+)
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._films import animate, course_of, motion_of, recorded_policies
+from motorgrad.experiments._films import animate, course_of, motion_of
 from motorgrad.experiments._registry import EXPERIMENTS
 from motorgrad.experiments._report import write_report
 from motorgrad.experiments._reproduce import Reproduction, reproduce, select_experiments
@@ -16,20 +29,25 @@ __all__ = [
     "EXPERIMENTS",
     "Claim",
     "Experiment",
-    "Measured",
     "Reproduction",
     "Values",
+    "Verdict",
     "Workspace",
+    "above",
     "animate",
+    "at_least",
+    "at_most",
+    "below",
+    "count_verdicts",
     "course_of",
-    "exact",
     "experiment",
-    "mean_of",
-    "median_of",
+    "in_every",
+    "more_than_half",
     "motion_of",
-    "recorded_policies",
+    "negative",
+    "positive",
     "reproduce",
     "select_experiments",
-    "share_of",
+    "within",
     "write_report",
 ]

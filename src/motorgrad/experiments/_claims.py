@@ -1,153 +1,197 @@
-"""Claims about measured numbers, and the statistics behind them: intervals, and summaries of learning curves."""
+"""Claims: a quantity that was measured, the range in which it should lie, and the verdict."""
 
 import dataclasses
 import functools
 import math
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Literal
 
-import numpy as np
+from motorgrad.statistics import LEVEL, Measured, tally_of
 
-from motorgrad._errors import check
-from motorgrad.training import Run, learning_curves
+Verdict = Literal["holds", "refuted", "undecided"]
+"""Whether the measurement supports a claim."""
 
-LEVEL = 0.95
-"""Confidence level of every interval."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Measured:
-    """A number with its interval.
-
-    **Arguments:** `value`; `low`, `high`, the ends of the 95 % interval (equal to `value` if nothing is random);
-    `count`, the number of seeds or runs behind it, 0 if nothing is random; `kind`, the statistic, such as "mean".
-    """
-
-    value: float
-    low: float
-    high: float
-    count: int
-    kind: str
-
-    def __str__(self) -> str:
-        if not self.count:
-            return f"{self.value:.4g}"
-        return f"{self.value:.4g} [{self.low:.4g} … {self.high:.4g}], {self.kind} of {self.count}"
+VERDICTS: tuple[Verdict, ...] = ("holds", "refuted", "undecided")
+OURS = "our own expectation"
 
 
 @dataclasses.dataclass(frozen=True)
 class Claim:
-    """A statement, and whether the measurement supports it.
+    """A statement, the quantity that decides it, and the range in which that should lie. The verdict follows.
 
-    **Arguments:** `statement`, in our own words; `source`, where it is made; `expected`, the criterion in words;
-    `measured`; `holds`, the verdict; `unit`; `note`, what a reader must know to judge it.
+    `above`, `at_least`, `below`, `at_most`, `within`, `more_than_half` and `in_every` make claims.
+
+    **Arguments:**
+
+    - `statement`: in our own words.
+    - `measured`: the quantity, with its interval.
+    - `quantity`: what was measured, in words, where statement and unit do not say it.
+    - `unit`: of the quantity.
+    - `note`: what a reader must know to judge the claim.
+    - `source`: where the statement is made; empty for the source of the experiment.
+    - `low`, `high`: the bounds of the range; infinite for none.
+    - `closed`: whether the range contains its bounds.
     """
 
     statement: str
-    source: str
-    expected: str
     measured: Measured
-    holds: bool
+    quantity: str = ""
     unit: str = ""
     note: str = ""
+    source: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    closed: bool = False
 
     def __post_init__(self) -> None:
-        # NumPy's own booleans cannot be written to a file
-        object.__setattr__(self, "holds", bool(self.holds))
+        # NumPy's own numbers cannot be written to a file
+        object.__setattr__(self, "low", float(self.low))
+        object.__setattr__(self, "high", float(self.high))
+
+    @property
+    def verdict(self) -> Verdict:
+        """`"holds"` if the whole interval lies in the range, `"refuted"` if it lies outside, else `"undecided"`: it
+        contains a bound, does not reach 95 %, or the quantity is unknown."""
+        low, high = self.measured.low, self.measured.high
+        if self.measured.level < LEVEL or math.isnan(self.measured.value):
+            return "undecided"
+        if _beyond(low, self.low, self.closed) and _beyond(-high, -self.high, self.closed):
+            return "holds"
+        # a number that is no estimate cannot be undecided
+        return "refuted" if high < self.low or low > self.high or self.measured.level == 1 else "undecided"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the verdict is `"holds"`."""
+        return self.verdict == "holds"
+
+    @property
+    def criterion(self) -> str:
+        """What must be measured for the claim to hold, in words."""
+        low, high = (f"{bound:.6g}".replace("-", "−") for bound in (self.low, self.high))
+        if self.high == math.inf:
+            words = f"at least {low}" if self.closed else f"above {low}"
+        elif self.low == -math.inf:
+            words = f"at most {high}" if self.closed else f"below {high}"
+        elif self.low == self.high:
+            words = f"equal to {low}"
+        else:
+            words = f"within ±{high}" if self.low == -self.high else f"between {low} and {high}"
+        return f"{self.quantity} {words}".lstrip()
+
+    @property
+    def finding(self) -> str:
+        """What was measured, in words."""
+        return self.measured.words(self.unit)
+
+    def record(self) -> dict[str, Any]:
+        """Everything as a table, with what follows from the rest."""
+        derived = {"verdict": self.verdict, "criterion": self.criterion, "finding": self.finding}
+        return dataclasses.asdict(self) | derived
+
+
+def _beyond(value: float, bound: float, closed: bool) -> bool:
+    return value > bound or (value == bound and (closed or math.isinf(bound)))
 
 
 def above(
-    bound: float, statement: str, source: str, expected: str, measured: Measured, unit: str = "", note: str = ""
+    bound: float,
+    statement: str,
+    measured: Measured,
+    quantity: str = "",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
 ) -> Claim:
-    """A claim that holds if the whole interval lies above `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, source, expected, measured, measured.low > bound, unit, note)
+    """A claim that a quantity exceeds `bound`; the other arguments are those of `Claim`."""
+    return Claim(statement, measured, quantity, unit, note, source, low=bound)
+
+
+def at_least(
+    bound: float,
+    statement: str,
+    measured: Measured,
+    quantity: str = "",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
+) -> Claim:
+    """A claim that a quantity is `bound` or more; the other arguments are those of `Claim`."""
+    return Claim(statement, measured, quantity, unit, note, source, low=bound, closed=True)
 
 
 def below(
-    bound: float, statement: str, source: str, expected: str, measured: Measured, unit: str = "", note: str = ""
+    bound: float,
+    statement: str,
+    measured: Measured,
+    quantity: str = "",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
 ) -> Claim:
-    """A claim that holds if the whole interval lies below `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, source, expected, measured, measured.high < bound, unit, note)
+    """A claim that a quantity is less than `bound`; the other arguments are those of `Claim`."""
+    return Claim(statement, measured, quantity, unit, note, source, high=bound)
+
+
+def at_most(
+    bound: float,
+    statement: str,
+    measured: Measured,
+    quantity: str = "",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
+) -> Claim:
+    """A claim that a quantity is `bound` or less; the other arguments are those of `Claim`."""
+    return Claim(statement, measured, quantity, unit, note, source, high=bound, closed=True)
+
+
+def within(
+    low: float,
+    high: float,
+    statement: str,
+    measured: Measured,
+    quantity: str = "",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
+) -> Claim:
+    """A claim that a quantity lies from `low` to `high`; the other arguments are those of `Claim`."""
+    return Claim(statement, measured, quantity, unit, note, source, low, high, closed=True)
 
 
 positive = functools.partial(above, 0)
-"""A claim that holds if the whole interval lies above 0."""
+"""A claim that a quantity exceeds 0."""
 negative = functools.partial(below, 0)
-"""A claim that holds if the whole interval lies below 0."""
-more_than_half = functools.partial(above, 0.5)
-"""A claim that holds if the whole interval lies above one half: of the seeds, most often."""
+"""A claim that a quantity is less than 0."""
 
 
-def exact(value: float) -> Measured:
-    """A number that is not random."""
-    return Measured(float(value), float(value), float(value), 0, "exact")
+def more_than_half(
+    statement: str,
+    measured: Measured,
+    quantity: str = "share of seeds",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
+) -> Claim:
+    """A claim that something is so most often: that a share exceeds one half."""
+    return above(0.5, statement, measured, quantity, unit, note, source)
 
 
-def mean_of(values: Any) -> Measured:
-    """Mean over seeds, with Student's interval."""
-    values = _finite(values)
-    centre, count = float(values.mean()), len(values)
-    if count == 1:
-        return Measured(centre, -math.inf, math.inf, 1, "mean")
-    from scipy import stats
-
-    half = float(stats.t.ppf(0.5 + LEVEL / 2, count - 1) * values.std(ddof=1) / math.sqrt(count))
-    return Measured(centre, centre - half, centre + half, count, "mean")
-
-
-def median_of(values: Any) -> Measured:
-    """Median over seeds, with the interval of order statistics.
-
-    The interval assumes nothing about the distribution. It spans the whole sample if that is too small for the level.
-    """
-    from scipy import stats
-
-    values = np.sort(_finite(values))
-    count = len(values)
-    rank = int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5))
-    # from the rank-th smallest to the rank-th greatest; rank 0 would point beyond the sample
-    lowest = max(rank, 1) - 1
-    return Measured(float(np.median(values)), float(values[lowest]), float(values[count - 1 - lowest]), count, "median")
+def in_every(
+    statement: str,
+    happened: Any,
+    quantity: str = "share of these seeds",
+    unit: str = "",
+    note: str = "",
+    source: str = "",
+) -> Claim:
+    """A claim that something happened in every seed at hand, given a boolean for each."""
+    return within(1, 1, statement, tally_of(happened), quantity, unit, note, source)
 
 
-def share_of(happened: Any) -> Measured:
-    """Share of seeds in which something happened, with Wilson's interval."""
-    from scipy import stats
-
-    happened = np.asarray(happened, bool)
-    check(happened.size > 0, "seeds", 0, "at least one")
-    found = stats.binomtest(int(happened.sum()), happened.size).proportion_ci(LEVEL, method="wilson")
-    return Measured(float(happened.mean()), float(found.low), float(found.high), happened.size, "share")
-
-
-def _finite(values: Any) -> np.ndarray:
-    """All values as a vector. A time that was never reached (NaN) has no mean: the caller must replace it first."""
-    values = np.asarray(values, float).ravel()
-    check(values.size > 0 and bool(np.isfinite(values).all()), "values", values, "at least one, all finite")
-    return values
-
-
-def final(run: Run, quantity: str, share: float = 0.25) -> np.ndarray:
-    """Mean of a quantity over the last `share` of training, `(seeds,)`."""
-    values = run.curve(quantity)[1]
-    return values[:, -max(1, round(share * values.shape[1])) :].mean(axis=1)
-
-
-def first_time(decision: np.ndarray, happened: np.ndarray) -> np.ndarray:
-    """When something first happened, NaN if it never did: `(records,)` and `(…, records)` to `(…)`."""
-    return np.where(happened.any(-1), decision[happened.argmax(-1)], np.nan)
-
-
-def moving_mean(values: np.ndarray, records: int) -> np.ndarray:
-    """Trailing moving average over so many records: `(…, n)` to `(…, n + 1 − records)`."""
-    return np.lib.stride_tricks.sliding_window_view(values, records, axis=-1).mean(-1)
-
-
-def practice_curve(run: Run, quantity: str, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """A quantity during practice, averaged over the last `seconds` of simulated time (at least two records).
-
-    **Returns** simulated seconds `(records,)` and values `(seeds, records)`.
-    """
-    record = run.config["run"]["window"] * run.task.period
-    shown: Any = learning_curves([run], quantity, x="simulated", smooth=max(seconds, 2 * record))
-    (curve,) = shown.curves
-    return curve.x, curve.values
+def count_verdicts(verdicts: Iterable[str]) -> str:
+    """How many claims hold, are refuted, and are undecided, in words."""
+    found = list(verdicts)
+    holds, refuted, undecided = (found.count(verdict) for verdict in VERDICTS)
+    return f"{holds} of {len(found)} claims hold, {refuted} refuted, {undecided} undecided"

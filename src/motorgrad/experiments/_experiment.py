@@ -8,9 +8,9 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
+from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -75,6 +75,21 @@ class Workspace:
             print(f"  {self.path.name}: {what}", file=sys.stderr, flush=True)
 
 
+def ranged(default: Any, low: float, high: float, unit: str = "") -> Any:
+    """A setting from `low` to `high`; `unit` follows the range in messages."""
+    return dataclasses.field(default=default, metadata={"range": (low, high, unit)})
+
+
+class smoke:
+    """The classmethod `quick` of an experiment: its settings for a smoke test, those not given as usual."""
+
+    def __init__(self, **settings: Any):
+        self.settings = settings
+
+    def __get__(self, instance: Any, owner: type[T]) -> Callable[[], T]:
+        return lambda: owner(**self.settings)
+
+
 @dataclasses.dataclass(frozen=True)
 class Experiment(abc.ABC):
     """Base class of experiments; `experiment` completes a subclass. Its fields are the settings, and its docstring says
@@ -89,10 +104,14 @@ class Experiment(abc.ABC):
     needs: ClassVar[tuple[str, str] | None] = None
     """An optional package and the extra that installs it: `("evosax", "search")`."""
 
-    @classmethod
-    def quick(cls) -> Self:
-        """Settings of a smoke test: everything runs, and the numbers mean nothing."""
-        return cls()
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            if "range" in field.metadata:
+                (low, high, unit), value = field.metadata["range"], getattr(self, field.name)
+                check(low <= value <= high, field.name, value, f"from {low:,.15g} to {high:,.15g}{unit}")
+
+    quick = smoke()
+    """The experiment with settings of a smoke test: everything runs, and the numbers mean nothing."""
 
     @classmethod
     def lacks(cls) -> str:
@@ -113,15 +132,17 @@ class Experiment(abc.ABC):
         """The first paragraph of the docstring, on one line."""
         return " ".join((inspect.getdoc(type(self)) or "").partition("\n\n")[0].split())
 
-    @abc.abstractmethod
     def run(self, work: Workspace) -> Values:
-        """Run the experiment. Long computations go through `work`, which stores them, so that a killed run resumes."""
+        """Run the experiment. Long computations go through `work`, which stores them, so that a killed run resumes. A
+        mere drawing has nothing to run."""
+        del work
+        return {}
 
     @abc.abstractmethod
     def figure(self, values: Values) -> Figure:
         """Draw the results."""
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterable[Claim]:
         """Compare the results with what the source says. A mere drawing claims nothing."""
         del values
         return ()
@@ -133,12 +154,6 @@ class Experiment(abc.ABC):
         """
         del work
         return {}
-
-    def check_range(self, low: float, high: float, *names: str, unit: str = "") -> None:
-        """Refuse settings of these names outside of `low` … `high`; `unit` is appended to the range in the message."""
-        for name in names:
-            value = getattr(self, name)
-            check(low <= value <= high, name, value, f"from {low:,} to {high:,}{unit}")
 
 
 @dataclass_transform(frozen_default=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad.bodies import path_points
-from motorgrad.experiments._claims import Measured, moving_mean
+from motorgrad.statistics import Measured, moving_mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +39,12 @@ def new_figure(width: float, height: float, dpi: int | None = None) -> Figure:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
+def subplots(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Figure, Any]:
+    """Such a figure with its axes, one or an array of them; `grid` as in matplotlib's `subplots`."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots(rows, columns, **grid)
+
+
 def draw_band(
     axes: Axes,
     x: np.ndarray,
@@ -65,7 +71,6 @@ def draw_intervals(axes: Axes, x: Any, measured: Sequence[Measured], across: boo
     """Measured numbers at `x` with their intervals as error bars; `across` puts the numbers on the horizontal axis."""
     values = [each.value for each in measured]
     errors = np.reshape([[each.value - each.low, each.high - each.value] for each in measured], (-1, 2)).T
-    errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     if across:
         axes.errorbar(values, x, xerr=errors, **look)

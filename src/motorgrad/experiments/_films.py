@@ -3,21 +3,19 @@
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
-from motorgrad.policies import Masked, Policy, split
+from motorgrad.policies import Masked
 from motorgrad.sim import Course, Film, Motion, film_learning
 from motorgrad.tasks import TASKS, BodyTask, ParticleTask
 from motorgrad.training import Evaluation, Run
@@ -46,7 +44,7 @@ def course_of(run: Run, seed: int | None = None) -> Course:
     check(seed in seeds, "seed", seed, f"one of the run's seeds, {', '.join(map(str, seeds))}")
     row = seeds.index(seed)
     first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], run.initial)
-    later = recorded_policies(run, range(len(decision)), seed)
+    later = run.policies_at(seed=seed)
     return Course(
         task=task,
         decision=np.concatenate([[0], decision]),
@@ -108,40 +106,6 @@ def _bar(what: str, shown: bool) -> Iterator[Any]:
         if shown and not console.is_terminal:
             console.print(f"{what} …", soft_wrap=True, highlight=False)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def recorded_policies(run: Run, records: Sequence[int] | Int[np.ndarray, " _"], seed: int | None = None) -> Any:
-    """Policies as they were at some records, along a leading axis; of one seed, or of all along a second axis.
-
-    **Arguments:** `run`; `records`, numbered from 0, or from the end if negative; `seed`.
-    """
-    count, seeds = len(run.seeds), run.seeds if seed is None else [seed]
-    check(set(seeds) <= set(run.seeds), "seed", seed, f"one of the run's seeds, {', '.join(map(str, run.seeds))}")
-    rows, which = np.array([run.seeds.index(each) for each in seeds]), np.asarray(records, int)
-    total = run.metrics.num_rows // count
-    inside = bool(np.all((-total <= which) & (which < total)))
-    check(inside, "records", which.tolist(), f"among the {total} records of the run")
-    column = run.metrics["parameters"].combine_chunks()
-    numbers = column.flatten().to_numpy().reshape(total, count, -1)[which][:, rows]
-    initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[rows]), run.initial)
-    policies: Any = jax.vmap(jax.vmap(_with), (None, 0))(initial, jnp.asarray(numbers))
-    if "units" in run.metrics.column_names:
-        policies = _switched(policies, run.curve("units")[1][rows][:, which].T)
-    return policies if seed is None else jax.tree.map(lambda leaf: leaf[:, 0], policies)
-
-
-def _with(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> Policy:
-    """The policy with these parameters."""
-    learned, fixed = split(policy)
-    return eqx.combine(ravel_pytree(learned)[1](numbers), fixed)
-
-
-def _switched(policies: Masked, units: Float[np.ndarray, "records seeds"]) -> Masked:
-    """Growing pools with so many active units: growth activates the first inactive unit."""
-    start = np.asarray(policies.active)
-    place_in_queue = np.cumsum(~start, axis=-1) * ~start
-    active = place_in_queue <= (units - start.sum(-1))[..., None]
-    return eqx.tree_at(lambda each: each.active, policies, jnp.asarray(active))
 
 
 def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds: float = 10.0) -> Motion:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._files import read_json, write_atomically
+from motorgrad.experiments._claims import count_verdicts
 
 
 def write_report(out: Path | str, order: Iterable[str]) -> Path:
@@ -14,6 +15,9 @@ def write_report(out: Path | str, order: Iterable[str]) -> Path:
     out, names = Path(out), list(order)
     found = {file.parent.name: read_json(file) for file in sorted(out.glob("*/record.json"))}
     records = [found[name] for name in [*(n for n in names if n in found), *(n for n in found if n not in names)]]
+    for record in records:
+        if any("verdict" not in claim for claim in record["claims"]):
+            raise ValueError(f"{out / record['name'] / 'record.json'}: made by another version; reproduce it again")
     path = out / "report.html"
     write_atomically(path, page(records, out).encode())
     return path
@@ -22,7 +26,6 @@ def write_report(out: Path | str, order: Iterable[str]) -> Path:
 def page(records: list[dict[str, Any]], out: Path) -> str:
     """The page about these records. Figures are read from their folders in `out` and embedded."""
     claims = [claim for record in records for claim in record["claims"]]
-    held = sum(claim["holds"] for claim in claims)
     took = _time(sum(record["seconds"] for record in records))
     quick = any(record["quick"] for record in records)
     contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
@@ -38,8 +41,9 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
 <body>
 <main>
 <h1>Experiments reproduced</h1>
-<p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {held} of {len(claims)} claims hold.
-Brackets hold 95 % intervals over seeds, or over runs if there are no seeds. Total time: {took}.</p>
+<p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {_counts(claims)}.
+Brackets hold 95 % intervals over seeds, or over runs if there are no seeds. A claim holds if the whole interval meets
+its criterion, is refuted if none of it does, and is undecided otherwise. Total time: {took}.</p>
 {warning}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}
@@ -97,30 +101,19 @@ def _row(claim: dict[str, Any], source: str) -> str:
     about = [claim["source"]] if claim["source"] != source else []
     about += [claim["note"]] if claim["note"] else []
     below = f"<small>{_text('; '.join(about))}</small>" if about else ""
-    verdict, words = ("holds", "holds") if claim["holds"] else ("fails", "does not hold")
+    verdict = claim["verdict"]
     return (
-        f'<tr><td>{_text(claim["statement"])}{below}</td><td data-label="Expected">{_text(claim["expected"])}</td>'
-        f'<td data-label="Measured">{_text(in_words(claim))}</td><td class="{verdict}">{words}</td></tr>'
+        f'<tr><td>{_text(claim["statement"])}{below}</td><td data-label="Expected">{_text(claim["criterion"])}</td>'
+        f'<td data-label="Measured">{_text(claim["finding"])}</td><td class="{verdict}">{verdict}</td></tr>'
     )
 
 
-def in_words(claim: dict[str, Any]) -> str:
-    """The measurement as text."""
-    measured, unit = claim["measured"], f" {claim['unit']}" if claim["unit"] else ""
-    value = _number(measured["value"])
-    if not measured["count"]:
-        return f"{value}{unit}"
-    ends = f"[{_number(measured['low'])} … {_number(measured['high'])}]"
-    return f"{value} {ends}{unit}, {measured['kind']} of {measured['count']}"
-
-
-def _number(value: float | None) -> str:
-    return "∞" if value is None else f"{value:.4g}"
+def _counts(claims: list[dict[str, Any]]) -> str:
+    return count_verdicts(claim["verdict"] for claim in claims)
 
 
 def _score(record: dict[str, Any]) -> str:
-    claims = record["claims"]
-    return f"({sum(c['holds'] for c in claims)} of {len(claims)} claims hold)" if claims else ""
+    return f"({_counts(record['claims'])})" if record["claims"] else ""
 
 
 def _took(record: dict[str, Any]) -> str:
@@ -151,7 +144,8 @@ th, td { text-align: left; vertical-align: top; padding: .4rem .7rem .4rem 0; bo
 td:last-child { white-space: nowrap; }
 small { display: block; color: var(--soft); }
 .holds { color: var(--good); } .holds::before { content: "✓ "; }
-.fails { color: var(--bad); font-weight: 600; } .fails::before { content: "✗ "; }
+.refuted { color: var(--bad); font-weight: 600; } .refuted::before { content: "✗ "; }
+.undecided { color: var(--soft); } .undecided::before { content: "? "; }
 .quick { border-left: 4px solid #c80; padding-left: .7rem; }
 @media (max-width: 40rem) {
   thead { position: absolute; clip-path: inset(50%); }

@@ -81,7 +81,7 @@ class Reproduction:
             "settings": table(about),
             "quick": self.quick,
             "command": self.command,
-            "claims": [_plain(dataclasses.asdict(claim)) for claim in self.claims],
+            "claims": [_plain(claim.record()) for claim in self.claims],
             "seconds": self.seconds,
             "trained": self.trained,
             "versions": _every([session["versions"] for session in self.sessions]),
@@ -131,7 +131,8 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
     values = read_arrays(stored)
     try:
         _draw(experiment, values, folder)
-        claims = tuple(experiment.claims(values))
+        made = experiment.claims(values)
+        claims = tuple(dataclasses.replace(claim, source=claim.source or experiment.source) for claim in made)
     except KeyError as error:
         raise ValueError(f"{stored}: holds no {error}: made by another version; delete the folder {folder}") from None
     if films:

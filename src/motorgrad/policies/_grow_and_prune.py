@@ -181,6 +181,8 @@ def activity(policy: BinaryUnits, visited: Float[ArrayLike, "observations inputs
     actions with and without the unit equals its firing probability, so its activity is the fraction of decisions that
     can come out differently. Over an episode, no event's probability changes by more than the activity times the number
     of decisions.
+
+    **Arguments:** `policy`: a pool of binary units; `visited`: observations, a row each.
     """
     observations = jnp.asarray(visited)
     fits = observations.ndim == 2 and observations.shape[0] > 0 and observations.shape[1] == policy.inputs
@@ -196,6 +198,9 @@ def reach(
 
     It is attained at the point of the box closest to the unit's centre. This holds for units whose firing probability
     decreases with the distance in every input: Gaussians, soft spheres and soft boxes.
+
+    **Arguments:** `policy`: a pool of local units; `low` and `high`: opposite corners of the box, or one number each
+    for all inputs.
     """
     pool = policy.pool if isinstance(policy, Masked) else policy
     check(hasattr(pool, "centre"), "policy", type(pool).__name__, "a pool of local units, which have a centre")
@@ -211,6 +216,8 @@ def prune(policy: AnyPool, kept: Bool[ArrayLike, " units"]) -> AnyPool:
 
     A `Masked` pool keeps its arrays and switches the units off, so this can be mapped over seeds or compiled. For any
     other pool the rows are removed, the inverse of `grow`; the shapes then depend on `kept`.
+
+    **Arguments:** `policy`: a pool of units; `kept`: for each unit whether it stays.
 
     **Raises:** `ValueError` for a policy of several pools, if no unit is left, and if `kept` is not a boolean for each
     unit.

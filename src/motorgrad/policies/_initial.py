@@ -54,6 +54,14 @@ IMPLIED: dict[str, dict[str, str]] = {"growing": {"growth": "clock"}}
 def initial(name: str, task: Any, **settings: Any) -> Initial:
     """The initial policy called `name` for a task.
 
+    **Arguments:**
+
+    - `name`: a name in `INITIAL`.
+    - `task`: a task, or anything with `observation_size` and `action_size`; or a number of inputs.
+    - `settings`: those of the function of this name, such as `units`.
+
+    **Returns:** a policy, or, where it is random, a function from a seed's key to a policy.
+
     **Raises:** `ValueError` for an unknown name, suggesting the closest one.
 
     **Example:**

@@ -19,7 +19,7 @@ from motorgrad._errors import check, shown, unknown
 def fixed(**keywords: Any) -> Any:
     """Declare a field of a policy whose arrays are *not* trainable, such as a mask or a maximal probability.
 
-    Takes the keywords of `equinox.field`.
+    **Arguments:** `keywords`: those of `equinox.field`.
 
     **Example:**
 
@@ -221,12 +221,22 @@ def is_plain(policy: Policy) -> bool:
 
 
 def trainable(policy: P) -> P:
-    """The trainable part: `policy` with every fixed array replaced by `None`, as in `equinox.partition`."""
+    """The trainable part of a policy.
+
+    **Arguments:** `policy`: any policy.
+
+    **Returns:** the policy with every fixed array replaced by `None`, as in `equinox.partition`.
+    """
     return split(policy)[0]
 
 
 def split(policy: P) -> tuple[P, P]:
-    """Partition a policy into its trainable and its fixed arrays; `equinox.combine` joins them again."""
+    """Partition a policy into its trainable and its fixed arrays.
+
+    **Arguments:** `policy`: any policy.
+
+    **Returns:** the two parts, which `equinox.combine` joins again.
+    """
 
     def is_trainable(path: tuple[Any, ...], leaf: Any) -> bool:
         node: Any = policy
@@ -284,9 +294,16 @@ def per_unit(values: Float[Array, " units"], array: Array) -> Array:
 
 
 def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
-    """The numbers of inputs and outputs of a policy for a task, or for a number of inputs.
+    """The numbers of inputs and outputs of a policy for a task, for functions that return an initial policy.
 
-    **Raises** `ValueError` for what is neither, and where `outputs` is `None` without a task.
+    **Arguments:**
+
+    - `task`: a task, or anything with `observation_size` and `action_size`; or a number of inputs.
+    - `outputs`: the number of units, or of alternatives; by default one for each action of the task.
+
+    **Returns:** both numbers.
+
+    **Raises:** `ValueError` for what is neither, and where `outputs` is `None` without a task.
     """
     check(not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
     try:
@@ -304,6 +321,8 @@ def describe(value: Any) -> Any:
     """The structure of a policy as plain data: its kind, and for every field a shape and type or a nested description.
 
     A stored policy is rebuilt from this, so that loading one never runs code from the file.
+
+    **Arguments:** `value`: a policy, or the value of one of its fields.
 
     **Example:**
 
@@ -324,6 +343,8 @@ def describe(value: Any) -> Any:
 
 def rebuild(description: Any) -> Any:
     """The inverse of `describe`: a policy whose arrays are placeholders (`jax.ShapeDtypeStruct`).
+
+    **Arguments:** `description`: what `describe` returned.
 
     **Raises:** `ValueError` for an unknown kind of policy. A class is known once its module has been imported.
     """

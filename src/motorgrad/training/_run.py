@@ -2,24 +2,30 @@
 
 import copy
 import dataclasses
+import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Policy, rebuild, trainable
+from motorgrad.policies import Policy, rebuild, split, trainable
+from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._agents import agent_from_table
 from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import Record
-from motorgrad.training.plots import Axis, Format, learning_curves
+from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves
 from motorgrad.training.store import (
     RunDirectory,
     RunDirectoryError,
@@ -144,11 +150,59 @@ class Run:
         row = self.seeds.index(seed)
         return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.policies)
 
-    def curve(self, quantity: str = "reward") -> tuple[np.ndarray, np.ndarray]:
-        """A column of the metrics as `(decisions (records,), values (seeds, records))`, in a sweep of all lanes.
+    def policies_at(self, records: Iterable[int] | None = None, seed: int | None = None) -> Any:
+        """The policies at some records: all parameters over time as arrays, `(records, seeds, …)` each.
 
-        **Raises** `ValueError` for an unknown column, and where there are no records yet.
+        **Arguments:**
+
+        - `records`: numbered from 0, or from the end if negative; by default all.
+        - `seed`: a single seed, without the axis of seeds.
+
+        **Returns** a policy whose arrays have these leading axes. Where parameters are averaged, they are those that
+        learn, not their average.
+
+        ```python
+        run = mg.train("linear-recruitment", steps=2_000, seeds=4, progress=False)
+        print(run.policies_at().threshold.shape)  # → (200, 4, 4)
+        ```
         """
+        check(seed is None or seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")
+        check(seed is None or not self.settings, "seed", seed, "none for a sweep: split it first")
+        lanes = np.arange(self.lanes) if seed is None else np.array([self.seeds.index(seed)])
+        total = self.metrics.num_rows // self.lanes
+        which = np.arange(total) if records is None else np.asarray(list(records), int)
+        inside = bool(np.all((-total <= which) & (which < total)))
+        check(inside, "records", which.tolist(), f"among the {total} records of the run")
+        column = self.metrics["parameters"].combine_chunks()
+        numbers = column.flatten().to_numpy().reshape(total, self.lanes, -1)[which][:, lanes]
+        initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), self.initial)
+        policies: Any = jax.vmap(jax.vmap(_with_numbers), (None, 0))(initial, jnp.asarray(numbers))
+        if "units" in self.metrics.column_names:
+            policies = _switched(policies, self.curve("units")[1][lanes][:, which].T)
+        return policies if seed is None else jax.tree.map(lambda leaf: leaf[:, 0], policies)
+
+    def curve(
+        self, quantity: str = "reward", *, x: Axis = "decisions", smooth: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A column of the metrics over time: `(records,)` and `(seeds, records)`, in a sweep of all lanes.
+
+        **Arguments:**
+
+        - `quantity`: the column.
+        - `x`: what time is: `"decisions"`, `"simulated"` or `"wall"` seconds.
+        - `smooth`: if given, each value is the mean over the last `smooth` units of `x`, of all that occurred there,
+          and over two records at least.
+
+        **Returns** the time at the end of each record, and the values.
+
+        **Raises** `ValueError` for an unknown column, for simulated time of a task that has none, and where there are
+        no records yet.
+        """
+        if x != "decisions" or smooth is not None:
+            axis, window = axis_for([self], x), self.config["run"]["window"]
+            record = {"decisions": window, "simulated": window * self.task.period, "wall": 0.0}[axis]
+            found = curve_of(self, quantity, axis, None if smooth is None else max(smooth, 2 * record), "")
+            return found.x, found.values
         if not self.metrics.num_rows:
             where, window = self.path or "the run", self.config["run"]["window"]
             raise ValueError(
@@ -160,6 +214,41 @@ class Run:
         decision = self.metrics["decision"].to_numpy()[:: self.lanes]
         values = self.metrics[quantity].to_numpy().astype(float).reshape(-1, self.lanes).T
         return decision, values
+
+    def final(self, quantity: str = "reward", share: float = 0.25) -> np.ndarray:
+        """Mean of a quantity over the last `share` of the records, `(seeds,)`."""
+        check(0 < share <= 1, "share", share, "above 0, at most 1")
+        values = self.curve(quantity)[1]
+        return values[:, -max(1, round(share * values.shape[1])) :].mean(axis=1)
+
+    def first_time(
+        self,
+        quantity: str = "reward",
+        *,
+        above: float | None = None,
+        below: float | None = None,
+        x: Axis = "decisions",
+        smooth: float | None = None,
+        never: float = math.nan,
+    ) -> np.ndarray:
+        """When a quantity first passed a bar, `(seeds,)`: the end of the first record in which it did.
+
+        **Arguments:**
+
+        - `quantity`: a column of the metrics.
+        - `above`, `below`: the bar, one of the two.
+        - `x`, `smooth`: as in `curve`. Nothing counts before `smooth`, when the mean would be over fewer records.
+        - `never`: the result for a seed in which it never did.
+
+        ```python
+        run = mg.train("three-state", steps=20_000, seeds=4, progress=False)
+        print(np.median(run.first_time("reward", above=0.7, smooth=1_000)))
+        ```
+        """
+        check((above is None) != (below is None), "above, below", (above, below), "one of the two")
+        time, values = self.curve(quantity, x=x, smooth=smooth)
+        passed = values > above if below is None else values < below
+        return first_time(time, passed & (time >= min(smooth or 0, time[-1])), never)
 
     def plot(
         self,
@@ -180,6 +269,20 @@ class Run:
             path = self.path / "figures"
             path.mkdir(exist_ok=True)
         return learning_curves(self.split(), quantity, path, x=x, smooth=smooth, labels=labels, format=format)
+
+
+def _with_numbers(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> Policy:
+    """The policy with these parameters."""
+    learned, fixed = split(policy)
+    return eqx.combine(ravel_pytree(learned)[1](numbers), fixed)
+
+
+def _switched(policies: Any, units: Float[np.ndarray, "records lanes"]) -> Any:
+    """Growing pools with so many active units: growth activates the first inactive unit."""
+    start = np.asarray(policies.active)
+    place_in_queue = np.cumsum(~start, axis=-1) * ~start
+    active = place_in_queue <= (units - start.sum(-1))[..., None]
+    return eqx.tree_at(lambda each: each.active, policies, jnp.asarray(active))
 
 
 def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[str, Any]:

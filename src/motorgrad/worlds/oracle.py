@@ -18,6 +18,7 @@ mg.worlds.oracle.average_reward(mdp, policy)
 ```
 """
 
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -26,6 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
+from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
@@ -33,6 +35,7 @@ from motorgrad.policies import Policy, split
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
+_ROUNDING = 16 * np.finfo(float).eps
 
 
 def to_float64(policy: P) -> P:
@@ -56,9 +59,20 @@ def stationary_distribution(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray,
     return _stationary(transition_matrix(mdp, policy))
 
 
-def average_reward(mdp: FiniteMDP, policy: Policy) -> float:
-    r"""$\eta = \pi' r$."""
-    return float(stationary_distribution(mdp, policy) @ _mean_rewards(mdp, policy))
+def average_reward(mdp: FiniteMDP, policy: Policy | Sequence[int] | Int[np.ndarray, " states"]) -> float:
+    r"""$\eta = \pi' r$.
+
+    **Arguments:** `mdp`; `policy`: a policy, or a table with the action of every state, as `optimal_policy` returns it.
+    With a table, it is the average from the start state, which exists even if there are several recurrent classes.
+    """
+    if isinstance(policy, Policy):
+        return float(stationary_distribution(mdp, policy) @ _mean_rewards(mdp, policy))
+    table, every = np.asarray(policy), np.arange(mdp.states)
+    right = table.shape == (mdp.states,) and np.issubdtype(table.dtype, np.integer)
+    check(right, "policy", policy, f"a policy, or a table of {mdp.states} integers, the action of every state")
+    known = (table >= 0) & (table < mdp.actions)
+    check(known.all(), "policy", table[~known].tolist(), f"a table of actions from 0 to {mdp.actions - 1}")
+    return float(_evaluate(mdp.transitions[table, every], mdp.expected_rewards[table, every])[0][mdp.start])
 
 
 def gradient(mdp: FiniteMDP, policy: P) -> P:
@@ -151,25 +165,26 @@ def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
 
 
 def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
-    """The best action in every state (ignoring partial observability), and the average reward from the start, accurate
-    to about 1e-7 of the state values.
+    """The best action in every state (ignoring partial observability), and the `average_reward` of this table.
 
-    Policy iteration (Howard, 1960) at a discount so close to 1 that its optimum is that of the average reward
-    (Blackwell, 1962); it is defined even where a policy splits the states into several recurrent classes.
+    Policy iteration (Howard, 1960) on the average reward from every state, and among actions that are equal in it on
+    the differential values. It is defined even where a policy splits the states into several recurrent classes. An
+    action replaces another if it is better by more than rounding.
     """
-    near_one = 1 - 1e-7
-    every = np.arange(mdp.states)
-    choice = np.zeros(mdp.states, int)
-    while True:
-        matrix, pay = mdp.transitions[choice, every], mdp.expected_rewards[choice, every]
-        value = np.linalg.solve(np.eye(mdp.states) - near_one * matrix, pay)
-        quality = mdp.expected_rewards + near_one * mdp.transitions @ value
-        # A change must improve by more than rounding, else equal actions would alternate for ever.
-        better = quality.max(0) > quality[choice, every] + 1e-12 * max(1.0, np.abs(value).max())
-        if not better.any():
-            break
-        choice = np.where(better, quality.argmax(0), choice)
-    return choice, float((1 - near_one) * value[mdp.start])
+    every, moves, rewards = np.arange(mdp.states), mdp.transitions, mdp.expected_rewards
+    choice, seen = np.zeros(mdp.states, int), set()
+    while choice.tobytes() not in seen:  # rounding could lead back to a table
+        seen.add(choice.tobytes())
+        gain, value = _evaluate(moves[choice, every], rewards[choice, every])
+        ahead, unsure = _ahead(choice, *_expected_change(moves, gain))
+        better = ahead > unsure
+        if not better.any():  # then of the actions that keep the average, those of greater value
+            equal = ahead >= -unsure
+            change, doubt = _expected_change(moves, value)
+            ahead, unsure = _ahead(choice, rewards + change, doubt + _ROUNDING * np.abs(rewards))
+            better = equal & (ahead > unsure)
+        choice = np.where(better.any(0), np.where(better, ahead, -np.inf).argmax(0), choice)
+    return choice, average_reward(mdp, choice)
 
 
 def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
@@ -177,14 +192,84 @@ def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
 
 
-def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
-    r"""Solve $\pi'(I - P + ee') = e'$, which has one solution if and only if there is exactly one closed recurrent
-    class."""
+def _ahead(choice: np.ndarray, worth: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """By how much each action is better than the chosen one in every state, and how much of that may be rounding."""
+    every = np.arange(len(choice))
+    return worth - worth[choice, every], doubt + doubt[choice, every]
+
+
+def _expected_change(moves: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The expected change of `values` by each action in each state, and its rounding error. Staying has no part in
+    either, however probable it is."""
+    others = np.where(np.eye(len(values), dtype=bool), 0.0, moves)
+    change = np.sum(others * (values[None, :] - values[:, None]), -1)
+    size = np.abs(values)
+    return change, _ROUNDING * (others @ size + others.sum(-1) * size)
+
+
+def _evaluate(matrix: np.ndarray, rewards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The average reward from every state of a chain, which may have several recurrent classes, and the differential
+    value of every state."""
+    leaving = _leaving(matrix)
+    gain, value = np.zeros(len(matrix)), np.zeros(len(matrix))
+    passing = np.ones(len(matrix), bool)
+    for members in _recurrent(matrix):
+        inside = np.ix_(members, members)
+        pi = _balance(matrix[inside])
+        gain[members] = pi @ rewards[members]
+        short = rewards[members] - gain[members]
+        worth = np.append(0.0, _solve(leaving[inside][1:, 1:], short[1:]))  # relative to the first state
+        value[members] = worth - pi @ worth
+        passing[members] = False
+    if passing.any():
+        within, onwards = leaving[np.ix_(passing, passing)], matrix[np.ix_(passing, ~passing)]
+        gain[passing] = _solve(within, onwards @ gain[~passing])
+        value[passing] = _solve(within, rewards[passing] - gain[passing] + onwards @ value[~passing])
+    return gain, value
+
+
+def _leaving(matrix: np.ndarray) -> np.ndarray:
+    """$I - P$ of a stochastic matrix. Its diagonal is the sum of what leaves a state, which is exact to rounding where
+    a state is hardly ever left."""
+    others = np.where(np.eye(len(matrix), dtype=bool), 0.0, matrix)
+    return np.diag(others.sum(1)) - others
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """A linear system, refined by its residual in extended precision."""
+    factors, exact = lu_factor(matrix), matrix.astype(np.longdouble)
+    found = lu_solve(factors, right)
+    for _ in range(2):
+        found = found + lu_solve(factors, (right - exact @ found).astype(float))
+    return found
+
+
+def _recurrent(matrix: np.ndarray) -> list[np.ndarray]:
+    """The states of each closed recurrent class."""
     count, of = connected_components(matrix > 0, connection="strong")
     leaving = {of[i] for i, j in zip(*np.nonzero(matrix), strict=True) if of[i] != of[j]}
-    closed = count - len(leaving)
-    check(closed == 1, "policy", f"{closed} recurrent classes", "one whose chain has a unique stationary distribution")
-    return np.linalg.solve((np.eye(len(matrix)) - matrix + 1).T, np.ones(len(matrix)))
+    return [np.flatnonzero(of == each) for each in range(count) if each not in leaving]
+
+
+def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
+    """The stationary distribution of a chain with exactly one recurrent class."""
+    closed = _recurrent(matrix)
+    told = f"{len(closed)} recurrent classes"
+    check(len(closed) == 1, "policy", told, "one whose chain has a unique stationary distribution")
+    pi = np.zeros(len(matrix))
+    pi[closed[0]] = _balance(matrix[np.ix_(closed[0], closed[0])])
+    return pi
+
+
+def _balance(matrix: np.ndarray) -> np.ndarray:
+    """The stationary distribution of an irreducible chain, from the flows between its states."""
+    leaving, pi = _leaving(matrix), np.ones(len(matrix))
+    for _ in range(2):  # relative to any state, then to the most probable, where rounding is least
+        one = pi.argmax()
+        others = np.arange(len(matrix)) != one
+        pi = np.ones(len(matrix))
+        pi[others] = _solve(leaving[np.ix_(others, others)].T, matrix[one, others])
+    return pi / pi.sum()
 
 
 def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:

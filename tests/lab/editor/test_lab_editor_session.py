@@ -134,7 +134,10 @@ def test_files_are_saved_opened_and_never_lost(start, tmp_path):
     assert "unchanged since it was opened" in client.ask("save")["message"]  # it was replaced meanwhile
     client.do("save", over=True)
     assert lab.load(tmp_path / "mine.json").title == "Mine"
-    for name in ("../out", "/tmp/x", "a/b", ".hidden", "", "x" * 300):
+    outside = tmp_path.parent / "outside.json"
+    lab.save(lab.Diagram(), outside)
+    (tmp_path / "link.json").symlink_to(outside)
+    for name in ("../out", "/tmp/x", "a/b", ".hidden", "", "x" * 300, "link"):
         assert client.ask("save", file=name)["event"] == "refused"
     (tmp_path / "spoilt.json").write_text('{"format": "motorgrad diagram", "version": 1, "blocks": {"a": {}}}')
     before = client.session.diagram

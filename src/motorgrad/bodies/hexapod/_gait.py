@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from motorgrad._errors import check, check_positive
 from motorgrad.bodies._batch import BodyBatch
@@ -35,6 +35,8 @@ class Gait(NamedTuple):
     - `frequency`: of strides in Hz, the spectral peak of the first tripod's mean lateral angle.
     - `phase`: between the mean lateral angles of the two tripods at that frequency, in cycles from 0 to 0.5.
     - `correlation`: of these two angles, from −1 to 1.
+    - `contact_correlation`: of the numbers of feet that the two tripods have on the ground, from −1 to 1; 0 where
+      either number never changes.
     - `duty`: fraction of the time that a foot is on the ground, averaged over all six.
     """
 
@@ -44,6 +46,7 @@ class Gait(NamedTuple):
     frequency: np.ndarray
     phase: np.ndarray
     correlation: np.ndarray
+    contact_correlation: np.ndarray
     duty: np.ndarray
 
 
@@ -147,6 +150,7 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
     correlation = (first * second).sum(0) / np.where(power > 0.0, power, 1.0)
     speed = np.asarray(reading.speed, float).mean(0)
     path = np.asarray(reading.position, float)[[0, -1], :, :2]
+    down = debounced(np.asarray(reading.contact) > TOUCH, period)
     return Gait(
         kind=_kind(speed, phase, correlation),
         speed=speed,
@@ -154,8 +158,16 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
         frequency=frequencies[peak],
         phase=phase,
         correlation=correlation,
-        duty=debounced(np.asarray(reading.contact) > TOUCH, period).mean((0, 2)),
+        contact_correlation=_contact_correlation(down),
+        duty=down.mean((0, 2)),
     )
+
+
+def _contact_correlation(down: Bool[np.ndarray, "decisions seeds 6"]) -> Float[np.ndarray, " seeds"]:
+    """Correlation of the tripods' numbers of feet on the ground."""
+    counts = np.stack([down[..., [LEGS.index(leg) for leg in tripod]].sum(-1) for tripod in TRIPODS])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.array([np.nan_to_num(np.corrcoef(each))[0, 1] for each in np.moveaxis(counts, 2, 0)])
 
 
 def debounced(contact: np.ndarray, period: float) -> np.ndarray:

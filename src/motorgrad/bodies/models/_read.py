@@ -28,8 +28,8 @@ def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | Non
 
     **Returns:** the model, as `compile_model` does.
 
-    **Raises:** `ValueError`, in one line, for what MuJoCo refuses and for a model beyond the
-    [limits](../bodies.md#models-from-elsewhere).
+    **Raises:** `ValueError`, in one line, for what MuJoCo refuses and for a model beyond the limits of size, which the
+    page on bodies lists.
 
     ```python
     model = mg.bodies.read_model("<mujoco><worldbody><geom size='0.1'/></worldbody></mujoco>")

@@ -1,15 +1,16 @@
 """Figure A.1: the geometry of a muscle that wraps around a joint's capsule."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, at_most
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_bones, draw_path, flat_path, new_figure
+from motorgrad.statistics import exact
 
 Shape = tuple[float, float, float]
 """Distances of A and B from the capsule's centre, and its radius, in m."""
@@ -37,19 +38,17 @@ class Wrapping(Experiment):
     origin_distance: float = 0.13
     insertion_distance: float = 0.1
     radius: float = 0.045
-    geometries: int = 500
+    geometries: int = ranged(500, 1, 100_000)
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(0 < self.radius < 10, "radius", self.radius, "from 0 to 10 m")
         for name in ("origin_distance", "insertion_distance"):
             value = getattr(self, name)
             check(1.01 * self.radius <= value < 100, name, value, f"at least 1.01 times the radius, {self.radius} m")
-        self.check_range(1, 100_000, "geometries")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(geometries=20)
+    quick = smoke(geometries=20)
 
     @property
     def shape(self) -> Shape:
@@ -78,38 +77,34 @@ class Wrapping(Experiment):
         draw_length(below.subplots(1, 2), values, self.shape)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         count = len(values["jump"])
         over = f"The greatest deviation over {count:,} geometries: the one drawn and random ones."
-        return (
-            _zero("A path touches its capsule if θ is less than θ_c = 2π − α_A − α_B.", values["onset"], "rad", over),
-            _zero("The length of a path is that of two tangents and an arc.", values["parts"], "m", over),
-            _zero("The length is continuous where wrapping begins.", values["jump"], "m", over),
-            _zero(
-                "The length of a wrapped path changes at the rate −r dθ/dt.", values["wrapped_rate"], "m/s", over, 1e-8
-            ),
-            _zero(
-                "The length of a straight path changes at the rate D·dD/dt / |D|.",
-                values["straight_rate"],
-                "m/s",
-                over,
-                1e-8,
-            ),
-            _zero(
-                "All distances and angles in the drawing except β are independent of the joint angle.",
-                values["constant"],
-                "m or rad",
-                over,
-            ),
+        yield _zero("A path touches its capsule if θ is less than θ_c = 2π − α_A − α_B.", values["onset"], "rad", over)
+        yield _zero("The length of a path is that of two tangents and an arc.", values["parts"], "m", over)
+        yield _zero("The length is continuous where wrapping begins.", values["jump"], "m", over)
+        yield _zero(
+            "The length of a wrapped path changes at the rate −r dθ/dt.", values["wrapped_rate"], "m/s", over, 1e-8
+        )
+        yield _zero(
+            "The length of a straight path changes at the rate D·dD/dt / |D|.",
+            values["straight_rate"],
+            "m/s",
+            over,
+            1e-8,
+        )
+        yield _zero(
+            "All distances and angles in the drawing except β are independent of the joint angle.",
+            values["constant"],
+            "m or rad",
+            over,
         )
 
 
 def _zero(statement: str, errors: np.ndarray, unit: str, note: str, within: float = 1e-9) -> Claim:
-    worst = float(np.max(errors))
     if within > 1e-9:
         note = f"{note} Compared with finite differences, which are exact to about 1e-9."
-    expected = f"no difference: at most {within:g}"
-    return Claim(statement, "appendix A.2", expected, exact(worst), worst <= within, unit, note)
+    return at_most(within, statement, exact(np.max(errors)), "greatest difference", unit, note, "appendix A.2")
 
 
 def ends(angle: float, shape: Shape) -> np.ndarray:

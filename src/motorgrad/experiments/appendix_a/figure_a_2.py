@@ -1,15 +1,15 @@
 """Figure A.2: the circular force field."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Self
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_least, at_most, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.sim import draw_paths, draw_regions
+from motorgrad.statistics import exact
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
 
 FREE = Walls(left=-50.0, right=50.0, bottom=-50.0, top=50.0)
@@ -35,15 +35,13 @@ class Circular(Experiment):
     tangential: float = 0.5
     radial: float = 1.0
     radius: float = 0.25
-    seconds: float = 200.0
+    seconds: float = ranged(200.0, 1, 10**5, " simulated s")
 
     def __post_init__(self) -> None:
-        check(1 <= self.seconds <= 1e5, "seconds", self.seconds, "from 1 to 100,000 simulated s")
+        super().__post_init__()
         self.physics(self.tangential, self.radial)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=40.0)
+    quick = smoke(seconds=40.0)
 
     def physics(self, tangential: float, radial: float, mass: float = 1.0, drag: float = 1.0) -> ParticlePhysics:
         """A particle in such a field, without gravity and far from all walls."""
@@ -70,15 +68,14 @@ class Circular(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(11, 3.9)
-        axes = figure.subplots(1, 3, width_ratios=[1, 1, 1.15])
+        figure, axes = subplots(11, 3.9, 1, 3, width_ratios=[1, 1, 1.15])
         physics = self.physics(self.tangential, self.radial)
         draw_field(axes[0], physics, force_at, ())
         draw_field(axes[1], physics, None, list(values["paths"]))
         draw_limits(axes[2], values, self.radius)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         away = values["places"] - 0.5
         distance = np.linalg.norm(away, axis=1)
         outwards = away / distance[:, None]
@@ -89,48 +86,46 @@ class Circular(Experiment):
         radius = np.abs(values["measured"] / values["expected"] - 1)
         mass, drag = values["cases"][:, 2:].T
         turning = np.abs(values["turning"] + values["cases"][:, 0] / drag)
-        return [
-            Claim(
-                "The force is k₁ r clockwise and k₂ (r* − r) outwards.",
-                "appendix A.3",
-                "no difference: at most 1e-6",
-                exact(off),
-                off <= 1e-6,
-                note=f"The greatest difference at {len(away)} places. As printed, the first part turns anticlockwise.",
-            ),
-            Claim(
-                "Without actions the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
-                "appendix A.3, solved for a steady circle",
-                f"ratio of measured to expected radius: within {CLOSE:g} of 1",
-                exact(float(radius.max())),
-                radius.max() <= CLOSE,
-                note=f"The greatest deviation over {len(radius)} fields and particles, masses {mass.min():g} "
-                f"and {mass.max():g}, "
-                f"drags {drag.min():g} and {drag.max():g}.",
-            ),
-            Claim(
-                "The particle goes round the orbit clockwise at k₁/k_d rad/s.",
-                "appendix A.3, solved for a steady circle",
-                f"no difference: at most {CLOSE:g}",
-                exact(float(turning.max())),
-                turning.max() <= CLOSE,
-                "rad/s",
-            ),
-            Claim(
-                "Without the tangential part the particle comes to rest at r*.",
-                "appendix A.3",
-                f"radius / r*: within {CLOSE:g} of 1",
-                exact(float(values["measured"][0] / self.radius)),
-                abs(values["measured"][0] / self.radius - 1) <= CLOSE,
-            ),
-            Claim(
-                "There is no orbit unless k₂ exceeds k₁².",
-                "appendix A.3, solved for a steady circle",
-                "a field with k₂ = k₁² is refused (1 if it is)",
-                exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
-                refused(lambda: self.physics(np.sqrt(self.radial), self.radial)),
-            ),
-        ]
+        yield at_most(
+            1e-6,
+            "The force is k₁ r clockwise and k₂ (r* − r) outwards.",
+            exact(off),
+            "greatest difference",
+            note=f"The greatest difference at {len(away)} places. As printed, the first part turns anticlockwise.",
+            source="appendix A.3",
+        )
+        yield at_most(
+            CLOSE,
+            "Without actions the orbit has the radius k₂ r*/(k₂ − m k₁²/k_d²).",
+            exact(float(radius.max())),
+            "deviation of the ratio of measured to expected radius from 1",
+            note=f"The greatest deviation over {len(radius)} fields and particles, masses {mass.min():g} and "
+            f"{mass.max():g}, drags {drag.min():g} and {drag.max():g}.",
+            source="appendix A.3, solved for a steady circle",
+        )
+        yield at_most(
+            CLOSE,
+            "The particle goes round the orbit clockwise at k₁/k_d rad/s.",
+            exact(float(turning.max())),
+            "greatest difference",
+            "rad/s",
+            source="appendix A.3, solved for a steady circle",
+        )
+        yield within(
+            1 - CLOSE,
+            1 + CLOSE,
+            "Without the tangential part the particle comes to rest at r*.",
+            exact(float(values["measured"][0] / self.radius)),
+            "radius / r*",
+            source="appendix A.3",
+        )
+        yield at_least(
+            1,
+            "There is no orbit unless k₂ exceeds k₁².",
+            exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
+            "whether a field with k₂ = k₁² is refused (1 if it is)",
+            source="appendix A.3, solved for a steady circle",
+        )
 
 
 def refused(make: Any) -> bool:

@@ -2,8 +2,8 @@
 
 import math
 
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, experiment
+from motorgrad.experiments._figures import Axes, Figure, Point, draw_arrow, subplots
 
 HIDDEN, SEEN, OURS = "#3b6fb6", "#c8452f", "#2e8b57"
 RADIUS = 0.33
@@ -34,12 +34,8 @@ class Process(Experiment):
     """Dependencies in a partially observable Markov decision process. The state evolves unseen; each state yields an
     observation and a reward; the policy chooses the action from the observation alone."""
 
-    def run(self, work: Workspace) -> Values:
-        return {}
-
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(7, 5)
-        axes = figure.subplots()
+        figure, axes = subplots(7, 5)
         for place, formula, colour in NODES.values():
             _node(axes, place, formula, colour)
         for (start, end), (formula, colour, offset) in ARROWS.items():

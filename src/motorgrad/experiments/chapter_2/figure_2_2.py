@@ -1,18 +1,18 @@
 """Figure 2.2: hill climbing on the objective of a Gaussian policy."""
 
 import itertools
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, above, below, exact, mean_of, median_of, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, above, below, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_2._landscape import Bumps, climb, greatest, learn, surface
+from motorgrad.statistics import exact, mean_of, median_of, share_of
 
 SIDE = 4.0  # actions are rewarded between −SIDE and SIDE
 WIDE, NARROW = 3.0, 0.3  # initial standard deviations
@@ -51,21 +51,14 @@ class HillClimbing(Experiment):
     - `seed`: of the learners and of the random rewards.
     """
 
-    columns: int = 201
-    rows: int = 101
-    runs: int = 200
-    decisions: int = 50_000
-    rewards: int = 500
+    columns: int = ranged(201, 5, 1000)
+    rows: int = ranged(101, 5, 1000)
+    runs: int = ranged(200, 2, 10**5)
+    decisions: int = ranged(50_000, RECORDS, 10**8)
+    rewards: int = ranged(500, 2, 10**5)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        for name, low, high in (("columns", 5, 1000), ("rows", 5, 1000), ("runs", 2, 10**5), ("rewards", 2, 10**5)):
-            check(low <= getattr(self, name) <= high, name, getattr(self, name), f"from {low:,} to {high:,}")
-        check(RECORDS <= self.decisions <= 10**8, "decisions", self.decisions, f"from {RECORDS} to 100,000,000")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
+    quick = smoke(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
 
     def run(self, work: Workspace) -> Values:
         means, deviations = np.linspace(-SIDE, SIDE, self.columns), np.linspace(0, SIDE, self.rows)
@@ -137,8 +130,10 @@ class HillClimbing(Experiment):
         bar.set_label("reward of the optimum to which hill climbing leads")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [*_wide_claims(values), *_random_claims(values), *_noise_claims(values)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from _wide_claims(values)
+        yield from _random_claims(values)
+        yield from _noise_claims(values)
 
 
 def _paths() -> np.ndarray:
@@ -150,39 +145,32 @@ def _values(bumps: Bumps, points: Float[np.ndarray, "points 2"]) -> np.ndarray:
     return np.asarray(surface(bumps, jnp.asarray(points, float)), float)
 
 
-def _wide_claims(values: Values) -> list[Claim]:
+def _wide_claims(values: Values) -> Iterator[Claim]:
     best = values["best"] - NEAR
     wide, narrow = (
         (values["reached"][np.abs(values["deviations"] - deviation).argmin()] > best).mean()
         for deviation in (WIDE, NARROW)
     )
     learned = {name: share_of(_values(DRAWN, values[f"learned {name}"]) > best) for name in ("wide", "narrow")}
-    return [
-        Claim(
-            f"Hill climbing reaches the best optimum from more initial means if starts are wide (σ = {WIDE:g}) than if "
-            f"they are narrow (σ = {NARROW:g}).",
-            "figure 2.2",
-            f"above {narrow:.3g}, the share for narrow starts",
-            exact(wide),
-            wide > narrow,
-            "of initial means",
-            "For the reward drawn, by exact gradients.",
-        ),
-        above(
-            learned["narrow"].high,
-            "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
-            "figure 2.2",
-            f"above {learned['narrow'].high:.3g}, the upper end of the interval for narrow starts",
-            learned["wide"],
-            "of runs",
-            f"From narrow starts: {learned['narrow']}. For the reward drawn.",
-        ),
-    ]
+    yield above(
+        narrow,
+        f"Hill climbing reaches the best optimum from more initial means if starts are wide (σ = {WIDE:g}) than if "
+        f"they are narrow (σ = {NARROW:g}).",
+        exact(wide),
+        unit="of initial means",
+        note="For the reward drawn, by exact gradients.",
+    )
+    yield above(
+        learned["narrow"].high,
+        "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
+        learned["wide"],
+        unit="of runs",
+        note=f"From narrow starts: {learned['narrow']}. For the reward drawn.",
+    )
 
 
-def _random_claims(values: Values) -> list[Claim]:
+def _random_claims(values: Values) -> Iterator[Claim]:
     middle, sides, narrow = (values[f"random {name}"].mean(axis=1) for name in ("middle", "sides", "narrow"))
-    made = []
     for statement, other, words in (
         (
             "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow starts",
@@ -191,44 +179,31 @@ def _random_claims(values: Values) -> list[Claim]:
         ),
         ("A wide start is better in the middle of the rewarded interval (unbiased) than at one side", sides, "biased"),
     ):
-        more = mean_of(middle - other)
-        made.append(
-            positive(
-                f"{statement}.",
-                "figure 2.2",
-                "above 0",
-                more,
-                "difference of the shares of starts",
-                f"{middle.mean():.3g} against {other.mean():.3g} from {words} starts; sums of five bumps of random "
-                "position, height and width, by exact gradients.",
-            )
+        yield positive(
+            f"{statement}.",
+            mean_of(middle - other),
+            unit="difference of the shares of starts",
+            note=f"{middle.mean():.3g} against {other.mean():.3g} from {words} starts; sums of five bumps of random "
+            "position, height and width, by exact gradients.",
         )
-    return made
 
 
-def _noise_claims(values: Values) -> list[Claim]:
+def _noise_claims(values: Values) -> Iterator[Claim]:
     left = float(np.abs(values["ends"][:, 1]).max())
-    learned = median_of(np.concatenate([values[f"learned {name}"][:, 1] for name in ("wide", "narrow")]))
-    return [
-        Claim(
-            "Hill climbing converges to a deterministic policy, σ = 0, from every start.",
-            "figure 2.2",
-            "0, to 0.001",
-            exact(left),
-            left < 1e-3,
-            "is the greatest remaining σ",
-            "By exact gradients, for the reward drawn.",
-        ),
-        below(
-            0.05,
-            "So does learning from rewards alone.",
-            "figure 2.2",
-            "below 0.05",
-            learned,
-            "is the remaining σ",
-            "It falls like the inverse square root of time, because the step size is proportional to σ².",
-        ),
-    ]
+    yield below(
+        1e-3,
+        "Hill climbing converges to a deterministic policy, σ = 0, from every start.",
+        exact(left),
+        unit="is the greatest remaining σ",
+        note="By exact gradients, for the reward drawn.",
+    )
+    yield below(
+        0.05,
+        "So does learning from rewards alone.",
+        median_of(np.concatenate([values[f"learned {name}"][:, 1] for name in ("wide", "narrow")])),
+        unit="is the remaining σ",
+        note="It falls like the inverse square root of time, because the step size is proportional to σ².",
+    )
 
 
 def _surface(axes: Any, values: Values, colour: Any) -> None:

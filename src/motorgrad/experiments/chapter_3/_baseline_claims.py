@@ -1,12 +1,13 @@
 """The claims of section 3.2.1, and the statistics that decide them."""
 
-import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, above, exact, mean_of
+from motorgrad.experiments._claims import Claim, above, at_least, at_most, below, within
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments.chapter_3._estimates import WORLDS
+from motorgrad.statistics import exact, mean_of, ratio_of
 
 GROUPS = 20  # groups of runs, each of which yields one variance
 SOURCE = "section 3.2.1"
@@ -15,8 +16,9 @@ SMALL = 0.1  # a relative bias
 CLOSE = 0.01  # distance from the average reward, for rewards between 0 and 1
 
 
-def all_claims(values: Values) -> list[Claim]:
-    return [*_variance_claims(values), *_bias_claims(values), *_best(values), *_learning(values), *_decay(values)]
+def all_claims(values: Values) -> Iterator[Claim]:
+    for claims in (_variance_claims, _bias_claims, _best, _learning, _decay):
+        yield from claims(values)
 
 
 def variances(found: np.ndarray, longest: int) -> np.ndarray:
@@ -24,31 +26,20 @@ def variances(found: np.ndarray, longest: int) -> np.ndarray:
     return np.array([group.var(axis=0, ddof=1).sum() for group in np.array_split(found, GROUPS)]) * longest
 
 
-def ratio_of(above: np.ndarray, below: np.ndarray) -> Measured:
-    """Pairwise ratio of two sets of positive numbers: geometric mean with its interval."""
-    logs = mean_of(np.log(above / below))
-    return Measured(math.exp(logs.value), math.exp(logs.low), math.exp(logs.high), logs.count, "geometric mean")
-
-
-def _variance_claims(values: Values) -> list[Claim]:
-    made, longest = [], int(values["length"][-1])
+def _variance_claims(values: Values) -> Iterator[Claim]:
+    longest = int(values["length"][-1])
     for row, decay in enumerate(values["decay"]):
         without, compared = (variances(values[f"estimate {name}"][row], longest) for name in ("none", "mean"))
-        ratio, shape = ratio_of(without, compared), values["parabola decay"][row]
+        shape = values["parabola decay"][row]
         limit = _height(shape, 0.0) / _height(shape, float(values["average reward"]))
-        made.append(
-            above(
-                1,
-                f"A running-mean baseline reduces the variance of the estimate (β = {decay:g}).",
-                SOURCE,
-                "above 1",
-                ratio,
-                "is the factor of reduction",
-                f"Over groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by "
-                "linear algebra.",
-            )
+        yield above(
+            1,
+            f"A running-mean baseline reduces the variance of the estimate (β = {decay:g}).",
+            ratio_of(without, compared),
+            "factor of reduction",
+            note=f"Over groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by linear "
+            "algebra.",
         )
-    return made
 
 
 def _height(shape: np.ndarray, baseline: float) -> float:
@@ -73,158 +64,124 @@ UNBIASED = 0.05
 """A bias counts as none if its whole interval lies within this fraction of the gradient."""
 
 
-def _within(bias: Measured) -> bool:
-    return bias.low > -UNBIASED and bias.high < UNBIASED
-
-
-def _bias_claims(values: Values) -> list[Claim]:
+def _bias_claims(values: Values) -> Iterator[Claim]:
     length, decay = values["length"], float(values["bias decay"])
     thousand, last = int(np.flatnonzero(length == 1_000)[0]), len(length) - 1
-    constant = mean_of(values["added by constant"][thousand])
-    early, late = (mean_of(values["added by mean"][at]) for at in (thousand, last))
     foretold = shared_rewards(decay, length)
-    unit, about = "of the gradient", f"β = {decay:g}, {int(length[thousand]):,} decisions"
-    return [
-        Claim(
+    about = f"β = {decay:g}, {int(length[thousand]):,} decisions"
+    for statement, added, note in (
+        (
             f"A constant baseline does not change the mean of the estimate ({about}).",
-            SOURCE,
-            f"between {-UNBIASED} and {UNBIASED}",
-            constant,
-            _within(constant),
-            unit,
+            values["added by constant"][thousand],
             "The baseline is the average reward; pairs of estimates on the same trajectory, with and without it.",
         ),
-        Claim(
+        (
             f"A running mean does not change the mean of the estimate ({about}).",
-            SOURCE,
-            f"between {-UNBIASED} and {UNBIASED}",
-            early,
-            _within(early),
-            unit,
+            values["added by mean"][thousand],
             "Compared with the constant on the same trajectory. The running mean contains the rewards of the "
             "actions that are still in the trace. To first order, this reduces the estimate by the fraction "
             f"β/(1 − β) · (ln((1 − β)T) + 0.577)/T, here {-foretold[thousand]:.3g}.",
         ),
-        Claim(
+        (
             f"In long runs, a running mean does not change it (β = {decay:g}, {int(length[last]):,} decisions).",
-            SOURCE,
-            f"between {-UNBIASED} and {UNBIASED}",
-            late,
-            _within(late),
-            unit,
+            values["added by mean"][last],
             f"To first order {foretold[last]:.3g}; the bias vanishes like (ln T)/T.",
         ),
-    ]
+    ):
+        yield within(-UNBIASED, UNBIASED, statement, mean_of(added), unit="of the gradient", note=note)
 
 
-def _best(values: Values) -> list[Claim]:
-    eta, made = float(values["average reward"]), []
+def _best(values: Values) -> Iterator[Claim]:
+    eta = float(values["average reward"])
     for row, decay in enumerate(values["decay"]):
         best, least, _ = values["parabola decay"][row]
         excess = _height(values["parabola decay"][row], eta) / least - 1
-        made.append(
-            Claim(
-                f"Of all constant baselines, the average reward has the least variance (β = {decay:g}).",
-                f"{SOURCE}, after Weaver & Tao 2001",
-                f"{eta:.4g} ± {CLOSE:g}",
-                exact(best),
-                abs(best - eta) <= CLOSE,
-                "is the best constant",
-                f"By linear algebra. At the average reward the variance is {excess:.1%} above the least.",
-            )
+        yield within(
+            eta - CLOSE,
+            eta + CLOSE,
+            f"Of all constant baselines, the average reward has the least variance (β = {decay:g}).",
+            exact(best),
+            "best constant",
+            note=f"By linear algebra. At the average reward the variance is {excess:.1%} above the least.",
+            source=f"{SOURCE}, after Weaver & Tao 2001",
         )
-    nearest, off = values["limit best"][-1], np.abs(values["limit best"] - eta)
-    made.append(
-        Claim(
-            "As β tends to 1, the best constant baseline tends to the average reward.",
-            "Weaver & Tao 2001",
-            f"{eta:.4g} ± {CLOSE:g}",
-            exact(nearest),
-            off[-1] <= CLOSE and bool(np.all(np.diff(off) <= 0)),
-            f"is the best constant at β = {values['limit'][-1]:g}",
-            "By linear algebra; the distance must also shrink at every step of β.",
-        )
+    off = np.abs(values["limit best"] - eta)
+    yield at_most(
+        CLOSE,
+        "As β tends to 1, the best constant baseline tends to the average reward.",
+        exact(off[-1]),
+        f"distance of the best constant at β = {values['limit'][-1]:g}",
+        note="By linear algebra.",
+        source="Weaver & Tao 2001",
     )
-    return made
+    yield at_most(
+        0,
+        "On the way, it comes closer at every step of β.",
+        exact(np.diff(off).max()),
+        "greatest change of the distance",
+        source="Weaver & Tao 2001",
+    )
 
 
-def _learning(values: Values) -> list[Claim]:
-    made = []
-    for name, words, falls in (
-        ("olgarb", "With a baseline, the mean |δ| falls during learning, like an annealed step size", True),
-        ("olpomdp", "Without one, it does not fall: it grows with the reward", False),
-    ):
+def _learning(values: Values) -> Iterator[Claim]:
+    last = {}
+    for name in ("olgarb", "olpomdp"):
         surprise = values[f"surprise {name}"]
         tenth = max(1, surprise.shape[1] // 10)
-        ratio = mean_of(surprise[:, -tenth:].mean(1) / surprise[:, 0])
-        made.append(
-            Claim(
-                f"{words}.",
-                SOURCE,
-                "below 1" if falls else "1 or above",
-                ratio,
-                ratio.high < 1 if falls else ratio.low >= 1,
-                "of the first record, in the last tenth of learning",
-                "Rewards are 0 or 1: the more certain a reward, the smaller |δ|. It does not anneal to 0."
-                if falls
-                else "",
-            )
-        )
-    return made
+        last[name] = mean_of(surprise[:, -tenth:].mean(1) / surprise[:, 0])
+    quantity = "last tenth of learning relative to the first record"
+    yield below(
+        1,
+        "With a baseline, the mean |δ| falls during learning, like an annealed step size.",
+        last["olgarb"],
+        quantity,
+        note="Rewards are 0 or 1: the more certain a reward, the smaller |δ|. It does not anneal to 0.",
+    )
+    yield at_least(1, "Without one, it does not fall: it grows with the reward.", last["olpomdp"], quantity)
 
 
-def _decay(values: Values) -> list[Claim]:
+def _decay(values: Values) -> Iterator[Claim]:
     longest, first, last = int(values["length"][-1]), values["decay"][0], values["decay"][-1]
-    variance = ratio_of(*(variances(values["estimate mean"][row], longest) for row in (-1, 0)))
     bias = values["bias three states"]
     far, near, reset = (
-        {name: _at(values, name, reach) for name in WORLDS if name.startswith("reset") is slow}
+        exact(max(_at(values, name, reach) for name in WORLDS if name.startswith("reset") is slow))
         for reach, slow in ((FAR, False), (NEAR, False), (FAR, True))
     )
-    return [
-        above(
-            1,
-            f"The variance rises with the decay (running mean, β = {last:g} against {first:g}).",
-            SOURCE,
-            "above 1",
-            variance,
-            "times the variance",
-        ),
-        Claim(
-            "The bias falls with the decay (three states, over all reaches measured).",
-            SOURCE,
-            "below 1",
-            exact(bias[-1] / bias[0]),
-            bool(np.all(np.diff(bias) <= 0) and bias[-1] < bias[0]),
-            "is the ratio of the bias at the longest reach to that at the shortest",
-        ),
-        Claim(
-            f"The bias is small if 1/(1 − β) is {FAR:g} times the mixing time.",
-            f"{SOURCE}, with the inequality reversed",
-            f"below {SMALL:g}",
-            exact(max(far.values())),
-            max(far.values()) < SMALL,
-            "relative bias, the worst of the three-state MDP and walks of 4 to 20 states",
-        ),
-        Claim(
-            f"The mixing time should exceed 1/(1 − β), here by a factor of {1 / NEAR:g}.",
-            f"{SOURCE}, as printed",
-            f"below {SMALL:g}",
-            exact(max(near.values())),
-            max(near.values()) < SMALL,
-            "relative bias, the worst of the same worlds",
-            "The printed inequality is reversed.",
-        ),
-        Claim(
-            f"The mixing time determines the reach that a trace needs: {FAR:g} times suffices in every world.",
-            SOURCE,
-            f"below {SMALL:g}",
-            exact(max(reset.values())),
-            max(reset.values()) < SMALL,
-            "relative bias, the worst of chains in which a wrong move leads back to the start",
-            "Such a chain of N states mixes in 2 steps, and yet an action affects a reward N − 1 decisions later.",
-        ),
-    ]
+    yield above(
+        1,
+        f"The variance rises with the decay (running mean, β = {last:g} against {first:g}).",
+        ratio_of(variances(values["estimate mean"][-1], longest), variances(values["estimate mean"][0], longest)),
+        unit="times the variance",
+    )
+    yield at_most(
+        1,
+        "The bias falls with the decay (three states, over all reaches measured).",
+        exact(np.max(bias[1:] / bias[:-1])),
+        "greatest ratio of a bias to that at the next shorter reach",
+        note=f"That at the longest reach is {bias[-1] / bias[0]:.3g} of that at the shortest.",
+    )
+    yield below(
+        SMALL,
+        f"The bias is small if 1/(1 − β) is {FAR:g} times the mixing time.",
+        far,
+        "relative bias, the worst of the three-state MDP and walks of 4 to 20 states,",
+        source=f"{SOURCE}, with the inequality reversed",
+    )
+    yield below(
+        SMALL,
+        f"The mixing time should exceed 1/(1 − β), here by a factor of {1 / NEAR:g}.",
+        near,
+        "relative bias, the worst of the same worlds,",
+        note="The printed inequality is reversed.",
+        source=f"{SOURCE}, as printed",
+    )
+    yield below(
+        SMALL,
+        f"The mixing time determines the reach that a trace needs: {FAR:g} times suffices in every world.",
+        reset,
+        "relative bias, the worst of chains in which a wrong move leads back to the start,",
+        note="Such a chain of N states mixes in 2 steps, and yet an action affects a reward N − 1 decisions later.",
+    )
 
 
 def _at(values: Values, name: str, reach: float) -> float:

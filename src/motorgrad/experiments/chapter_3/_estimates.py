@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import LEVEL
 from motorgrad.learning import Agent, Baseline, gpomdp
 from motorgrad.policies import Policy, Softmax, softmax
 from motorgrad.tasks import ThreeState
@@ -47,13 +46,6 @@ def relative_error(found: Float[np.ndarray, "*runs parameters"], exact: Float[np
 def along(found: Float[np.ndarray, "*runs parameters"], direction: Float[np.ndarray, " parameters"]) -> np.ndarray:
     """Component of each vector along `direction`, 1 for `direction` itself. Unlike a norm, it averages out noise."""
     return found @ direction / (direction @ direction)
-
-
-def joint_quantile(comparisons: int) -> float:
-    """The number of standard errors that makes so many intervals hold jointly at the level (Bonferroni)."""
-    from scipy import stats
-
-    return float(stats.norm.ppf(1 - (1 - LEVEL) / (2 * comparisons)))
 
 
 def _undirected(mdp: FiniteMDP) -> Softmax:

@@ -1,19 +1,19 @@
 """Figure 3.1: the learner, and how good its gradient estimates are on the three-state MDP."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-import jax
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._tree import numbers_of
-from motorgrad.experiments._claims import Claim, exact, mean_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, at_most, in_every, negative, positive, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
-from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, joint_quantile, relative_error
+from motorgrad.experiments.chapter_3._estimates import comparison_point, estimates, relative_error
 from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
+from motorgrad.statistics import exact, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
@@ -27,6 +27,7 @@ ERRORS = {"none": {1_000: 0.752, 10_000: 0.241, 100_000: 0.084}, "mean": {1_000:
 """Mean relative errors of an independent simulation over `ERROR_RUNS` runs, by baseline and number of decisions."""
 
 GOOD = 0.799
+CLOSE, TOLERANCE = 0.01, 0.1  # deviation of a bias, in units of the gradient; relative deviation of an error
 WORDS = {"none": "no baseline", "mean": "running-mean baseline"}
 # (indent, text, emphasis): figure 3.1 with its two misprints corrected
 LISTING = (
@@ -64,23 +65,18 @@ class Learner(Experiment):
     - `decays`: of the traces, per decision, 0 and 0.95 among them.
     """
 
-    runs: int = 1000
-    longest: int = 100_000
-    seeds: int = 50
-    steps: int = 600_000
+    runs: int = ranged(1000, 2, 100_000)
+    longest: int = ranged(100_000, 1_000, 10**8, " decisions")
+    seeds: int = ranged(50, 1, 10_000)
+    steps: int = ranged(600_000, 200, 10**9)
     decays: tuple[float, ...] = tuple(BIAS)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 100_000, "runs")
-        self.check_range(1_000, 10**8, "longest", unit=" decisions")
-        self.check_range(1, 10_000, "seeds")
+        super().__post_init__()
         known = {SHORT, LONG} <= set(self.decays) <= set(BIAS)
         check(known, "decays", self.decays, f"{SHORT:g}, {LONG:g} and others of {', '.join(map(str, BIAS))}")
-        self.check_range(200, 10**9, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(runs=20, longest=1_000, seeds=3, steps=2_000, decays=(SHORT, LONG))
+    quick = smoke(runs=20, longest=1_000, seeds=3, steps=2_000, decays=(SHORT, LONG))
 
     @property
     def lengths(self) -> list[int]:
@@ -134,14 +130,12 @@ class Learner(Experiment):
         _learning(panels["learning"], values, GOOD)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [
-            *_exact_claims(values),
-            *_bias_claims(values),
-            *_error_claims(values),
-            *_trade_off(values),
-            _learned(values),
-        ]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from _exact_claims(values)
+        yield from _bias_claims(values)
+        yield from _error_claims(values)
+        yield from _trade_off(values)
+        yield _learned(values)
 
 
 def earned(run: Run) -> Values:
@@ -149,118 +143,97 @@ def earned(run: Run) -> Values:
     records, denser at first; and the numbers of decisions made by then."""
     mdp, decision = ThreeState().dynamics, run.curve("reward")[0]
     picked = np.unique(np.round(np.geomspace(1, len(decision), 25)).astype(int)) - 1
-    stored = np.stack(run.metrics["parameters"].to_pylist()).reshape(len(decision), len(run.seeds), 2, -1)[picked]
-    weights = np.concatenate([np.asarray(jax.tree.leaves(run.initial)[0])[None], stored])
+    initial: Any = run.initial
+    weights = np.concatenate([initial.weights[None], run.policies_at(picked).weights])
     reward = [[oracle.average_reward(mdp, Softmax(one)) for one in seeds] for seeds in weights]
     return {"decision": np.concatenate([[0], decision[picked]]), "earned": np.array(reward).T}
 
 
-def _exact_claims(values: Values) -> list[Claim]:
-    eta = float(values["average reward"])
-    off = float(np.abs(values["gradient"] - GRADIENT).max())
-    rounding = 5.01e-9  # the figures have eight digits
-    return [
-        Claim(
-            "At the point of comparison, the average reward of the three-state MDP is 0.29419747.",
-            SOURCE,
-            str(ETA),
-            exact(eta),
-            abs(eta - ETA) < rounding,
-        ),
-        Claim(
-            "The exact gradient there is (∓0.03272585, ∓0.03524847).",
-            SOURCE,
-            "deviation 0",
-            exact(off),
-            off < rounding,
-            note="The largest deviation of a component; half a unit of the last digit is allowed.",
-        ),
-    ]
+def _exact_claims(values: Values) -> Iterator[Claim]:
+    rounding = 5.01e-9  # half a unit of the last of eight digits
+    exactly = [values["exact bias"][row] / BIAS[float(decay)] - 1 for row, decay in enumerate(values["decay"])]
+    yield at_most(
+        rounding,
+        f"At the point of comparison, the average reward of the three-state MDP is {ETA}.",
+        exact(abs(values["average reward"] - ETA)),
+        "deviation",
+        source=SOURCE,
+    )
+    yield at_most(
+        rounding,
+        "The exact gradient there is (∓0.03272585, ∓0.03524847).",
+        exact(np.abs(values["gradient"] - GRADIENT).max()),
+        "greatest deviation of a component",
+        source=SOURCE,
+    )
+    yield at_most(
+        1.5e-5,
+        "By linear algebra, the relative biases of traces are "
+        f"{', '.join(f'{BIAS[float(d)]:g}' for d in values['decay'])}.",
+        exact(np.abs(exactly).max()),
+        "greatest relative deviation",
+        note=f"For decays of {', '.join(f'{decay:g}' for decay in values['decay'])}.",
+        source=SOURCE,
+    )
 
 
-def _bias_claims(values: Values) -> list[Claim]:
-    made = []
+def _bias_claims(values: Values) -> Iterator[Claim]:
     for row, decay in enumerate(values["decay"]):
         expected = BIAS[float(decay)]
-        measured = mean_of(values["bias"][row])
-        error = values["bias"][row].std(ddof=1) / np.sqrt(measured.count)
-        holds = abs(measured.value - expected) <= joint_quantile(len(values["decay"])) * error
-        made.append(
-            Claim(
-                f"The mean estimate with a trace of decay {decay:g} has a relative bias of {expected:g}.",
-                SOURCE,
-                f"{expected:g}",
-                measured,
-                holds and bool(np.isclose(values["exact bias"][row], expected, rtol=1.5e-5)),
-                note=f"By linear algebra {values['exact bias'][row]:.6g}. The claim holds if this equals the "
-                "expected figure "
-                "to 1.5e-5, relative, and if the measured mean lies within intervals that cover all decays jointly at "
-                "95 %.",
-            )
+        yield within(
+            expected - CLOSE,
+            expected + CLOSE,
+            f"The mean estimate with a trace of decay {decay:g} has a relative bias of {expected:g}.",
+            mean_of(values["bias"][row]),
+            note=f"By linear algebra {values['exact bias'][row]:.6g}; a hundredth of the gradient is allowed.",
+            source=SOURCE,
         )
-    return made
 
 
-def _error_claims(values: Values) -> list[Claim]:
-    """The expected figures are means of 500 runs and therefore uncertain; we use our measured standard deviation."""
-    made, row = [], list(values["decay"]).index(LONG)
-    quantile = joint_quantile(sum(len(of) for of in ERRORS.values()))
+def _error_claims(values: Values) -> Iterator[Claim]:
+    row = list(values["decay"]).index(LONG)
     for name, figures in ERRORS.items():
         for length, expected in figures.items():
             if length not in values["length"]:
                 continue
             errors = values[f"error {name}"][row, int(np.flatnonzero(values["length"] == length)[0])]
-            measured = mean_of(errors)
-            allowed = quantile * errors.std(ddof=1) * np.sqrt(1 / measured.count + 1 / ERROR_RUNS) + 0.0005
-            made.append(
-                Claim(
-                    f"With {WORDS[name]}, the mean relative error after {length:,} decisions is {expected:g} "
-                    f"(β = {LONG:g}).",
-                    SOURCE,
-                    f"{expected:g}, mean of {ERROR_RUNS}",
-                    measured,
-                    abs(measured.value - expected) <= allowed,
-                    note=f"Means of {measured.count} and {ERROR_RUNS} runs of the same distribution differ by at most "
-                    f"{allowed:.3g}, at a joint confidence of 95 % for all six figures.",
-                )
+            yield within(
+                expected * (1 - TOLERANCE),
+                expected * (1 + TOLERANCE),
+                f"With {WORDS[name]}, the mean relative error after {length:,} decisions is {expected:g} (β = "
+                f"{LONG:g}).",
+                mean_of(errors),
+                note=f"The expected figure is itself a mean of {ERROR_RUNS} runs.",
+                source=SOURCE,
             )
-    return made
 
 
-def _trade_off(values: Values) -> list[Claim]:
+def _trade_off(values: Values) -> Iterator[Claim]:
     decays, last = list(values["decay"]), len(values["length"]) - 1
     thousand = int(np.flatnonzero(values["length"] == 1_000)[0])
-    made = []
-    for name, at, statement, sign in (
-        ("none", thousand, "In a short run, a trace without memory has the smaller error: variance outweighs bias", 1),
-        ("mean", last, "In a long run, the longer trace has the smaller error: bias outweighs variance", -1),
+    short = "In a short run, a trace without memory has the smaller error: variance outweighs bias"
+    long = "In a long run, the longer trace has the smaller error: bias outweighs variance"
+    for name, at, statement, claim in (
+        ("none", thousand, short, positive),
+        ("mean", last, long, negative),
     ):
         errors = values[f"error {name}"][:, at]
-        more = mean_of(errors[decays.index(LONG)] - errors[decays.index(SHORT)])
-        decided = min(sign * more.low, sign * more.high) > 0
-        made.append(
-            Claim(
-                f"{statement} ({int(values['length'][at]):,} decisions, {WORDS[name]}).",
-                "section 3.2.1",
-                "above 0" if sign > 0 else "below 0",
-                more,
-                decided,
-                f"relative error at β = {LONG:g} minus that at {SHORT:g}",
-            )
+        yield claim(
+            f"{statement} ({int(values['length'][at]):,} decisions, {WORDS[name]}).",
+            mean_of(errors[decays.index(LONG)] - errors[decays.index(SHORT)]),
+            f"relative error at β = {LONG:g} minus that at {SHORT:g}",
+            source="section 3.2.1",
         )
-    return made
 
 
 def _learned(values: Values) -> Claim:
-    share, numbers = share_of(values["earned"][:, -1] >= GOOD), numbers_of(agent_for(ThreeState()).hyperparameters)
+    numbers = numbers_of(agent_for(ThreeState()).hyperparameters)
     decay, rate = numbers["estimator.trace.decay"], numbers["optimizer.learning_rate"]
-    return Claim(
+    return in_every(
         f"From θ = 0, OLGARB (β = {decay:g}, α = {rate:g}) reaches an average reward of {GOOD} of 0.8.",
-        SOURCE,
-        "every seed: 1",
-        share,
-        share.value == 1,
-        f"of seeds, after {int(values['decision'][-1]):,} decisions",
+        values["earned"][:, -1] >= GOOD,
+        f"share of these seeds after {int(values['decision'][-1]):,} decisions",
+        source=SOURCE,
     )
 
 

@@ -1,14 +1,14 @@
 """Section 3.2.1: the effect of a baseline, and the reach that a trace needs."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_3._baseline_claims import all_claims, shared_rewards, variances
 from motorgrad.experiments.chapter_3._estimates import (
@@ -21,6 +21,7 @@ from motorgrad.experiments.chapter_3._estimates import (
     variance,
 )
 from motorgrad.learning import Baseline, Constant, MeanReward
+from motorgrad.statistics import Measured, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
@@ -47,28 +48,23 @@ class Baselines(Experiment):
     - `steps` (decisions): for which each learner learns.
     """
 
-    runs: int = 2000
-    longest: int = 10_000
+    runs: int = ranged(2000, 40, 100_000)
+    longest: int = ranged(10_000, 1_000, 10**8, " decisions")
     decays: tuple[float, ...] = (0.0, 0.4, 0.8, 0.95, 0.99)
     constants: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8)
     swept: tuple[float, ...] = (0.0, 0.8, 0.95)
-    seeds: int = 50
-    steps: int = 600_000
+    seeds: int = ranged(50, 1, 10_000)
+    steps: int = ranged(600_000, 200, 10**9)
 
     def __post_init__(self) -> None:
-        self.check_range(40, 100_000, "runs")
-        self.check_range(1_000, 10**8, "longest", unit=" decisions")
+        super().__post_init__()
         for name in ("decays", "constants", "swept"):
             given = getattr(self, name)
             check(list(given) == sorted(set(given)), name, given, "rising")
         enough = len(self.decays) > 1 and BIAS_DECAY in self.decays
         check(enough, "decays", self.decays, f"at least two, {BIAS_DECAY} among them")
-        self.check_range(1, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(runs=40, longest=1_000, decays=(0.0, BIAS_DECAY), constants=(), swept=(), seeds=3, steps=2_000)
+    quick = smoke(runs=40, longest=1_000, decays=(0.0, BIAS_DECAY), constants=(), swept=(), seeds=3, steps=2_000)
 
     @property
     def lengths(self) -> list[int]:
@@ -117,10 +113,15 @@ class Baselines(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        return draw_baselines(values)
+        """Six panels: the best constant, its limit, variance, bias, learning, mixing."""
+        figure = new_figure(13, 7.4)
+        panels = (_constants, _best, _variances, _bias, _learning, _mixing)
+        for axes, draw in zip(figure.subplots(2, 3).flat, panels, strict=True):
+            draw(axes, values)
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return all_claims(values)
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from all_claims(values)
 
 
 def exact_variances(decays: Sequence[float], swept: Sequence[float]) -> Values:
@@ -163,15 +164,6 @@ def surprise(run: Run) -> tuple[np.ndarray, np.ndarray]:
     starts = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], axis=1)
     baseline = np.where(np.arange(len(decision)) == 0, ends, (starts + ends) / 2)
     return decision, reward * np.abs(1 - baseline) + (1 - reward) * np.abs(baseline)
-
-
-def draw_baselines(values: Values) -> Figure:
-    """Six panels: the best constant, its limit, variance, bias, learning, mixing."""
-    figure = new_figure(13, 7.4)
-    panels = (_constants, _best, _variances, _bias, _learning, _mixing)
-    for axes, draw in zip(figure.subplots(2, 3).flat, panels, strict=True):
-        draw(axes, values)
-    return figure
 
 
 def _constants(axes: Axes, values: Values) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,9 +11,9 @@ import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Workspace, ranged, rising, smoke
 from motorgrad.experiments._figures import Axes
-from motorgrad.policies import Motoneurons, Policy, grow
+from motorgrad.policies import Motoneurons, Policy, grow, trainable
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 
@@ -94,14 +94,8 @@ def thresholds_and_gains(policies: Policy) -> tuple[np.ndarray, np.ndarray]:
 
 def parameter_history(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Thresholds and gains at every record, `(seeds, records, units)` each."""
-    threshold, gain = history(run, 2)
-    return threshold, gain
-
-
-def history(run: Run, fields: int) -> np.ndarray:
-    """All parameters at every record, `(fields, seeds, records, units)`, for units with this many parameters each."""
-    rows = np.stack(run.metrics["parameters"].to_pylist())
-    return rows.reshape(-1, len(run.seeds), fields, rows.shape[1] // fields).transpose(2, 1, 0, 3)
+    threshold, gain = (np.asarray(leaf, float) for leaf in jax.tree.leaves(trainable(run.policies_at())))
+    return threshold.swapaxes(0, 1), gain.swapaxes(0, 1)
 
 
 def with_new_unit(pools: Policy, threshold: Any, gain: float = 0.0) -> Motoneurons:
@@ -133,19 +127,16 @@ class LinearStudy(Experiment):
     """
 
     units: tuple[int, ...] = (2, 3, 4, 8)
-    steps: int = 6_000_000
-    seeds: int = 24
+    steps: int = ranged(6_000_000, 200, 10**9, " decisions")
+    seeds: int = ranged(24, 1, 10_000)
     rate: float = RATE
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_units(self.units, 2)
-        self.check_range(200, 10**9, "steps", unit=" decisions")
-        self.check_range(1, 10_000, "seeds")
         agent_for(self.task(min(self.units)), learning_rate=self.rate)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=(2, 4), steps=2_000, seeds=3)
+    quick = smoke(units=(2, 4), steps=2_000, seeds=3)
 
     def task(self, units: int) -> LinearRecruitment:
         """The task with the force as a count: as a ratio, learning takes `units`² times as long."""

@@ -1,13 +1,14 @@
 """Figure 4.1: a smoothly graded force from a few sigmoid units."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_most
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import fires_at
+from motorgrad.statistics import exact
 
 CLOSE = 0.05  # fraction of the full force: a response this close to the line counts as near-linear
 STEEP = np.geomspace(0.5, 50, 61)  # gain times spacing
@@ -31,12 +32,8 @@ class ForceGrading(Experiment):
     - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
 
-    units: int = 5
-    steepness: float = 4.0
-
-    def __post_init__(self) -> None:
-        self.check_range(2, 100, "units")
-        self.check_range(0.1, 1000, "steepness")
+    units: int = ranged(5, 2, 100)
+    steepness: float = ranged(4.0, 0.1, 1000)
 
     def run(self, work: Workspace) -> Values:
         deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]
@@ -52,8 +49,7 @@ class ForceGrading(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(8, 5.6)
-        ((single, total), (steep, others)) = figure.subplots(2, 2)
+        figure, ((single, total), (steep, others)) = subplots(8, 5.6, 2, 2)
         force, low, high = values["force"], 0.5 / self.units, 1 - 0.5 / self.units
         single.plot(POINTS, force, linewidth=1.4)
         single.set(title=f"{self.units} single units", ylabel="activation", xlabel="input")
@@ -78,31 +74,27 @@ class ForceGrading(Experiment):
         others.legend()
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         off = float(values["deviation"])
         worth = np.array([values[f"deviation {name}"] for name in AMPLIFIERS]) * NUMBERS
-        return [
-            Claim(
-                f"{self.units} units combine to give a near-linear response.",
-                "figure 4.1",
-                f"within {CLOSE:.0%} of the full force, between the first and the last threshold",
-                exact(off),
-                off <= CLOSE,
-                "of the full force",
-                f"For gain × spacing = {self.steepness:g}.",
-            ),
-            Claim(
-                "Such units can approximate any increasing function of the input.",
-                "figure 4.1, section 4.2",
-                "deviation of at most the force of one unit, for every number of units",
-                exact(worth.max()),
-                worth.max() <= 1,
-                "units, the worst",
-                f"Three functions ({', '.join(AMPLIFIERS)}), by {', '.join(map(str, NUMBERS))} units. "
-                "Thresholds lie where "
-                "the target has risen by half a unit more; gains are proportional to the target's slope there.",
-            ),
-        ]
+        yield at_most(
+            CLOSE,
+            f"{self.units} units combine to give a near-linear response.",
+            exact(off),
+            "greatest deviation between the first and the last threshold",
+            "of the full force",
+            note=f"For gain × spacing = {self.steepness:g}.",
+        )
+        yield at_most(
+            1,
+            "Such units can approximate any increasing function of the input.",
+            exact(worth.max()),
+            "deviation, in forces of one unit, for every number of units",
+            "units, the worst",
+            note=f"Three functions ({', '.join(AMPLIFIERS)}), by {', '.join(map(str, NUMBERS))} units. Thresholds lie "
+            "where the target has risen by half a unit more; gains are proportional to the target's slope there.",
+            source="figure 4.1, section 4.2",
+        )
 
 
 def graded(units: int, steepness: float) -> np.ndarray:

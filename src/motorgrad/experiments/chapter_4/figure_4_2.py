@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import FLEXOR, Axes, Figure, Point, draw_arrow, new_figure
+from motorgrad.experiments._experiment import Experiment, Values, experiment, ranged
+from motorgrad.experiments._figures import FLEXOR, Axes, Figure, Point, draw_arrow, subplots
 
 NEURON, MUSCLE, SEEN, OURS = FLEXOR, "#a33b2e", "0.25", "#2e8b57"
 POOL, UNITS, FORCE = 2.0, 4.4, 6.5  # positions of the columns
@@ -20,19 +20,12 @@ class RecruitmentTask(Experiment):
     - `units`: number of units drawn.
     """
 
-    units: int = 4
-
-    def __post_init__(self) -> None:
-        self.check_range(2, 8, "units")
-
-    def run(self, work: Workspace) -> Values:
-        return {}
+    units: int = ranged(4, 2, 8)
 
     def figure(self, values: Values) -> Figure:
         from matplotlib.patches import FancyBboxPatch
 
-        figure = new_figure(8, 4.4)
-        axes = figure.subplots()
+        figure, axes = subplots(8, 4.4)
         gap = 3.2 / self.units
         heights = [MIDDLE + gap * ((self.units - 1) / 2 - unit) for unit in range(self.units)]
         for place, width, words, colour in (

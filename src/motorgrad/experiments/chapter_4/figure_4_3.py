@@ -1,13 +1,13 @@
 """Figure 4.3: the policies that pools learn for the linear mapping."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, median_of, more_than_half, share_of
+from motorgrad.experiments._claims import Claim, more_than_half, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
     RATE,
@@ -21,6 +21,7 @@ from motorgrad.experiments.chapter_4._pools import (
     thresholds_and_gains,
 )
 from motorgrad.policies import Motoneurons
+from motorgrad.statistics import median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.worlds import mean_field
 
@@ -64,8 +65,7 @@ class LinearPolicies(LinearStudy):
     def figure(self, values: Values) -> Figure:
 
         sizes = values["units"].tolist()
-        figure = new_figure(2.7 * len(sizes) + 0.8, 5.2)
-        panels = figure.subplots(2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
+        figure, panels = subplots(2.7 * len(sizes) + 0.8, 5.2, 2, len(sizes), height_ratios=[1.5, 1], squeeze=False)
         inputs = np.linspace(0, 1, 401)
         mesh: Any = None
         for (policy, seeds), units in zip(panels.T, sizes, strict=True):
@@ -86,50 +86,39 @@ class LinearPolicies(LinearStudy):
         figure.colorbar(mesh, ax=panels[0], label="probability", aspect=14, pad=0.01)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        sizes, made = values["units"].tolist(), []
+    def claims(self, values: Values) -> Iterator[Claim]:
+        sizes = values["units"].tolist()
         for units in sizes:
             spaced, known = share_of(values[f"off {units}"] < SPACED), values.get(f"mean field {units}")
-            made.append(
-                more_than_half(
-                    f"{units} units learn the optimal policy: equally spaced thresholds.",
-                    "section 4.3.1, figure 4.3",
-                    "in most seeds",
-                    spaced,
-                    note=f"After {self.steps:,} decisions, every threshold is within {SPACED:g} spacings of its ideal "
-                    "place, and every gain is positive."
-                    + ("" if known is None else f" In the mean field, this takes {_millions(known)}."),
-                )
+            yield more_than_half(
+                f"{units} units learn the optimal policy: equally spaced thresholds.",
+                spaced,
+                note=f"After {self.steps:,} decisions, every threshold is within {SPACED:g} spacings of its ideal "
+                "place, and every gain is positive."
+                + ("" if known is None else f" In the mean field, this takes {_millions(known)}."),
+                source="section 4.3.1, figure 4.3",
             )
         for units in (units for units in sizes if units in SOON):
             at = int(values[f"soon {units}"])
             spaced = share_of(values[f"off soon {units}"] < SPACED)
-            made.append(
-                more_than_half(
-                    f"{units} units are equally spaced by {at:,} decisions.",
-                    f"the mean field: after {_millions(values[f'mean field {units}'])}",
-                    "in most seeds",
-                    spaced,
-                )
+            yield more_than_half(
+                f"{units} units are equally spaced by {at:,} decisions.",
+                spaced,
+                source=f"the mean field: after {_millions(values[f'mean field {units}'])}",
             )
         for units in sizes:
             spacing = 1 / (units * self.task(units).slope)
-            gain = median_of(np.median(values[f"gain {units}"], axis=1) * spacing)
             positive = np.mean((values[f"gain {units}"] > 0).all(1))
-            made.append(
-                Claim(
-                    f"The gains of {units} units are moderate.",
-                    "section 4.3.1",
-                    f"between {SOFT:g} and {HARD:g}",
-                    gain,
-                    gain.low > SOFT and gain.high < HARD,
-                    "times the spacing",
-                    f"The median unit of each pool after {self.steps:,} decisions; {positive:.0%} of the "
-                    "pools have only "
-                    "positive gains. Gains keep growing, ever more slowly.",
-                )
+            yield within(
+                SOFT,
+                HARD,
+                f"The gains of {units} units are moderate.",
+                median_of(np.median(values[f"gain {units}"], axis=1) * spacing),
+                unit="times the spacing",
+                note=f"The median unit of each pool after {self.steps:,} decisions; {positive:.0%} of the pools have "
+                "only positive gains. Gains keep growing, ever more slowly.",
+                source="section 4.3.1",
             )
-        return made
 
 
 def mean_field_times(task: LinearRecruitment, thresholds: np.ndarray, rate: float) -> np.ndarray:

@@ -1,13 +1,13 @@
 """Figure 4.4: learning curves of pools for the linear mapping."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
-from motorgrad.experiments._claims import LEVEL, Claim, final, mean_of, more_than_half, negative, positive, share_of
+from motorgrad.experiments._claims import Claim, more_than_half, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     SPACED,
     LinearStudy,
@@ -16,6 +16,7 @@ from motorgrad.experiments.chapter_4._pools import (
     parameter_history,
     spacing_deviation,
 )
+from motorgrad.statistics import LEVEL, mean_of, share_of
 from motorgrad.tasks import LinearRecruitment
 
 LAST = 0.1  # share of learning, the last, over which final errors are averaged
@@ -34,13 +35,12 @@ class LinearPerformance(LinearStudy):
         for name, task in tasks.items():
             run = self.trained(work, task)
             found["decision"], found[f"error {name}"] = run.curve("error")
-            found[f"final {name}"] = final(run, "error", LAST)
+            found[f"final {name}"] = run.final("error", LAST)
             found[f"off {name}"] = spacing_deviation(*parameter_history(run), task)
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(8, 6)
-        error, spaced = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+        figure, (error, spaced) = subplots(8, 6, 2, 1, sharex=True, height_ratios=[2, 1])
         numbers, decision = values["units"].tolist(), values["decision"] / 1e6
         curves = [(str(units), f"{units} units", f"C{row}", "-") for row, units in enumerate(numbers)]
         curves.append(("ratio", f"{numbers[0]} units, ratio form", "C0", "--"))
@@ -64,50 +64,36 @@ class LinearPerformance(LinearStudy):
         spaced.set(ylabel="equally spaced (%)", xlabel="million decisions", ylim=(-3, 103))
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        numbers, made = values["units"].tolist(), []
+    def claims(self, values: Values) -> Iterator[Claim]:
+        numbers = values["units"].tolist()
         last = {units: values[f"final {units}"] for units in numbers}
         for units in numbers:
-            better = share_of(last[units] < values[f"error {units}"][:, 0])
-            made.append(
-                more_than_half(
-                    f"Pools of {units} units improve by learning.",
-                    "figure 4.4",
-                    "in most seeds",
-                    better,
-                    note="The last tenth of learning compared with the first record.",
-                )
+            yield more_than_half(
+                f"Pools of {units} units improve by learning.",
+                share_of(last[units] < values[f"error {units}"][:, 0]),
+                note="The last tenth of learning compared with the first record.",
             )
         for few, many in pairwise(numbers):
-            gain = mean_of(last[many] - last[few])
-            made.append(
-                negative(
-                    f"{many} units approximate the mapping better than {few}.",
-                    "figure 4.4, section 4.2",
-                    "below 0",
-                    gain,
-                    "of the full force: difference of mean |error|",
-                    f"Paired by seed, in the last tenth of {self.steps:,} decisions.",
-                )
+            yield negative(
+                f"{many} units approximate the mapping better than {few}.",
+                mean_of(last[many] - last[few]),
+                unit="of the full force: difference of mean |error|",
+                note=f"Paired by seed, in the last tenth of {self.steps:,} decisions.",
+                source="figure 4.4, section 4.2",
             )
         for few, many in pairwise(numbers):
             found = {units: equally_spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
             never = {units: int(np.isinf(times).sum()) for units, times in found.items()}
             times = {units: np.minimum(times, values["decision"][-1]) for units, times in found.items()}
             later = mean_of((times[many] - times[few]) / 1e6)
-            made.append(
-                positive(
-                    f"{many} units take longer than {few} to become equally spaced.",
-                    "figure 4.4",
-                    "above 0",
-                    later,
-                    "million decisions later",
-                    f"The time after which every threshold stays within {SPACED:g} spacings of its ideal place. "
-                    f"{never[few]} and {never[many]} of {later.count} pools never get there, and count with all "
-                    f"{self.steps:,} decisions.",
-                )
+            yield positive(
+                f"{many} units take longer than {few} to become equally spaced.",
+                later,
+                unit="million decisions later",
+                note=f"The time after which every threshold stays within {SPACED:g} spacings of its ideal place. "
+                f"{never[few]} and {never[many]} of {later.count} pools never get there, and count with all "
+                f"{self.steps:,} decisions.",
             )
-        return made
 
 
 def interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,16 +1,17 @@
 """Figure 4.5: the arm that lifts loads, and the capability of its muscle at each angle."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, compile_model
-from motorgrad.experiments._claims import Claim, exact
+from motorgrad.experiments._claims import Claim, positive, within
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, new_figure
 from motorgrad.sim import draw
+from motorgrad.statistics import exact
 
 NEAR = 5.0  # degrees: tolerance of the angle of greatest advantage
 
@@ -69,30 +70,26 @@ class ArmBody(Experiment):
             panel.legend(fontsize=8, loc="upper left" if panel is arms else "lower right")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         arm, angle = values["muscle arm"], values["angle"]
         most = float(angle[np.argmax(arm)])
-        return [
-            Claim(
-                "The muscle's torque is always greater than zero.",
-                "section 4.3.2",
-                "moment arm above 0 at every angle",
-                exact(100 * arm.min()),
-                arm.min() > 0,
-                "cm, the least",
-            ),
-            Claim(
-                "The muscle's mechanical advantage is greatest at a right angle of the joint.",
-                "section 4.3.2",
-                f"at 90° ± {NEAR:g}°",
-                exact(most),
-                abs(most - 90) <= NEAR,
-                "degrees",
-                f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle attached at equal distances "
-                "from the joint has its greatest moment arm at full flexion; here it grows by "
-                f"{arm.max() / arm.min() - 1:.0%} from the hanging position to the stop.",
-            ),
-        ]
+        yield positive(
+            "The muscle's torque is always greater than zero.",
+            exact(100 * arm.min()),
+            unit="cm, the least",
+            source="section 4.3.2",
+        )
+        yield within(
+            90 - NEAR,
+            90 + NEAR,
+            "The muscle's mechanical advantage is greatest at a right angle of the joint.",
+            exact(most),
+            unit="degrees",
+            note=f"The arm bends from {angle[0]:g}° to {angle[-1]:g}°. A straight muscle attached at equal distances "
+            "from the joint has its greatest moment arm at full flexion; here it grows by "
+            f"{arm.max() / arm.min() - 1:.0%} from the hanging position to the stop.",
+            source="section 4.3.2",
+        )
 
 
 def _posture(axes: Axes, body: Arm, flexion: float) -> None:

@@ -1,15 +1,15 @@
 """Figure 4.6: the height to which the arm lifts loads, by simulation and from the table."""
 
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import lift, lift_table
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_least, at_most
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
+from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 
 CLOSE = ((0.0, 0.05, 1.5e-3), (0.05, 0.5, 5e-4), (0.5, 14.0, 3e-4))
@@ -35,15 +35,10 @@ class HeightFunction(Experiment):
     - `seed`: of the random points.
     """
 
-    points: int = 200
+    points: int = ranged(200, 1, 100_000)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        self.check_range(1, 100_000, "points")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(points=5)
+    quick = smoke(points=5)
 
     def run(self, work: Workspace) -> Values:
         loads, active = self.drawn()
@@ -73,8 +68,7 @@ class HeightFunction(Experiment):
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        figure = new_figure(8, 3.9)
-        left, right = figure.subplots(1, 2, sharey=True)
+        figure, (left, right) = subplots(8, 3.9, 1, 2, sharey=True)
         shades, full = colormaps["viridis"], ArmRecruitment().scale
         for row, active in enumerate(SHOWN):
             colour = shades(active)
@@ -99,51 +93,39 @@ class HeightFunction(Experiment):
         )
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         lifted, full = values["height"], ArmRecruitment().scale
         unloaded, rising = np.ptp(lifted[:, LOADS <= 0]), np.diff(lifted, axis=0).min()
         falling = np.diff(lifted[:, LOADS > 0], axis=1).max()
         off = np.abs(values["random table"] - values["random simulated"]).max(axis=1) / full
         rounding = 1e-6 * full  # single precision
-        return [
-            Claim(
-                "For negative loads the height is constant.",
-                "section 4.3.2",
-                "0, between any two activations and loads up to 0",
-                exact(unloaded),
-                unloaded == 0,
-                "difference",
-            ),
-            Claim(
-                "The height never falls with the activation.",
-                "figure 4.6",
-                "at least 0, per hundredth of the activation",
-                exact(rising),
-                rising >= -rounding,
-                f"of {full:g}, the least rise",
-            ),
-            Claim(
-                "The height never rises with the load.",
-                "figure 4.6",
-                "at most 0, per 50 g",
-                exact(falling),
-                falling <= rounding,
-                f"of {full:g}, the greatest rise",
-            ),
-            *(
-                Claim(
-                    f"The table used in learning agrees with simulation: loads from {low:g} to {high:g} kg.",
-                    "figure 4.6",
-                    f"within {close:g} of the full lift",
-                    exact(found),
-                    found <= close,
-                    "of the full lift, the greatest difference",
-                    f"At {self.points:,} random loads and activations, half of them near the border of the full lift. "
-                    "The bounds of the three ranges were set after a first measurement.",
-                )
-                for (low, high, close), found in zip(CLOSE, off, strict=True)
-            ),
-        ]
+        yield at_most(
+            0,
+            "For negative loads the height is constant.",
+            exact(unloaded),
+            "greatest difference between two activations and loads up to 0",
+            source="section 4.3.2",
+        )
+        yield at_least(
+            -rounding,
+            "The height never falls with the activation.",
+            exact(rising),
+            "least rise, per hundredth of the activation",
+            f"of {full:g}",
+        )
+        yield at_most(
+            rounding, "The height never rises with the load.", exact(falling), "greatest rise, per 50 g", f"of {full:g}"
+        )
+        for (low, high, close), found in zip(CLOSE, off, strict=True):
+            yield at_most(
+                close,
+                f"The table used in learning agrees with simulation: loads from {low:g} to {high:g} kg.",
+                exact(found),
+                "greatest difference",
+                "of the full lift",
+                note=f"At {self.points:,} random loads and activations, half of them near the border of the full lift. "
+                "The bounds of the three ranges were set after a first measurement.",
+            )
 
 
 def height(load: np.ndarray, activation: np.ndarray) -> np.ndarray:

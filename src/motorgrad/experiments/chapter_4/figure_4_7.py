@@ -1,13 +1,14 @@
 """Figure 4.7: the reward of the arm, and the best activation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_least, at_most, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
+from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 
 CLOSE = 0.02  # fraction of the full activation
@@ -25,11 +26,8 @@ class RewardSurface(Experiment):
     - `activations`: grid points over the activations.
     """
 
-    loads: int = 321
-    activations: int = 1001
-
-    def __post_init__(self) -> None:
-        self.check_range(11, 10_001, "loads", "activations")
+    loads: int = ranged(321, 11, 10_001)
+    activations: int = ranged(1001, 11, 10_001)
 
     def run(self, work: Workspace) -> Values:
         task = ArmRecruitment()
@@ -38,8 +36,7 @@ class RewardSurface(Experiment):
         return {"load": loads, "activation": active, "reward": reward, "best": active[reward.argmax(0)]}
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(7, 4.6)
-        axes = figure.subplots()
+        figure, axes = subplots(7, 4.6)
         load, active = values["load"], values["activation"]
         mesh = axes.pcolormesh(load, active, values["reward"], cmap="viridis", shading="nearest", rasterized=True)
         some = load > 0
@@ -51,36 +48,27 @@ class RewardSurface(Experiment):
         figure.colorbar(mesh, ax=axes, label="reward", pad=0.01)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         load, best = values["load"], values["best"]
         idle, full, falls = best[load <= 0].max(), best[-1], float(np.diff(best).min())
-        return [
-            Claim(
-                "Without a load, it is best to activate nothing.",
-                "section 4.3.2",
-                "0",
-                exact(idle),
-                idle == 0,
-                "is the greatest of the best activations",
-            ),
-            Claim(
-                "The best activation rises to 1 at the heaviest load.",
-                "figure 4.7",
-                f"1 ± {CLOSE:g}",
-                exact(full),
-                abs(full - 1) <= CLOSE,
-                f"at {load[-1]:g} kg",
-                "We chose the muscle's strength accordingly.",
-            ),
-            Claim(
-                "The best activation never falls with the load.",
-                "figure 4.7",
-                "at least 0, from each load to the next",
-                exact(falls),
-                falls >= 0,
-                "the least rise",
-            ),
-        ]
+        yield at_most(
+            0,
+            "Without a load, it is best to activate nothing.",
+            exact(idle),
+            "greatest of the best activations",
+            source="section 4.3.2",
+        )
+        yield within(
+            1 - CLOSE,
+            1 + CLOSE,
+            "The best activation rises to 1 at the heaviest load.",
+            exact(full),
+            unit=f"at {load[-1]:g} kg",
+            note="We chose the muscle's strength accordingly.",
+        )
+        yield at_least(
+            0, "The best activation never falls with the load.", exact(falls), "least rise from each load to the next"
+        )
 
 
 def rewards(task: ArmRecruitment, loads: np.ndarray, activations: np.ndarray) -> np.ndarray:

@@ -1,15 +1,15 @@
 """Figure 4.8: the policies that pools learn on the arm."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, more_than_half, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_least, more_than_half, negative
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
     THRESHOLD,
@@ -22,6 +22,7 @@ from motorgrad.experiments.chapter_4._pools import (
 )
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.policies import Motoneurons
+from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
 
@@ -47,17 +48,14 @@ class ArmPolicies(Experiment):
     """
 
     units: tuple[int, ...] = (2, 3, 4)
-    steps: int = 400_000
-    seeds: int = 32
+    steps: int = ranged(400_000, 200, 10**9, " decisions")
+    seeds: int = ranged(32, 1, 10_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_units(self.units, 1)
-        self.check_range(200, 10**9, "steps", unit=" decisions")
-        self.check_range(1, 10_000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=(2, 3), steps=2_000, seeds=3)
+    quick = smoke(units=(2, 3), steps=2_000, seeds=3)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}
@@ -79,8 +77,9 @@ class ArmPolicies(Experiment):
         """Above, the policies of the median pools, and samples; below, the results of every seed."""
 
         counts = values["units"].tolist()
-        figure = new_figure(2.7 * (len(counts) + 1) + 0.6, 5.4)
-        panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
+        figure, panels = subplots(
+            2.7 * (len(counts) + 1) + 0.6, 5.4, 2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False
+        )
         mesh: Any = None
         for (policy, seeds), units in zip(panels.T, counts, strict=False):
             load, best = values[f"load {units}"], values[f"best count {units}"]
@@ -102,53 +101,35 @@ class ArmPolicies(Experiment):
         figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for units in values["units"].tolist():
             best = float(values[f"best {units}"])
-            earned = mean_of(values[f"reward {units}"] / best)
-            made.append(
-                Claim(
-                    f"Pools of {units} units learn to lift the loads.",
-                    "figure 4.8",
-                    f"at least {GOOD:g}",
-                    earned,
-                    earned.low >= GOOD,
-                    "of the best mean reward",
-                    f"The best number of units at each load earns {best:.3f} on average, the pools earn "
-                    f"{values[f'reward {units}'].mean():.3f}.",
-                )
+            yield at_least(
+                GOOD,
+                f"Pools of {units} units learn to lift the loads.",
+                mean_of(values[f"reward {units}"] / best),
+                unit="of the best mean reward",
+                note=f"The best number of units at each load earns {best:.3f} on average, the pools earn "
+                f"{values[f'reward {units}'].mean():.3f}.",
             )
         for units in values["units"].tolist():
-            graded = share_of((values[f"gain {units}"] > 0).all(1))
-            made.append(
-                more_than_half(
-                    f"Pools of {units} units recruit: all their gains are positive.",
-                    "figure 4.8",
-                    "in most seeds",
-                    graded,
-                    note="The others have a unit of negative gain, mostly with a threshold beyond the loads, "
-                    "which fires at "
-                    "every load (the pathology of section 4.4).",
-                )
+            yield more_than_half(
+                f"Pools of {units} units recruit: all their gains are positive.",
+                share_of((values[f"gain {units}"] > 0).all(1)),
+                note="The others have a unit of negative gain, mostly with a threshold beyond the loads, which fires "
+                "at every load (the pathology of section 4.4).",
             )
         for units in values["units"].tolist():
             shifts = threshold_shifts(values, units)
             if len(shifts) < 2:
                 continue
-            shift = mean_of(shifts)
-            made.append(
-                Claim(
-                    f"The thresholds of {units} units are not exactly where the best number of units changes.",
-                    "section 4.3.2",
-                    "not 0",
-                    shift,
-                    shift.low > 0 or shift.high < 0,
-                    "kg above it",
-                    "Means over the units of pools without a unit of negative gain.",
-                )
+            yield negative(
+                f"The thresholds of {units} units lie below the loads at which the best number of units changes.",
+                mean_of(shifts),
+                unit="kg above them",
+                note="Means over the units of pools without a unit of negative gain.",
+                source="section 4.3.2",
             )
-        return made
 
 
 def pool_rewards(task: ArmRecruitment, run: Run) -> Values:

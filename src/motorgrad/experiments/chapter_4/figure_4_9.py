@@ -1,16 +1,15 @@
 """Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._claims import Claim, at_least, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
+from motorgrad.statistics import Measured, mean_of
 from motorgrad.worlds import FiniteMDP, chain
 
 DRAWN = 6  # states in the thesis's drawing
@@ -41,17 +40,11 @@ class ChainExploration(Experiment):
     - `seed`: of the walks.
     """
 
-    longest: int = 12
-    runs: int = 4000
+    longest: int = ranged(12, DRAWN, 20, " states")
+    runs: int = ranged(4000, 2, 10**6)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        check(DRAWN <= self.longest <= 20, "longest", self.longest, f"from {DRAWN} to 20 states")
-        self.check_range(2, 10**6, "runs")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(longest=DRAWN, runs=200)
+    quick = smoke(longest=DRAWN, runs=200)
 
     def run(self, work: Workspace) -> Values:
         lengths = range(2, self.longest + 1)
@@ -65,8 +58,7 @@ class ChainExploration(Experiment):
         return first_reward_times(chain(length, variant), self.runs, self.seed, length - 1 if cut else None)
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(7, 5.6)
-        drawing, axes = figure.subplots(2, 1, height_ratios=[1, 3.2])
+        figure, (drawing, axes) = subplots(7, 5.6, 2, 1, height_ratios=[1, 3.2])
         _chain(drawing)
         length = values["length"]
         for colour, (name, (_, _, formula)) in zip(("C0", "C1", "C2"), EXPLORERS.items(), strict=True):
@@ -80,31 +72,23 @@ class ChainExploration(Experiment):
         axes.legend(title="a wrong move leads", loc="upper left")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         row = int(np.flatnonzero(values["length"] == DRAWN)[0])
-        made = []
         for name, statement in (
             ("walk", "A walk that moves left or right takes N(N − 1) steps to the reward, here 30"),
             ("reset", "If a wrong move leads back to the start, it takes 2^N − 2 steps, here 62"),
             ("cut", "In episodes of N − 1 decisions, it takes (N − 1) 2^(N − 1) steps, here 160"),
         ):
             expected, waits = EXPLORERS[name][2](DRAWN), mean_of(values[name][row])
-            holds = abs(waits.low / expected - 1) < CLOSE and abs(waits.high / expected - 1) < CLOSE
-            made.append(Claim(f"{statement}.", "figure 4.9", f"{expected} ± {CLOSE:.0%}", waits, holds, "steps"))
+            yield within(expected * (1 - CLOSE), expected * (1 + CLOSE), f"{statement}.", waits, unit="steps")
         for name, words in (("walk", "as drawn"), ("reset", "if a wrong move leads back to the start")):
-            growth = doublings(values[name])
-            made.append(
-                Claim(
-                    f"Undirected exploration takes exponentially many steps ({words}).",
-                    "figure 4.9",
-                    "the wait doubles with every state: at least 0.9 doublings",
-                    growth,
-                    growth.low >= 0.9,
-                    "doublings with the last state",
-                    "" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
-                )
+            yield at_least(
+                0.9,
+                f"Undirected exploration takes exponentially many steps ({words}).",
+                doublings(values[name]),
+                unit="doublings with the last state",
+                note="" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
             )
-        return made
 
 
 def doublings(waits: np.ndarray) -> Measured:

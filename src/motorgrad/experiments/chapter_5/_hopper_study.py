@@ -2,14 +2,13 @@
 
 import dataclasses
 import math
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
 from motorgrad import bodies
 from motorgrad._errors import check
-from motorgrad.experiments._claims import practice_curve
-from motorgrad.experiments._experiment import Experiment, Workspace
+from motorgrad.experiments._experiment import Experiment, Workspace, ranged, smoke
 from motorgrad.learning import Agent
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
@@ -39,7 +38,7 @@ class HopperStudy(Experiment):
     """
 
     seconds: float = 1500.0
-    seeds: int = 16
+    seeds: int = ranged(16, 1, 10_000)
     reward_type: RewardType = "apex"
     decay: float = 0.98
     rate: float = 5e-4
@@ -47,18 +46,12 @@ class HopperStudy(Experiment):
     watched: float = 20.0
 
     def __post_init__(self) -> None:
-        task, _ = self.task, self.learner
-        check_practice(self.seconds, self.seeds, task.period)
-        check(
-            2 * task.period <= self.watched <= 3600,
-            "watched",
-            self.watched,
-            f"from {2 * task.period} to 3600 simulated s",
-        )
+        super().__post_init__()
+        period, _ = self.task.period, self.learner
+        check_practice(self.seconds, period)
+        check(2 * period <= self.watched <= 3600, "watched", self.watched, f"from {2 * period} to 3600 simulated s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=20.0, seeds=3, watched=4.0)
+    quick = smoke(seconds=20.0, seeds=3, watched=4.0)
 
     @property
     def task(self) -> Hopper:
@@ -77,10 +70,9 @@ class HopperStudy(Experiment):
         return evaluate(run, round(self.watched / self.task.period), untrained=untrained, threads=work.threads)
 
 
-def check_practice(seconds: float, seeds: int, period: float) -> None:
-    """Refuse an impossible length of practice or number of seeds."""
+def check_practice(seconds: float, period: float) -> None:
+    """Refuse an impossible length of practice."""
     check(period <= seconds < math.inf, "seconds", seconds, f"finite and at least one decision, {period} s")
-    check(1 <= seeds <= 10_000, "seeds", seeds, "from 1 to 10,000")
 
 
 def hop_heights(outcome: Evaluation) -> np.ndarray:
@@ -94,22 +86,15 @@ def median_seed(run: Run, outcome: Evaluation) -> int:
     return run.seeds[int(order[len(order) // 2])]
 
 
-def practice_heights(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def practice_heights(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heights of hops during practice, averaged over the last `SMOOTH` simulated seconds.
 
-    **Returns:** simulated seconds `(records,)`, and heights in m `(seeds, records)`, 0 if there was no hop.
+    **Returns:** simulated seconds `(records,)`; heights in m `(seeds, records)`, 0 if there was no hop; and when they
+    first exceeded `HIGH`, `(seeds,)`, the whole practice for a seed in which they never did.
     """
-    time, heights = practice_curve(run, "apex", SMOOTH)
-    return time, np.nan_to_num(heights)
-
-
-def time_to_height(height: float, time: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """When each seed's hops first exceeded `height`, `(seeds,)`; the whole practice for those that never did.
-
-    Nothing counts before `SMOOTH` seconds, when the mean would include only a few hops.
-    """
-    passed = (heights > height) & (time >= min(SMOOTH, time[-1]))
-    return np.where(passed.any(axis=1), time[np.argmax(passed, axis=1)], time[-1])
+    time, heights = run.curve("apex", x="simulated", smooth=SMOOTH)
+    passed = run.first_time("apex", above=HIGH, x="simulated", smooth=SMOOTH, never=time[-1])
+    return time, np.nan_to_num(heights), passed
 
 
 def posture(body: bodies.Hopper, interior: float) -> np.ndarray:

@@ -3,15 +3,15 @@
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco have no types)
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
-from motorgrad.experiments._claims import Claim, exact
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, at_most, positive, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import (
     EXTENSOR,
     FLEXOR,
@@ -24,6 +24,7 @@ from motorgrad.experiments._figures import (
     new_figure,
 )
 from motorgrad.experiments.chapter_5._hopper_study import posture
+from motorgrad.statistics import exact
 
 # name: (whether it passes behind the joint, colour)
 MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
@@ -41,17 +42,15 @@ class MusclePair(Experiment):
     """
 
     angles: tuple[float, ...] = (50.0, 90.0, 148.0)
-    points: int = 221
+    points: int = ranged(221, 3, 100_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
             check(10 <= angle <= 175, "angles", angle, "from 10 to 175 degrees")
-        self.check_range(3, 100_000, "points")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(points=12)
+    quick = smoke(points=12)
 
     def run(self, work: Workspace) -> Values:
         body = Hopper()
@@ -83,7 +82,7 @@ class MusclePair(Experiment):
         lengths.legend(fontsize=9)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         slopes = {name: np.diff(1000 * values[f"{name}_length"]) / np.diff(values["angle"]) for name in MUSCLES}
         off, hurried, forced = (
             max(np.abs(values[f"{name}_{what}_mujoco"] - values[f"{name}_{what}"]).max() for name in MUSCLES)
@@ -91,57 +90,53 @@ class MusclePair(Experiment):
         )
         begins, range_ = float(values["wraps"]), values["angle"][[0, -1]]
         flexing, extending = float(slopes["flexor"].min()), -float(slopes["extensor"].max())
-        return (
-            Claim(
-                "A flexor shortens as the angle between the bones decreases, over the whole range.",
-                "section 5.1.1",
-                "above 0 at every angle",
-                exact(flexing),
-                flexing > 0,
-                "mm per degree, the least",
-            ),
-            Claim(
-                "The extensor lengthens at the same time: the two always oppose each other.",
-                "section 5.1.1",
-                "above 0 at every angle",
-                exact(extending),
-                extending > 0,
-                "mm per degree, the least",
-            ),
-            Claim(
-                "A path is straight, and wraps around the joint only if the joint is highly extended (flexor).",
-                "section 5.1.1",
-                f"wraps above an angle between {range_[0]:.0f}° and {range_[1]:.0f}°",
-                exact(begins),
-                range_[0] < begins < range_[1],
-                "degrees",
-                "The extensor, attached at the middle of the bones, wraps at every angle of this knee.",
-            ),
-            Claim(
-                "The simulated length is that of appendix A.2.",
-                "appendix A.2",
-                "0 within machine precision: at most 1e-12",
-                exact(off),
-                off <= 1e-12,
-                "m, the greatest difference",
-            ),
-            Claim(
-                "So is its rate, and thus the moment arm.",
-                "appendix A.2",
-                "0 within machine precision: at most 1e-11",
-                exact(hurried),
-                hurried <= 1e-11,
-                "m, the greatest difference",
-            ),
-            Claim(
-                "In simulation, an active muscle at rest pulls with f_max exp(−2 d²), where d is its "
-                "normalised length.",
-                "section 5.1.2",
-                "0 within machine precision: at most 1e-9",
-                exact(forced),
-                forced <= 1e-9,
-                "N, the greatest difference",
-            ),
+        yield positive(
+            "A flexor shortens as the angle between the bones decreases, over the whole range.",
+            exact(flexing),
+            "least over all angles",
+            "mm per degree",
+            source="section 5.1.1",
+        )
+        yield positive(
+            "The extensor lengthens at the same time: the two always oppose each other.",
+            exact(extending),
+            "least over all angles",
+            "mm per degree",
+            source="section 5.1.1",
+        )
+        yield within(
+            range_[0],
+            range_[1],
+            "A path is straight, and wraps around the joint only if the joint is highly extended (flexor).",
+            exact(begins),
+            "angle above which it wraps",
+            "degrees",
+            note="The extensor, attached at the middle of the bones, wraps at every angle of this knee.",
+            source="section 5.1.1",
+        )
+        yield at_most(
+            1e-12,
+            "The simulated length is that of appendix A.2.",
+            exact(off),
+            "greatest difference",
+            "m",
+            source="appendix A.2",
+        )
+        yield at_most(
+            1e-11,
+            "So is its rate, and thus the moment arm.",
+            exact(hurried),
+            "greatest difference",
+            "m",
+            source="appendix A.2",
+        )
+        yield at_most(
+            1e-9,
+            "In simulation, an active muscle at rest pulls with f_max exp(−2 d²), where d is its normalised length.",
+            exact(forced),
+            "greatest difference",
+            "N",
+            source="section 5.1.2",
         )
 
 

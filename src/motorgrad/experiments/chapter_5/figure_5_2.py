@@ -4,7 +4,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import posture
 from motorgrad.sim import draw
@@ -31,9 +31,6 @@ class HopperBody(Experiment):
     def __post_init__(self) -> None:
         for name, angle in (("angle", self.angle), *(("others", other) for other in self.others)):
             check(40 <= angle <= 150, name, angle, "from 40 to 150 degrees, between the stops of the knees")
-
-    def run(self, work: Workspace) -> Values:
-        return {}
 
     def figure(self, values: Values) -> Figure:
         body, figure = Hopper(), new_figure(9.5, 5.6)

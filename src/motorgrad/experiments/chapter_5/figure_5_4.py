@@ -1,18 +1,19 @@
 """Figure 5.4: the hopper's dynamics after learning, as a phase portrait of the knee with the flexor's firing."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import jax
 import numpy as np
 
 from motorgrad.bodies import compile_model
-from motorgrad.experiments._claims import Claim, below, mean_of, more_than_half, positive
+from motorgrad.experiments._claims import Claim, below, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HopperStudy, median_seed
 from motorgrad.sim import draw
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run
 
@@ -69,48 +70,38 @@ class HopperDynamics(HopperStudy):
     def figure(self, values: Values) -> Figure:
         return draw_portrait(values, self.task)
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         ground, air = values["ground"], values["air"]
-        tied = mean_of(ground[:, EXTENSOR] - air[:, EXTENSOR])
-        inhibited = mean_of(air[:, FLEXOR] - ground[:, FLEXOR])
-        agrees, silent = mean_of(values["agrees"]), mean_of(ground[:, FLEXOR])
-        rising = mean_of(values["rising"][:, FLEXOR] - ground[:, FLEXOR])
         on, off = mean_of(ground[:, EXTENSOR]).value, mean_of(air[:, EXTENSOR]).value
-        return (
-            positive(
-                "The extensor's firing is tied to foot contact: it fires more often on the ground than in the air.",
-                "figure 5.4",
-                "difference above 0",
-                tied,
-                note=f"It fires at {on:.0%} of the decisions on the ground, and at {off:.0%} of those in the air.",
-            ),
-            more_than_half(
-                "The extensor follows foot contact directly: it fires on the ground and is silent in the air.",
-                "figure 5.4",
-                "at most decisions: a share above 0.5 (1 if nothing but contact mattered)",
-                agrees,
-                note="The mean of the share of decisions on the ground at which it fires and the share in the air at "
-                "which it is silent, so that chance gives 0.5.",
-            ),
-            positive(
-                "The flexor is inhibited by foot contact: it fires less often on the ground than in the air.",
-                "figure 5.4",
-                "difference above 0",
-                inhibited,
-            ),
-            below(
-                0.5,
-                "With the foot on the ground, the flexor is mostly silent.",
-                "figure 5.4",
-                "fires at fewer than half of the decisions",
-                silent,
-            ),
-            positive(
-                "The push is followed by flexion: the flexor fires more often on the way up than on the ground.",
-                "section 5.2.2",
-                "difference above 0",
-                rising,
-            ),
+        yield positive(
+            "The extensor's firing is tied to foot contact: it fires more often on the ground than in the air.",
+            mean_of(ground[:, EXTENSOR] - air[:, EXTENSOR]),
+            "difference",
+            note=f"It fires at {on:.0%} of the decisions on the ground, and at {off:.0%} of those in the air.",
+        )
+        yield more_than_half(
+            "The extensor follows foot contact directly: it fires on the ground and is silent in the air.",
+            mean_of(values["agrees"]),
+            "share of decisions (1 if nothing but contact mattered)",
+            note="The mean of the share of decisions on the ground at which it fires and the share in the air at "
+            "which it is silent, so that chance gives 0.5.",
+        )
+        yield positive(
+            "The flexor is inhibited by foot contact: it fires less often on the ground than in the air.",
+            mean_of(air[:, FLEXOR] - ground[:, FLEXOR]),
+            "difference",
+        )
+        yield below(
+            0.5,
+            "With the foot on the ground, the flexor is mostly silent.",
+            mean_of(ground[:, FLEXOR]),
+            "share of decisions at which it fires",
+        )
+        yield positive(
+            "The push is followed by flexion: the flexor fires more often on the way up than on the ground.",
+            mean_of(values["rising"][:, FLEXOR] - ground[:, FLEXOR]),
+            "difference",
+            source="section 5.2.2",
         )
 
 

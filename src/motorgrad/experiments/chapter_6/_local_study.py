@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, ranged, smoke
 from motorgrad.experiments._figures import Axes
 from motorgrad.policies import LocalGaussians, Policy
 from motorgrad.sim import draw_paths, draw_reward, draw_units, trajectories
@@ -35,16 +35,10 @@ class LocalStudy(Experiment):
     - `seeds`: learners of each kind.
     """
 
-    decisions: int = 50_000
-    seeds: int = 48
+    decisions: int = ranged(50_000, 1_000, 10**8)
+    seeds: int = ranged(48, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(1_000, 10**8, "decisions")
-        self.check_range(2, 10_000, "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3)
+    quick = smoke(decisions=2_000, seeds=3)
 
     def learned(self, work: Workspace, task: ParticleTask | str, **changes: Any) -> Run:
         """A task, or a layout of the falling particle, learned by its own learner or by a changed one."""
@@ -67,9 +61,7 @@ class LayoutStudy(LocalStudy):
         for layout in self.layouts:
             FallingParticle(layout=layout)  # type: ignore[arg-type]
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, layouts=LAYOUTS[:1])
+    quick = smoke(decisions=2_000, seeds=3, layouts=LAYOUTS[:1])
 
 
 def late_reward(run: Run, episodes: int = EPISODES) -> np.ndarray:

@@ -1,17 +1,17 @@
 """Figure 6.4: the tiled policy before learning, and the particle's paths under it."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, exact, mean_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, below, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_6._local_study import gaussians
 from motorgrad.policies import LocalGaussians, tiles
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
+from motorgrad.statistics import exact, mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleStart
 
@@ -34,17 +34,11 @@ class InitialPolicy(Experiment):
     - `seed`: of the episodes.
     """
 
-    episodes: int = 15_000
-    drawn: int = 12
+    episodes: int = ranged(15_000, 10, 10**6)
+    drawn: int = ranged(12, 1, 1_000, " episodes")
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        self.check_range(10, 10**6, "episodes")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(episodes=200, drawn=4)
+    quick = smoke(episodes=200, drawn=4)
 
     def run(self, work: Workspace) -> Values:
         task = FallingParticle()
@@ -71,8 +65,7 @@ class InitialPolicy(Experiment):
         return np.array([len(path) - 1 for path in trajectories(task, policy, self.episodes, self.seed)])
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 4.6)
-        policy, stationary = figure.subplots(1, 2)
+        figure, (policy, stationary) = subplots(9, 4.6, 1, 2)
         draw_regions(policy, ())
         draw_paths(policy, np.split(values["paths"], values["ends"][:-1]))
         draw_units(policy, gaussians(values["centre"], values["log width"]), values["forces"])
@@ -81,47 +74,44 @@ class InitialPolicy(Experiment):
         stationary.set_title(f"share of time in each place, {len(values['lengths']):,} episodes", fontsize=10)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         length = mean_of(values["lengths"])
-        away = mean_of(values["lengths none"] - values["lengths left"].astype(float))
         shares = values["occupancy"]
         mirrored = 0.5 * float(np.abs(shares - shares[:, ::-1]).sum())
         drop = GRAVITY / DRAG * (FALL - (1 - np.exp(-DRAG * FALL)) / DRAG)
-        return [
-            Claim(
-                "An episode takes about 24.5 decisions.",
-                "an independent model of section 6.3",
-                f"interval within {LENGTH} ± 0.25",
-                length,
-                length.low >= LENGTH - 0.25 and length.high <= LENGTH + 0.25,
-                "decisions",
-            ),
-            Claim(
-                "The length of an episode does not depend on the actions.",
-                "section 6.3",
-                "no force minus all units pushing to one side, from the same starts: interval within ±0.25",
-                away,
-                away.low >= -0.25 and away.high <= 0.25,
-                "decisions",
-                f"Against a wall, the particle is slowed by friction. Decisions without force "
-                f"{values['lengths none'].mean():.2f}, all to the left {values['lengths left'].mean():.2f}, tiled "
-                f"policy {length.value:.2f}.",
-            ),
-            Claim(
-                f"In free fall for {FALL:g} s the particle drops by g/k (t − (1 − exp(−kt))/k) = {drop:.6f}.",
-                "appendix A.3, with the step inside the stages",
-                f"{drop:.6f} ± 1e-6",
-                exact(float(values["drop"])),
-                abs(values["drop"] - drop) < 1e-6,
-                "of the box",
-                "The stages as printed, without the step, would yield 0.318765.",
-            ),
-            Claim(
-                "The stationary distribution is symmetric, as policy and starts are.",
-                "figure 6.4",
-                "total variation distance from its mirror image below 0.05",
-                exact(mirrored),
-                mirrored < 0.05,
-                note="From samples: the distance shrinks with more episodes.",
-            ),
-        ]
+        yield within(
+            LENGTH - 0.25,
+            LENGTH + 0.25,
+            "An episode takes about 24.5 decisions.",
+            length,
+            unit="decisions",
+            source="an independent model of section 6.3",
+        )
+        yield within(
+            -0.25,
+            0.25,
+            "The length of an episode does not depend on the actions.",
+            mean_of(values["lengths none"] - values["lengths left"].astype(float)),
+            "no force minus all units pushing to one side, from the same starts,",
+            "decisions",
+            note=f"Against a wall, the particle is slowed by friction. Decisions without force "
+            f"{values['lengths none'].mean():.2f}, all to the left {values['lengths left'].mean():.2f}, tiled "
+            f"policy {length.value:.2f}.",
+            source="section 6.3",
+        )
+        yield within(
+            drop - 1e-6,
+            drop + 1e-6,
+            f"In free fall for {FALL:g} s the particle drops by g/k (t − (1 − exp(−kt))/k) = {drop:.6f}.",
+            exact(float(values["drop"])),
+            unit="of the box",
+            note="The stages as printed, without the step, would yield 0.318765.",
+            source="appendix A.3, with the step inside the stages",
+        )
+        yield below(
+            0.05,
+            "The stationary distribution is symmetric, as policy and starts are.",
+            exact(mirrored),
+            "total variation distance from its mirror image",
+            note="From samples: the distance shrinks with more episodes.",
+        )

@@ -1,12 +1,11 @@
 """Figure 6.5: local policies learned in two layouts of rewards, and the particle's paths under them."""
 
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, more_than_half, positive, within
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
     FORGETTING,
@@ -22,6 +21,7 @@ from motorgrad.experiments.chapter_6._local_study import (
 )
 from motorgrad.policies import activity
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
+from motorgrad.statistics import Measured, mean_of, share_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 
@@ -46,17 +46,11 @@ class LocalPolicies(LocalStudy):
     - `drawn` (episodes): paths in each picture.
     """
 
-    episodes: int = 15_000
-    looks: int = 200
-    drawn: int = 12
+    episodes: int = ranged(15_000, 1, 10**6, " episodes")
+    looks: int = ranged(200, 1, 10**6, " episodes")
+    drawn: int = ranged(12, 1, 10**6, " episodes")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(1, 10**6, "episodes", "looks", "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
+    quick = smoke(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
@@ -120,61 +114,54 @@ class LocalPolicies(LocalStudy):
             axes[1].set_title("share of time in each place", fontsize=9.5)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for layout, (before, after, deviation) in INDEPENDENT.items():
-            late_reward, untrained = values[f"{layout} late"], mean_of(values[f"{layout} untrained"])
-            gained = mean_of(late_reward - values[f"{layout} untrained"])
-            made += [
-                positive(
-                    f"Local units learn {layout}.",
-                    "section 6.3.1",
-                    "reward in the last 200 of 2,000 episodes minus that before learning: above 0",
-                    gained,
-                    "per decision",
-                ),
-                Claim(
-                    f"Before learning, the reward in {layout} is {before:g}.",
-                    "an independent model of section 6.3",
-                    f"interval within {before:g} ± 0.005",
-                    untrained,
-                    abs(untrained.low - before) < 0.005 and abs(untrained.high - before) < 0.005,
-                    "per decision",
-                ),
-                _as_far(layout, late_reward, after, deviation, ""),
-                _as_far(layout, values[f"{layout} late forgetting"], after, deviation, " with a baseline that forgets"),
-            ]
-        return [*made, *self._about_units(values)]
+            late_reward = values[f"{layout} late"]
+            yield positive(
+                f"Local units learn {layout}.",
+                mean_of(late_reward - values[f"{layout} untrained"]),
+                "reward in the last 200 of 2,000 episodes minus that before learning",
+                "per decision",
+                source="section 6.3.1",
+            )
+            yield within(
+                before - 0.005,
+                before + 0.005,
+                f"Before learning, the reward in {layout} is {before:g}.",
+                mean_of(values[f"{layout} untrained"]),
+                unit="per decision",
+                source="an independent model of section 6.3",
+            )
+            yield _as_far(layout, late_reward, after, deviation, "")
+            yield _as_far(
+                layout, values[f"{layout} late forgetting"], after, deviation, " with a baseline that forgets"
+            )
+        yield from self._about_units(values)
 
-    def _about_units(self, values: Values) -> list[Claim]:
+    def _about_units(self, values: Values) -> Iterator[Claim]:
         junk = values["R1 firing"] < JUNK
         beyond = outside(values["R1 centre"])
-        some, out = share_of(junk.any(1)), share_of((junk & beyond).any(1))
-        most = "in most seeds"
-        sided = share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED)
-        return [
-            more_than_half(
-                "Some units end up without a part in the policy (R1).",
-                "section 6.3.1",
-                f"at least one unit that fires less than once per {1 / JUNK:g} episodes: {most}",
-                some,
-                note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
-                f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
-            ),
-            more_than_half(
-                "Some of them are pushed out of the box (R1).",
-                "section 6.3.1",
-                f"at least one unit without a part and with its centre beyond a wall: {most}",
-                out,
-                note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
-            ),
-            more_than_half(
-                "Policies for a symmetric task are highly asymmetric (R2).",
-                "section 6.3.1",
-                f"more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle: {most}",
-                sided,
-            ),
-        ]
+        yield more_than_half(
+            "Some units end up without a part in the policy (R1).",
+            share_of(junk.any(1)),
+            f"share of seeds with at least one unit that fires less than once per {1 / JUNK:g} episodes",
+            note=f"{junk.sum(1).mean():.2f} of {junk.shape[1]} units on average, at most {junk.sum(1).max()}; "
+            f"in R2 {(values['R2 firing'] < JUNK).sum(1).mean():.2f}. The thesis shows a run with six.",
+            source="section 6.3.1",
+        )
+        yield more_than_half(
+            "Some of them are pushed out of the box (R1).",
+            share_of((junk & beyond).any(1)),
+            "share of seeds with at least one unit without a part and with its centre beyond a wall",
+            note=f"{(junk & beyond).sum(1).mean():.2f} units on average.",
+            source="section 6.3.1",
+        )
+        yield more_than_half(
+            "Policies for a symmetric task are highly asymmetric (R2).",
+            share_of(np.abs(2 * values["R2 left"] - 1) > ONE_SIDED),
+            f"share of seeds with more than {(1 + ONE_SIDED) / 2:.0%} of the time on one side of the middle",
+            source="section 6.3.1",
+        )
 
 
 def _as_far(layout: str, late_reward: np.ndarray, expected: float, deviation: float, words: str) -> Claim:
@@ -184,12 +171,13 @@ def _as_far(layout: str, late_reward: np.ndarray, expected: float, deviation: fl
     error = np.hypot(late_reward.std(ddof=1) / np.sqrt(len(late_reward)), deviation / np.sqrt(SAMPLE))
     away = late_reward.mean() - expected
     half = stats.norm.ppf(0.975) * error
-    return Claim(
+    return within(
+        -deviation,
+        deviation,
         f"In {layout}, learners reach {expected:g} (± {deviation:g} over seeds){words}.",
-        "an independent model of section 6.3",
-        f"difference from its {SAMPLE} seeds: the interval of both samples contains 0",
         Measured(away, away - half, away + half, len(late_reward), "difference of means"),
-        abs(away) <= half,
+        f"difference from its {SAMPLE} seeds, against their deviation,",
         "per decision",
-        f"{late_reward.mean():.4f} ± {late_reward.std(ddof=1):.4f} over {len(late_reward)} seeds.",
+        note=f"{late_reward.mean():.4f} ± {late_reward.std(ddof=1):.4f} over {len(late_reward)} seeds.",
+        source="an independent model of section 6.3",
     )

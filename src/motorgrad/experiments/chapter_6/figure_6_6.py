@@ -1,17 +1,18 @@
 """Figure 6.6: where a learned policy acts."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, below, more_than_half
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad.policies import Policy
+from motorgrad.statistics import exact, share_of
 from motorgrad.tasks import FallingParticle
 
 DRAWS = 2_000  # samples of the action at each place, to check the probability
@@ -32,17 +33,10 @@ class AnyUnitFires(LocalStudy):
     - `cells`: along each side of the box.
     """
 
-    looks: int = 200
-    cells: int = 60
+    looks: int = ranged(200, 1, 10**6, " episodes")
+    cells: int = ranged(60, 10, 1_000)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(1, 10**6, "looks", unit=" episodes")
-        self.check_range(10, 1_000, "cells")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, looks=20, cells=20)
+    quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 
     def run(self, work: Workspace) -> Values:
         task, run = FallingParticle(layout="R2"), self.learned(work, "R2")
@@ -76,42 +70,37 @@ class AnyUnitFires(LocalStudy):
         figure.suptitle("probability that at least one unit fires", fontsize=11)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         found, row = values["any"], int(values["row"])
         error = float(np.abs(found[row] - values["drawn"]).max())
         # six standard deviations of a share of one half
         bound = 6 * 0.5 / np.sqrt(DRAWS)
-        both = share_of((found < SILENT).mean((1, 2)) >= QUIET_SHARE)
-        sure = share_of(found.max((1, 2)) > SURE)
-        near = share_of(values["any where it is"] > found.mean((1, 2)))
-        most = "in most seeds"
-        return [
-            Claim(
-                "The surface is 1 − Π(1 − p), the probability that some unit fires.",
-                "figure 6.6",
-                f"greatest difference from the share in {DRAWS:,} samples: below six standard deviations, {bound:.3f}",
-                exact(error),
-                error < bound,
-            ),
-            more_than_half(
-                "The response is local: in part of the box, the policy does not act.",
-                "section 6.1",
-                f"probability below {SILENT:g} on at least {QUIET_SHARE:.0%} of the box: {most}",
-                both,
-                note=f"On average on {(found < SILENT).mean():.0%} of it; before learning on "
-                f"{(values['any before learning'] < SILENT).mean():.0%}.",
-            ),
-            more_than_half(
-                "Somewhere, the policy is certain to act.", "figure 6.6", f"above {SURE:g} somewhere: {most}", sure
-            ),
-            more_than_half(
-                "It acts where the particle passes.",
-                "section 6.5.4: local units only have an effect near the dynamics",
-                f"more probable along the particle's paths than over the whole box: {most}",
-                near,
-                note=f"{values['any where it is'].mean():.2f} along the paths, {found.mean():.2f} over the box.",
-            ),
-        ]
+        yield below(
+            bound,
+            "The surface is 1 − Π(1 − p), the probability that some unit fires.",
+            exact(error),
+            f"greatest difference from the share in {DRAWS:,} samples, against six standard deviations,",
+        )
+        yield more_than_half(
+            "The response is local: in part of the box, the policy does not act.",
+            share_of((found < SILENT).mean((1, 2)) >= QUIET_SHARE),
+            f"share of seeds with a probability below {SILENT:g} on at least {QUIET_SHARE:.0%} of the box",
+            note=f"On average on {(found < SILENT).mean():.0%} of it; before learning on "
+            f"{(values['any before learning'] < SILENT).mean():.0%}.",
+            source="section 6.1",
+        )
+        yield more_than_half(
+            "Somewhere, the policy is certain to act.",
+            share_of(found.max((1, 2)) > SURE),
+            f"share of seeds with a probability above {SURE:g} somewhere",
+        )
+        yield more_than_half(
+            "It acts where the particle passes.",
+            share_of(values["any where it is"] > found.mean((1, 2))),
+            "share of seeds that act more probably along the particle's paths than over the whole box",
+            note=f"{values['any where it is'].mean():.2f} along the paths, {found.mean():.2f} over the box.",
+            source="section 6.5.4: local units only have an effect near the dynamics",
+        )
 
 
 def any_fires(policy: Policy, places: np.ndarray) -> np.ndarray:

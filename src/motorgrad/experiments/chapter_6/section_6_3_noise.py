@@ -1,15 +1,16 @@
 """Section 6.3: the effect of noise on observations and dynamics on learning."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, above, first_time, mean_of, median_of, moving_mean, positive
-from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
+from motorgrad.experiments._claims import OURS, Claim, above, at_least, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, rising, smoke
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, frozen_reward
+from motorgrad.statistics import first_time, mean_of, median_of, moving_mean
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
 
@@ -44,9 +45,7 @@ class Noise(LayoutStudy):
             levels = getattr(self, name)
             check(rising(levels, above=0), name, levels, "positive deviations, rising")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, layouts=("R1",), observation=(0.1,), dynamics=(0.8,))
+    quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), observation=(0.1,), dynamics=(0.8,))
 
     def levels(self, kind: str) -> tuple[float, ...]:
         """The deviations of one kind of noise."""
@@ -85,14 +84,11 @@ class Noise(LayoutStudy):
             axes.set_xlabel("thousand decisions")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [
-            claim
-            for layout in self.layouts
-            for kind, words in KINDS.items()
-            for level in self.levels(kind)
-            for claim in _claims(values, layout, f"{kind} {level:g}", f"{layout}, {words}: {level:g}")
-        ]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for layout in self.layouts:
+            for kind, words in KINDS.items():
+                for level in self.levels(kind):
+                    yield from _claims(values, layout, f"{kind} {level:g}", f"{layout}, {words}: {level:g}")
 
 
 def final_reward(reward: np.ndarray) -> np.ndarray:
@@ -103,43 +99,34 @@ def final_reward(reward: np.ndarray) -> np.ndarray:
 def decisions_to(decision: np.ndarray, reward: np.ndarray, level: float) -> np.ndarray:
     """When the moving mean first reaches a level, for each seed; the end of learning if it never does."""
     smooth = min(SMOOTH, len(decision))
-    times = first_time(decision[smooth - 1 :], moving_mean(reward, smooth) >= level)
-    return np.where(np.isnan(times), decision[-1], times)
+    return first_time(decision[smooth - 1 :], moving_mean(reward, smooth) >= level, never=float(decision[-1]))
 
 
-def _claims(values: Values, layout: str, name: str, words: str) -> list[Claim]:
+def _claims(values: Values, layout: str, name: str, words: str) -> Iterator[Claim]:
     still, noisy, decision = values[f"{layout} none"], values[f"{layout} {name}"], values["decision"]
-    share = mean_of(final_reward(noisy) / final_reward(still).mean())
     usual, times = (decisions_to(decision, each, LITTLE * final_reward(still).mean()) for each in (still, noisy))
-    slower = median_of(times / np.median(usual))
     never = int((times == decision[-1]).sum())
-    adapted = mean_of(final_reward(noisy) - values[f"{layout} {name} unused"])
-    return [
-        Claim(
-            f"Noise has little effect on the final reward ({words}).",
-            "section 6.3",
-            f"final reward relative to that without noise: the whole interval at least {LITTLE:g}",
-            share,
-            share.low >= LITTLE,
-            note=f"Policies learned without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
-            f"those learned with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
-        ),
-        above(
-            1,
-            f"Noise slows learning ({words}).",
-            "section 6.3",
-            f"decisions to {LITTLE:.0%} of the noiseless final reward, relative to the median without noise: the whole "
-            "interval above 1",
-            slower,
-            "times",
-            f"{never} of {len(times)} never get there, and count with all {decision[-1]:,} decisions; median without "
-            f"noise {np.median(usual):,.0f}.",
-        ),
-        positive(
-            f"Learning with noise compensates for part of it ({words}).",
-            "our own expectation",
-            "final reward minus that of policies learned without noise, both with noise: above 0",
-            adapted,
-            "per decision",
-        ),
-    ]
+    yield at_least(
+        LITTLE,
+        f"Noise has little effect on the final reward ({words}).",
+        mean_of(final_reward(noisy) / final_reward(still).mean()),
+        "final reward relative to that without noise",
+        note=f"Policies learned without noise earn {values[f'{layout} {name} unused'].mean():.3f} with it, "
+        f"those learned with it {final_reward(noisy).mean():.3f}; without noise {final_reward(still).mean():.3f}.",
+    )
+    yield above(
+        1,
+        f"Noise slows learning ({words}).",
+        median_of(times / np.median(usual)),
+        f"decisions to {LITTLE:.0%} of the noiseless final reward, relative to the median without noise,",
+        "times",
+        note=f"{never} of {len(times)} never get there, and count with all {decision[-1]:,} decisions; median without "
+        f"noise {np.median(usual):,.0f}.",
+    )
+    yield positive(
+        f"Learning with noise compensates for part of it ({words}).",
+        mean_of(final_reward(noisy) - values[f"{layout} {name} unused"]),
+        "final reward minus that of policies learned without noise, both with noise,",
+        "per decision",
+        source=OURS,
+    )

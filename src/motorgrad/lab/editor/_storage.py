@@ -63,7 +63,14 @@ class Folder:
     def _path(self, name: str) -> Path:
         plain = name == Path(name).name and name.isprintable() and not name.startswith(".") and "\\" not in name
         check(plain and 0 < len(name) <= 200, "file", name, f"the name of a file in {self.folder}")
-        return self.folder / (name if Path(name).suffix == SUFFIX else f"{name}{SUFFIX}")
+        path = self.folder / (name if Path(name).suffix == SUFFIX else f"{name}{SUFFIX}")
+        check(
+            path.resolve().is_relative_to(self.folder),
+            "file",
+            name,
+            f"in {self.folder}, not a link that leads out of it",
+        )
+        return path
 
 
 def _digest(path: Path) -> str:

@@ -96,6 +96,10 @@ class Growth(Part):
         """The length of the adding phase, in decisions."""
         return math.ceil(math.log(self.cutoff / self.width) / math.log(self.shrink))
 
+    def adds(self, state: GrowthState) -> Bool[Array, ""]:
+        """Whether the newest unit is in its adding phase."""
+        return state.age < self.adding
+
     def init(self, policy: Policy, key: jax.Array) -> tuple[GrowthState, Masked]:
         """The state before the first decision, and the policy with its first unit."""
         pool = _masked(policy)
@@ -127,14 +131,14 @@ class Growth(Part):
 
     def reinforce(self, state: GrowthState, reward: Float[Array, ""]) -> GrowthState:
         """The state after a reward."""
-        return state._replace(criterion=self.criterion.reinforce(state.criterion, reward, state.age >= self.adding))
+        return state._replace(criterion=self.criterion.reinforce(state.criterion, reward, ~self.adds(state)))
 
     def scale_updates(self, state: GrowthState, step: PyTree[Array]) -> PyTree[Array]:
         """A step of the parameters, scaled for each unit by the phase."""
 
         def scaled(leaf: Array) -> Array:
             newest = jnp.arange(leaf.shape[0]) == state.unit
-            factor = jnp.where(state.age < self.adding, jnp.where(newest, self.boost, self.damp), 1)
+            factor = jnp.where(self.adds(state), jnp.where(newest, self.boost, self.damp), 1)
             return factor.reshape(-1, *(1,) * (leaf.ndim - 1)).astype(leaf.dtype) * leaf
 
         return jax.tree.map(scaled, step)
@@ -149,7 +153,7 @@ class Growth(Part):
         name, size = _size(pool)
         least = math.log(self.cutoff)
         newest = jnp.arange(pool.outputs) == state.unit
-        smaller = (newest & (state.age < self.adding)).reshape(-1, *(1,) * (size.ndim - 1)) & (size > least)
+        smaller = (newest & self.adds(state)).reshape(-1, *(1,) * (size.ndim - 1)) & (size > least)
         shrunk = jnp.where(smaller, jnp.maximum(size + math.log(self.shrink), least), size)
         return eqx.tree_at(lambda each: getattr(each.pool, name), pool, shrunk)
 

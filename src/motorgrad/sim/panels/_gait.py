@@ -165,6 +165,7 @@ class GaitPanel(Panel):
                 ("speed", f"{brief(float(gait.speed[0]))} m/s"),
                 ("phase between tripods", f"{brief(float(gait.phase[0]), 2)} of a cycle"),
                 ("correlation of tripods", brief(float(gait.correlation[0]), 2)),
+                ("correlation of their contacts", brief(float(gait.contact_correlation[0]), 2)),
                 ("stride frequency", f"{brief(float(gait.frequency[0]))} Hz"),
                 ("duty factor", f"{float(gait.duty[0]):.0%}"),
             ]

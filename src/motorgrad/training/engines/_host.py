@@ -72,6 +72,8 @@ class HostProgram(Program):
         self.first = compiled(self._act)
         self.learn = compiled(self._learn_and_act)
         self.learn_resting = compiled(functools.partial(self._learn_and_act, resting=True), packing.still)
+        self._copy = jax.jit(lambda cycles: jax.tree.map(jnp.copy, cycles))
+        self._merge = jax.jit(jax.vmap(lambda one, x, y: jax.tree.map(lambda a, b: jnp.where(one, a, b), x, y)))
         self.again = compiled(self._restart_and_act)
         self.harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
         self.with_rest = jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype))))
@@ -82,6 +84,23 @@ class HostProgram(Program):
         """The random numbers of a block of decisions, those of all purposes side by side."""
         with _alone:
             return np.asarray(self._drawn(seeds, np.uint32(block)))
+
+    def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
+        """Learn from one decision, where `resting` by the shorter program.
+
+        The two may round differently. So a seed's program depends on itself alone, and both run where seeds differ, as
+        they do after one of them has diverged.
+        """
+        if resting.all():
+            return self.learn_resting(cycles, row)
+        if not resting.any():
+            return self.learn(cycles, row)
+        with _alone:
+            spare = self._copy(cycles)  # the first call uses up its input
+        rested, due = self.learn_resting(spare, row), self.learn(cycles, row)
+        with _alone:
+            cycles = jax.block_until_ready(self._merge(resting, rested[0], due[0]))
+        return cycles, np.where(resting[:, None], rested[1], due[1])
 
     def _over_seeds(self, packing: Packing, function: Any, still: Set[str] = frozenset()) -> Any:
         """`function(cycle, packed, uniforms, *rest) -> (cycle, out)` compiled for all seeds. It does not change the
@@ -206,11 +225,13 @@ class HostStepper(Stepper):
     def advance(self, decisions: int) -> None:
         program, rests, has_episodes = self.program, self.cycle.rests, self.task.has_episodes
         for _ in range(decisions):
-            resting = rests and self._out[:, -1].min() > 0
+            rest = self._out[:, -1] > 0
             self.batch.step(self._out[:, :-2])
             self.decision += 1
-            learn = program.learn_resting if resting else program.learn
-            self._cycles, self._out = learn(self._cycles, self._input())
+            if rests:
+                self._cycles, self._out = program.learn_each(self._cycles, rest, self._input())
+            else:
+                self._cycles, self._out = program.learn(self._cycles, self._input())
             self.ended = None
             if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
                 ended = self._out[:, -2] > 0

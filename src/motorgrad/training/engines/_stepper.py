@@ -52,8 +52,10 @@ class Program:
         agent, tally = state.agent, state.tally
         found = self.cycle.read_tally(tally)
         found["baseline"] = self.cycle.learner(state).estimator.level(agent.estimator)
-        if agent.growth is not None:
+        growth = self.cycle.learner(state).growth
+        if growth is not None and agent.growth is not None:
             found["units"] = jnp.sum(agent.policy.active)  # type: ignore[attr-defined]
+            found["adding"] = growth.adds(agent.growth).astype(jnp.int32)
         found["parameters"] = ravel_pytree(trainable(agent.policy))[0]
         return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), found
 

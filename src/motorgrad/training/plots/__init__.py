@@ -1,7 +1,7 @@
 """Learning curves as figures, and as TensorBoard event files. Drawing loads matplotlib when it is first used."""
 
 from motorgrad.training.plots._plot import Format, learning_curves
-from motorgrad.training.plots._plot_curves import Axis, Curve
+from motorgrad.training.plots._plot_curves import Axis, Curve, axis_for, curve_of
 from motorgrad.training.plots._plot_labels import folders_of
 from motorgrad.training.plots._tensorboard import EventFiles, check_tensorboard, start_time, write_tensorboard
 
@@ -10,7 +10,9 @@ __all__ = [
     "Curve",
     "EventFiles",
     "Format",
+    "axis_for",
     "check_tensorboard",
+    "curve_of",
     "folders_of",
     "learning_curves",
     "start_time",

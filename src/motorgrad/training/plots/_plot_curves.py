@@ -90,7 +90,7 @@ def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, labe
     """A quantity of a run over an axis. Each point is the mean over the last `smooth` units of the axis."""
     decision, values = run.curve(quantity)
     values = np.where(np.isfinite(values), values, np.nan)
-    x = _positions(run, axis)
+    x = _positions(run, axis, len(values))
     if smooth is not None:
         values = trailing_mean(x, values, _weights(run, quantity, decision), smooth)
     window, steps = run.config["run"]["window"], run.config["run"]["steps"]
@@ -137,9 +137,9 @@ def check_smooth(smooth: float | None, axis: Axis, curves: Sequence[Curve]) -> N
     check(smooth > record, "smooth", smooth, more)
 
 
-def _positions(run: Plotted, axis: Axis) -> Float[np.ndarray, " records"]:
+def _positions(run: Plotted, axis: Axis, lanes: int) -> Float[np.ndarray, " records"]:
     column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time"}[axis]
-    return run.metrics[column].to_numpy()[:: len(run.seeds)].astype(float)
+    return run.metrics[column].to_numpy()[::lanes].astype(float)
 
 
 def _timed(run: Plotted) -> bool:

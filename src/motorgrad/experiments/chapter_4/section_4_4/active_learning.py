@@ -1,13 +1,13 @@
 """Section 4.4.1: learners that query the loads at which they learn."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, below, median_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, draw_band, new_figure
+from motorgrad.experiments._claims import OURS, Claim, at_most, below
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
     SPACED,
@@ -16,6 +16,7 @@ from motorgrad.experiments.chapter_4._pools import (
     parameter_history,
     spacing_deviation,
 )
+from motorgrad.statistics import median_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import agent_for
 
@@ -40,23 +41,15 @@ class ActiveLearning(Experiment):
     - `seeds`: pools of each kind.
     """
 
-    plain_units: int = 4
-    plain_steps: int = 5_000_000
-    natural_units: int = 8
-    natural_steps: int = 400_000
-    explore: float = 0.1
-    cells: int = 32
-    seeds: int = 24
+    plain_units: int = ranged(4, 2, 64)
+    plain_steps: int = ranged(5_000_000, 200, 10**9)
+    natural_units: int = ranged(8, 2, 64)
+    natural_steps: int = ranged(400_000, 200, 10**9)
+    explore: float = ranged(0.1, 0, 1)
+    cells: int = ranged(32, 2, 10_000)
+    seeds: int = ranged(24, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(2, 64, "plain_units", "natural_units")
-        self.check_range(200, 10**9, "plain_steps", "natural_steps")
-        self.check_range(0, 1, "explore")
-        self.check_range(2, 10_000, "cells", "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(plain_units=2, plain_steps=2_000, natural_units=3, natural_steps=2_000, seeds=3)
+    quick = smoke(plain_units=2, plain_steps=2_000, natural_units=3, natural_steps=2_000, seeds=3)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {}
@@ -78,60 +71,47 @@ class ActiveLearning(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
+        """Spacing and error over decisions, and the time at which each pool becomes equally spaced."""
         sizes = {"plain": self.plain_units, "natural": self.natural_units}
-        return draw_active(values, {name: f"{words}, {sizes[name]} units" for name, words in WORDS.items()})
+        words = {name: f"{words}, {sizes[name]} units" for name, words in WORDS.items()}
+        figure, axes = subplots(9, 6, len(words), 3, width_ratios=[1.3, 1.3, 1])
+        kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "queried loads"))
+        for row, (name, title) in zip(axes, words.items(), strict=True):
+            decision = values[f"{name} decision"] / 1e6
+            for loads, colour, label in kinds:
+                for place, quantity in ((row[0], "spacing"), (row[1], "error")):
+                    draw_band(place, decision, values[f"{name} {loads} {quantity}"], colour, label)
+            uniform, queried = (np.minimum(values[f"{name} {k} from"] / 1e6, decision[-1]) for k, _, _ in kinds)
+            most = 1.05 * max(uniform.max(), queried.max())
+            row[2].plot([0, most], [0, most], color="0.6", linewidth=0.8, linestyle="--")
+            row[2].plot(uniform, queried, "o", markersize=3.5, color="C0", alpha=0.7, clip_on=False)
+            row[0].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
+            row[0].set(yscale="log", ylabel="greatest deviation (spacings)", xlabel="million decisions", title=title)
+            row[1].set(ylabel="error of the force, uniform loads", xlabel="million decisions", ylim=(0, None))
+            row[2].set(xlabel="uniform loads", ylabel="queried loads", xlim=(0, most), ylim=(0, most), aspect="equal")
+            row[2].set_title("million decisions until equally\nspaced for good, each pool", fontsize=9)
+            row[0].title.set_fontsize(9)
+        axes[0, 1].legend(fontsize=8)
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for name, words in WORDS.items():
             steps = values[f"{name} decision"][-1]
             found = [values[f"{name} {loads} from"] for loads in ("uniform", "queried")]
             never = [int(np.isinf(times).sum()) for times in found]
             times = [np.minimum(times, steps) for times in found]
-            quicker = median_of(times[1] / times[0])
             late = f"Never, and counted as {steps:,}: {never[0]} with uniform loads, {never[1]} with queried ones."
-            final = median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1])
-            made += [
-                below(
-                    1,
-                    f"Querying loads in proportion to the policy's entropy shortens learning ({words}).",
-                    "section 4.4.1",
-                    "decisions until equally spaced for good, relative to uniform loads from the same start: "
-                    "the whole interval below 1",
-                    quicker,
-                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
-                ),
-                Claim(
-                    f"Over uniform loads, the learned force is no worse ({words}).",
-                    "our own expectation",
-                    "root mean square error in the end, relative to uniform loads: the whole interval at "
-                    f"most {NO_WORSE}",
-                    final,
-                    final.high <= NO_WORSE,
-                ),
-            ]
-        return made
-
-
-def draw_active(values: Values, words: Mapping[str, str]) -> Figure:
-    """For every learner: spacing and error over decisions, and the time at which each pool becomes equally spaced."""
-    figure = new_figure(9, 6)
-    axes = figure.subplots(len(words), 3, width_ratios=[1.3, 1.3, 1])
-    kinds = (("uniform", "C1", "uniform loads"), ("queried", "C0", "queried loads"))
-    for row, (name, title) in zip(axes, words.items(), strict=True):
-        decision = values[f"{name} decision"] / 1e6
-        for loads, colour, label in kinds:
-            for place, quantity in ((row[0], "spacing"), (row[1], "error")):
-                draw_band(place, decision, values[f"{name} {loads} {quantity}"], colour, label)
-        uniform, queried = (np.minimum(values[f"{name} {k} from"] / 1e6, decision[-1]) for k, _, _ in kinds)
-        most = 1.05 * max(uniform.max(), queried.max())
-        row[2].plot([0, most], [0, most], color="0.6", linewidth=0.8, linestyle="--")
-        row[2].plot(uniform, queried, "o", markersize=3.5, color="C0", alpha=0.7, clip_on=False)
-        row[0].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
-        row[0].set(yscale="log", ylabel="greatest deviation (spacings)", xlabel="million decisions", title=title)
-        row[1].set(ylabel="error of the force, uniform loads", xlabel="million decisions", ylim=(0, None))
-        row[2].set(xlabel="uniform loads", ylabel="queried loads", xlim=(0, most), ylim=(0, most), aspect="equal")
-        row[2].set_title("million decisions until equally\nspaced for good, each pool", fontsize=9)
-        row[0].title.set_fontsize(9)
-    axes[0, 1].legend(fontsize=8)
-    return figure
+            yield below(
+                1,
+                f"Querying loads in proportion to the policy's entropy shortens learning ({words}).",
+                median_of(times[1] / times[0]),
+                "decisions until equally spaced for good, relative to uniform loads from the same start,",
+                note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
+            )
+            yield at_most(
+                NO_WORSE,
+                f"Over uniform loads, the learned force is no worse ({words}).",
+                median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1]),
+                "root mean square error in the end, relative to uniform loads,",
+                source=OURS,
+            )

@@ -1,15 +1,15 @@
 """Figure 4.10: the local effect of a new unit on a learned pool."""
 
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, below, median_of, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._claims import Claim, at_least, at_most, below
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, with_new_unit
+from motorgrad.statistics import median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -30,22 +30,17 @@ class LocalEffect(Experiment):
     - `steps` (decisions): for which each pool learns, by the natural gradient.
     """
 
-    units: int = 6
-    threshold: float = 0.5
+    units: int = ranged(6, 1, 100)
+    threshold: float = ranged(0.5, 0, 1)
     gains: tuple[float, ...] = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)
-    seeds: int = 24
-    steps: int = 400_000
+    seeds: int = ranged(24, 2, 10_000)
+    steps: int = ranged(400_000, 200, 10**9)
 
     def __post_init__(self) -> None:
-        self.check_range(1, 100, "units")
-        self.check_range(0, 1, "threshold")
+        super().__post_init__()
         check(rising(self.gains, 2) and self.gains[0] == 0, "gains", self.gains, "at least two, rising from 0")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, steps=2_000)
+    quick = smoke(seeds=3, steps=2_000)
 
     def run(self, work: Workspace) -> Values:
         task = LinearRecruitment(units=self.units)
@@ -61,8 +56,7 @@ class LocalEffect(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 3.6)
-        without, where, width = figure.subplots(1, 3, width_ratios=[1, 1.5, 1])
+        figure, (without, where, width) = subplots(9, 3.6, 1, 3, width_ratios=[1, 1.5, 1])
         load = values["load"]
         for row in values["before"]:
             without.plot(load, row, color="C0", linewidth=0.5, alpha=0.5)
@@ -90,57 +84,44 @@ class LocalEffect(Experiment):
             axes.title.set_fontsize(10)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         load, effect, width = values["load"], values["effect"], spread(values)
         peak = load[effect[-1].argmax(-1)]
-        extreme = median_of(np.minimum(effect[0, :, 0], effect[0, :, -1]) / effect[0].max(-1))
-        falls = share_of((np.diff(width, axis=0) < 0).all(axis=0))
-        narrower = median_of(width[-1] / width[0])
-        ends = median_of(np.maximum(effect[-1, :, 0], effect[-1, :, -1]) / effect[-1].max(-1))
-        away = median_of(np.abs(peak - values["threshold"]))
-        least = "share of pools at least 0.8, the whole interval"
         top = f"{values['gain'][-1]:g}"
-        return [
-            Claim(
-                "At zero gain, the new unit has the most effect at the extremes of the input.",
-                "figure 4.10",
-                "effect at either end at least 0.99 of the greatest: the whole interval",
-                extreme,
-                extreme.low >= 0.99,
-                note="Beyond the outermost thresholds, the pool's activation is flat, and so is the effect.",
-            ),
-            Claim(
-                "The effect becomes more local with every increase of the gain.",
-                "figure 4.10",
-                f"the spread around the threshold falls at every step: {least}",
-                falls,
-                falls.low >= 0.8,
-            ),
-            Claim(
-                f"At a gain of {top}, the effect is less spread than at zero gain.",
-                "figure 4.10",
-                "at most 0.75 times as much: the whole interval",
-                narrower,
-                narrower.high <= 0.75,
-                note="The change falls in steps from the threshold to both ends, because the learned "
-                "activation is a staircase.",
-            ),
-            below(
-                0.1,
-                f"At a gain of {top}, there is no effect at the extremes.",
-                "figure 4.10",
-                "below 0.1 of the greatest effect: the whole interval",
-                ends,
-            ),
-            Claim(
-                f"At a gain of {top}, the effect is greatest at the new unit's threshold.",
-                "figure 4.10",
-                "within 0.1 of it: the whole interval",
-                away,
-                away.high <= 0.1,
-                "load",
-            ),
-        ]
+        yield at_least(
+            0.99,
+            "At zero gain, the new unit has the most effect at the extremes of the input.",
+            median_of(np.minimum(effect[0, :, 0], effect[0, :, -1]) / effect[0].max(-1)),
+            "effect at either end, of the greatest,",
+            note="Beyond the outermost thresholds, the pool's activation is flat, and so is the effect.",
+        )
+        yield at_least(
+            0.8,
+            "The effect becomes more local with every increase of the gain.",
+            share_of((np.diff(width, axis=0) < 0).all(axis=0)),
+            "share of pools whose spread around the threshold falls at every step",
+        )
+        yield at_most(
+            0.75,
+            f"At a gain of {top}, the effect is less spread than at zero gain.",
+            median_of(width[-1] / width[0]),
+            "spread relative to that at zero gain",
+            note="The change falls in steps from the threshold to both ends, because the learned "
+            "activation is a staircase.",
+        )
+        yield below(
+            0.1,
+            f"At a gain of {top}, there is no effect at the extremes.",
+            median_of(np.maximum(effect[-1, :, 0], effect[-1, :, -1]) / effect[-1].max(-1)),
+            "effect at either end, of the greatest,",
+        )
+        yield at_most(
+            0.1,
+            f"At a gain of {top}, the effect is greatest at the new unit's threshold.",
+            median_of(np.abs(peak - values["threshold"])),
+            "distance from it",
+            "load",
+        )
 
 
 def spread(values: Values) -> np.ndarray:

@@ -1,16 +1,17 @@
 """Section 4.4.1: a baseline that forgets, for a muscle or a load that changes."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Literal, Self
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._claims import Claim, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -38,7 +39,7 @@ class ForgettingBaseline(Experiment):
     """
 
     units: int = 2
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     steps: int = 4_000_000
     period: int = 2_000_000
     amount: float = -0.5
@@ -46,7 +47,7 @@ class ForgettingBaseline(Experiment):
     rates: tuple[float, ...] = (0.001, 0.01, 0.1)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
+        super().__post_init__()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         check(len(self.rates) > 0, "rates", self.rates, "at least one")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
@@ -55,9 +56,7 @@ class ForgettingBaseline(Experiment):
             for changes in self.learners().values():
                 agent_for(self.task(of), **changes)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
+    quick = smoke(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
 
     def task(self, of: Literal["strength", "load"]) -> LinearRecruitment:
         """The task in which strength or load changes."""
@@ -99,73 +98,58 @@ class ForgettingBaseline(Experiment):
         return least_error(moved, 1.0)
 
     def figure(self, values: Values) -> Figure:
-        return draw_baselines(values, OF)
+        """For each kind of change: the lag of the baselines, the error of the force, and the error minus that with
+        the mean of all rewards."""
+        figure, axes = subplots(10, 7.6, 3, len(OF), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
+        for column, each in zip(axes.T, OF, strict=True):
+            _draw(column, values, each)
+            column[0].set_title(TITLES[each], fontsize=11)
+        axes[0, 0].set(ylabel="|baseline − mean reward|", yscale="log", ylim=(1e-3, None))
+        axes[1, 0].set(ylabel="mean error of the force", ylim=(0, None))
+        axes[2, 0].set(ylabel="error minus that\nwith the mean of all")
+        figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
+        figure.supxlabel(
+            "shaded: weak muscle, or added load; dotted: the least possible error\n"
+            "above: median and quartiles of the pools; below: mean with 95 % interval",
+            fontsize=9,
+            color="0.4",
+        )
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [claim for of in OF for claim in self._claims(values, of)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for of in OF:
+            yield from self._claims(values, of)
 
-    def _claims(self, values: Values, of: str) -> list[Claim]:
+    def _claims(self, values: Values, of: str) -> Iterator[Claim]:
         """The claims about pools for one kind of change."""
         after = values["decision"] > values["changes"][0]
         behind, error = (values[f"{name} {of}"][:, :, after].mean(axis=2) for name in ("behind", "error"))
-        lines, made = [str(line) for line in values["line"]], []
+        lines = [str(line) for line in values["line"]]
         changes = "the muscle" if of == "strength" else "the load"
         for row in range(1, len(lines) - 1):
-            nearer = mean_of(behind[0] - behind[row])
-            better = mean_of(error[0] - error[row])
-            made += [
-                positive(
-                    f"If {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster "
-                    "than the mean of "
-                    "all rewards.",
-                    "section 4.4.1",
-                    "after the first change, the baseline is nearer to the current rewards: difference above 0",
-                    nearer,
-                    "reward",
-                    f"Mean distance {behind[row].mean():.4f}; with the mean of all, {behind[0].mean():.4f}.",
-                ),
-                positive(
-                    f"Pools that learn with it ({lines[row]}) track {changes} better.",
-                    "section 4.4.1",
-                    "less mean error after the first change: difference above 0",
-                    better,
-                    "of the pool's force",
-                    f"Mean error {error[row].mean():.4f}; with the mean of all, {error[0].mean():.4f}.",
-                ),
-            ]
-        natural = mean_of(error[0] - error[-1])
-        return [
-            *made,
-            positive(
-                f"Pools track {changes} better with the natural gradient than with the plain one.",
-                OURS,
-                "less mean error after the first change: difference above 0",
-                natural,
+            yield positive(
+                f"If {changes} changes, a fixed step ({lines[row]}) tracks the average reward faster than the mean of "
+                "all rewards.",
+                mean_of(behind[0] - behind[row]),
+                "distance of the baseline from the current rewards after the first change: difference",
+                "reward",
+                note=f"Mean distance {behind[row].mean():.4f}; with the mean of all, {behind[0].mean():.4f}.",
+            )
+            yield positive(
+                f"Pools that learn with it ({lines[row]}) track {changes} better.",
+                mean_of(error[0] - error[row]),
+                "mean error after the first change: difference",
                 "of the pool's force",
-                f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
-            ),
-        ]
-
-
-def draw_baselines(values: Values, of: Sequence[str]) -> Figure:
-    """One column per kind of change: the lag of the baselines, the error of the force, and the error minus that with
-    the mean of all rewards."""
-    figure = new_figure(10, 7.6)
-    axes = figure.subplots(3, len(of), sharex=True, sharey="row", height_ratios=[1, 1.3, 1])
-    for column, each in zip(axes.T, of, strict=True):
-        _draw(column, values, each)
-        column[0].set_title(TITLES[each], fontsize=11)
-    axes[0, 0].set(ylabel="|baseline − mean reward|", yscale="log", ylim=(1e-3, None))
-    axes[1, 0].set(ylabel="mean error of the force", ylim=(0, None))
-    axes[2, 0].set(ylabel="error minus that\nwith the mean of all")
-    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
-    figure.supxlabel(
-        "shaded: weak muscle, or added load; dotted: the least possible error\n"
-        "above: median and quartiles of the pools; below: mean with 95 % interval",
-        fontsize=9,
-        color="0.4",
-    )
-    return figure
+                note=f"Mean error {error[row].mean():.4f}; with the mean of all, {error[0].mean():.4f}.",
+            )
+        yield positive(
+            f"Pools track {changes} better with the natural gradient than with the plain one.",
+            mean_of(error[0] - error[-1]),
+            "mean error after the first change: difference",
+            "of the pool's force",
+            note=f"Mean error {error[-1].mean():.4f}; with the plain one, {error[0].mean():.4f}.",
+            source=OURS,
+        )
 
 
 def _draw(axes: Sequence[Axes], values: Values, of: str) -> None:

@@ -1,16 +1,16 @@
 """Section 4.4.1: gains that decay, so that units keep exploring."""
 
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import OURS, Claim, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad.experiments.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -38,17 +38,16 @@ class GainDecay(Experiment):
     """
 
     units: int = 2
-    seeds: int = 20
-    learned: int = 4_000_000
+    seeds: int = ranged(20, 2, 10_000)
+    learned: int = ranged(4_000_000, 200, 10**9)
     steps: int = 3_000_000
     period: int = 2_000_000
     amount: float = -0.5
     decays: tuple[float, ...] = (1e-7, 1e-6, 1e-5)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
+        super().__post_init__()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
-        self.check_range(200, 10**9, "learned")
         check(
             len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,
             "decays",
@@ -58,9 +57,7 @@ class GainDecay(Experiment):
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
         Drift(self.amount, self.period)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
+    quick = smoke(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
 
     def task(self, drifts: bool) -> LinearRecruitment:
         return LinearRecruitment(
@@ -88,8 +85,7 @@ class GainDecay(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 6)
-        axes = figure.subplots(2, 3, sharex="col", sharey="row")
+        figure, axes = subplots(9, 6, 2, 3, sharex="col", sharey="row")
         labels = ["none" if decay == 0 else f"{decay:g}" for decay in values["decay"]]
         columns = {
             "first": "from the start",
@@ -114,66 +110,52 @@ class GainDecay(Experiment):
         axes[1, 1].legend(title="decay of the gains per decision", fontsize=8)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         after = values["decision"] > values["changes"][0]
         end = _last(values["decision"])
         first, plain = values["first entropy"][0], values["still entropy"][0][:, end].mean(axis=1)
         quarter = len(values["first decision"]) // 4
-        fading = mean_of(first[:, quarter : 2 * quarter].mean(axis=1) - plain)
-        kept = mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain)
-        made = [
-            positive(
-                "As learning progresses, the network loses the ability to explore.",
-                "section 4.4.1",
-                "constant muscle: less entropy at the end than in the second quarter, difference above 0",
-                fading,
-                "bits per unit",
-                f"{plain.mean():.3f} bits at the end.",
-            ),
-            positive(
-                f"Decaying gains ({values['decay'][1]:g} per decision) force it to explore.",
-                "section 4.4.1",
-                "constant muscle: more entropy at the end than without decay, difference above 0",
-                kept,
-                "bits per unit",
-            ),
-        ]
+        yield positive(
+            "As learning progresses, the network loses the ability to explore.",
+            mean_of(first[:, quarter : 2 * quarter].mean(axis=1) - plain),
+            "constant muscle: entropy in the second quarter minus that at the end",
+            "bits per unit",
+            note=f"{plain.mean():.3f} bits at the end.",
+        )
+        yield positive(
+            f"Decaying gains ({values['decay'][1]:g} per decision) force it to explore.",
+            mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain),
+            "constant muscle: entropy at the end minus that without decay",
+            "bits per unit",
+        )
         tracking = values["drifting error"][:, :, after].mean(axis=2)
         still = values["still error"][:, :, end].mean(axis=2)
         for row, decay in enumerate(values["decay"][1:], 1):
-            better, cost = mean_of(tracking[0] - tracking[row]), mean_of(still[row] - still[0])
-            made += [
-                positive(
-                    f"With decay ({decay:g}), a pool adapts better to a changing muscle.",
-                    "section 4.4.1",
-                    "less mean error after the first change than without decay: difference above 0",
-                    better,
-                    "of the pool's force",
-                    f"Mean error {tracking[row].mean():.4f}; without decay, {tracking[0].mean():.4f}.",
-                ),
-                positive(
-                    f"Decay costs precision if nothing changes ({decay:g}).",
-                    "our own expectation",
-                    "more mean error at the end than without decay: difference above 0",
-                    cost,
-                    "of the pool's force",
-                    f"Mean error {still[row].mean():.4f}; without decay, {still[0].mean():.4f}.",
-                ),
-            ]
-        error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
-        harm = mean_of(error[1] - error[0])
-        made.append(
-            positive(
-                f"Gains that decay from the start ({values['decay'][2]:g}) keep a pool from learning.",
-                "our own observation",
-                "more mean error at the end of the first practice than without decay: difference above 0",
-                harm,
+            yield positive(
+                f"With decay ({decay:g}), a pool adapts better to a changing muscle.",
+                mean_of(tracking[0] - tracking[row]),
+                "mean error after the first change without decay minus that with it",
                 "of the pool's force",
-                f"Stated after the first results. Mean error {error[1].mean():.4f}; "
-                f"without decay, {error[0].mean():.4f}.",
+                note=f"Mean error {tracking[row].mean():.4f}; without decay, {tracking[0].mean():.4f}.",
             )
+            yield positive(
+                f"Decay costs precision if nothing changes ({decay:g}).",
+                mean_of(still[row] - still[0]),
+                "mean error at the end minus that without decay",
+                "of the pool's force",
+                note=f"Mean error {still[row].mean():.4f}; without decay, {still[0].mean():.4f}.",
+                source=OURS,
+            )
+        error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
+        yield positive(
+            f"Gains that decay from the start ({values['decay'][2]:g}) keep a pool from learning.",
+            mean_of(error[1] - error[0]),
+            "mean error at the end of the first practice minus that without decay",
+            "of the pool's force",
+            note=f"Stated after the first results. Mean error {error[1].mean():.4f}; "
+            f"without decay, {error[0].mean():.4f}.",
+            source="our own observation",
         )
-        return made
 
 
 def _last(decision: np.ndarray) -> np.ndarray:

@@ -1,13 +1,13 @@
 """Section 4.4: pools that grow one unit at a time."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, below, exact, median_of, more_than_half, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._claims import Claim, below, more_than_half, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_4._pools import (
     NORMAL,
     SPACED,
@@ -17,6 +17,7 @@ from motorgrad.experiments.chapter_4._pools import (
     thresholds_and_gains,
     with_new_unit,
 )
+from motorgrad.statistics import exact, median_of, share_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 
@@ -49,20 +50,13 @@ class Growth(Experiment):
     - `seeds`: pools of each kind.
     """
 
-    units: int = 8
-    phase: int = 100_000
-    plain_units: int = 4
-    plain_phase: int = 800_000
-    seeds: int = 24
+    units: int = ranged(8, 3, 64)
+    phase: int = ranged(100_000, 200, 10**8)
+    plain_units: int = ranged(4, 3, 64)
+    plain_phase: int = ranged(800_000, 200, 10**8)
+    seeds: int = ranged(24, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(3, 64, "units", "plain_units")
-        self.check_range(200, 10**8, "phase", "plain_phase")
-        self.check_range(2, 10_000, "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
+    quick = smoke(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
 
     @property
     def ways(self) -> dict[str, Way]:
@@ -116,8 +110,7 @@ class Growth(Experiment):
     def figure(self, values: Values) -> Figure:
         """For every way to learn: the error of the force over decisions, and the final deviation from equal spacing."""
         words = {name: way.words for name, way in self.ways.items()}
-        figure = new_figure(9, 6)
-        axes = figure.subplots(2, len(words), sharey="row", height_ratios=[1.5, 1])
+        figure, axes = subplots(9, 6, 2, len(words), sharey="row", height_ratios=[1.5, 1])
         for column, (name, title) in enumerate(words.items()):
             phases = len(values[f"{name} grown spacing"])
             for kind, colour, label in (
@@ -145,70 +138,57 @@ class Growth(Experiment):
         axes[1, 0].set_ylabel("greatest deviation (spacings)")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for name, way in self.ways.items():
-            better = median_of(values[f"{name} grown error"].mean(1) / values[f"{name} start error"].mean(1))
-            spaced = median_of(values[f"{name} grown spacing"][-1] / values[f"{name} start spacing"])
-            made += [
-                below(
-                    1,
-                    f"Growing is the better strategy: less error during learning ({way.words}).",
-                    "section 4.4",
-                    "mean error over all decisions, relative to a pool complete from the start: the whole "
-                    "interval below 1",
-                    better,
-                    note=f"{way.units} units, {way.units * way.phase:,} decisions.",
-                ),
-                below(
-                    1,
-                    f"Growing is the better strategy: closer to equal spacing in the end ({way.words}).",
-                    "section 4.4",
-                    "spacing error, relative to a pool complete from the start: the whole interval below 1",
-                    spaced,
-                ),
-                _converged_claim(values, name, way),
-                _sooner_claim(values, name, way),
-            ]
+            yield below(
+                1,
+                f"Growing is the better strategy: less error during learning ({way.words}).",
+                median_of(values[f"{name} grown error"].mean(1) / values[f"{name} start error"].mean(1)),
+                "mean error over all decisions, relative to a pool complete from the start,",
+                note=f"{way.units} units, {way.units * way.phase:,} decisions.",
+            )
+            yield below(
+                1,
+                f"Growing is the better strategy: closer to equal spacing in the end ({way.words}).",
+                median_of(values[f"{name} grown spacing"][-1] / values[f"{name} start spacing"]),
+                "spacing error, relative to a pool complete from the start,",
+            )
+            yield _converged_claim(values, name, way)
+            yield _sooner_claim(values, name, way)
         moves = values["ratio move"]
         counts = np.arange(1, moves.shape[0] + 1)
-        least = median_of(moves[-1] / moves[0])
         ideal = [ideal_move(int(count)) * count * (count + 1) for count in counts]
         note = "For ideal thresholds: " + ", ".join(
             f"{count} → {count + 1}: {move:.2f}" for count, move in zip(counts, ideal, strict=True)
         )
-        return [
-            *made,
-            below(
-                1,
-                "Each additional unit forces the older thresholds to move less than the one before (force as a ratio).",
-                "section 4.4",
-                "mean move with the last unit, relative to the second: the whole interval below 1",
-                least,
-            ),
-            Claim(
-                "To make room for another unit, each of N thresholds moves by 1/(N(N + 1)) of the input range.",
-                "section 4.4",
-                f"mean move of equally spaced thresholds for N = {counts[-1]}, in that unit: 1 ± 25 %",
-                exact(ideal[-1]),
-                abs(ideal[-1] - 1) <= 0.25,
-                "1/(N(N + 1))",
-                f"That is the change of the spacing; thresholds in the middle accumulate several such changes. {note}.",
-            ),
-        ]
+        yield below(
+            1,
+            "Each additional unit forces the older thresholds to move less than the one before (force as a ratio).",
+            median_of(moves[-1] / moves[0]),
+            "mean move with the last unit, relative to the second,",
+        )
+        yield within(
+            0.75,
+            1.25,
+            "To make room for another unit, each of N thresholds moves by 1/(N(N + 1)) of the input range.",
+            exact(ideal[-1]),
+            f"mean move of equally spaced thresholds for N = {counts[-1]}, in that unit,",
+            "1/(N(N + 1))",
+            note="That is the change of the spacing; thresholds in the middle accumulate several such changes. "
+            f"{note}.",
+        )
 
 
 def _converged_claim(values: Values, name: str, way: Way) -> Claim:
     shares = [share_of(spaced) for spaced in values[f"{name} grown spaced"]]
     whole = values[f"{name} start from"]
-    return Claim(
+    return more_than_half(
         f"Pools have converged when the next unit is added ({way.words}).",
-        "section 4.4: the rule for adding a unit",
-        "share of grown pools that are equally spaced at the end of a phase, the least over phases: in most seeds",
-        min(shares, key=lambda share: share.value),
-        min(share.low for share in shares) > 0.5,
+        min(shares, key=lambda share: share.low),
+        "share of grown pools that are equally spaced at the end of a phase, the least over phases,",
         note=f"From 1 unit to {len(shares)}: {', '.join(f'{share.value:.0%}' for share in shares)}. A phase has "
         f"{way.phase:,} decisions; complete pools take: {_middle(whole)}.",
+        source="section 4.4: the rule for adding a unit",
     )
 
 
@@ -216,15 +196,13 @@ def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
     grown, whole = values[f"{name} grown from"], values[f"{name} start from"]
     total = grown.sum(0)  # infinite if any phase ended too early
     there = np.isfinite(total) & np.isfinite(whole)
-    sooner = share_of(total < whole)
-    ratio = f"{median_of(total[there] / whole[there])} of the decisions. " if there.any() else ""
+    ratio = f"{median_of(total[there] / whole[there]).words('of the decisions')}. " if there.any() else ""
     return more_than_half(
         f"Growing would be faster if each unit were added as soon as the others are equally spaced ({way.words}).",
-        "section 4.4",
-        "fewer decisions until equally spaced for good, summed over the phases, than a complete pool: in most seeds; "
-        "a pool that is not equally spaced at the end of every phase counts as slower",
-        sooner,
-        note=f"{ratio}Not equally spaced at the end: {int(np.isinf(grown).sum())} of {grown.size} phases, "
+        share_of(total < whole),
+        "share of seeds in which the phases, until equally spaced for good, take fewer decisions than a complete pool",
+        note=f"A pool that is not equally spaced at the end of every phase counts as slower. {ratio}Not equally "
+        f"spaced at the end: {int(np.isinf(grown).sum())} of {grown.size} phases, "
         f"{int(np.isinf(whole).sum())} of {whole.size} complete pools. The last phase alone: "
         f"{_middle(grown[-1])}; complete pools: {_middle(whole)}.",
     )

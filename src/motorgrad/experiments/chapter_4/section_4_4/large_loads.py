@@ -1,16 +1,17 @@
 """Section 4.4: learning from large loads only, and the effect of the size of the pool."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Literal, Self
+from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._claims import Claim, below, more_than_half, negative, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_4._pools import firing_probability
+from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import agent_for
 
@@ -37,19 +38,16 @@ class LargeLoads(Experiment):
     """
 
     sizes: tuple[int, ...] = (4, 16, 32)
-    seeds: int = 40
-    steps: int = 150_000
+    seeds: int = ranged(40, 2, 10_000)
+    steps: int = ranged(150_000, 200, 10**9)
     least: float = 12.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(sizes=(2, 4), seeds=3, steps=2_000)
+    quick = smoke(sizes=(2, 4), seeds=3, steps=2_000)
 
     def task(self, reward_type: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
         """The task of pools of this size, with this reward and these loads."""
@@ -79,8 +77,7 @@ class LargeLoads(Experiment):
     def figure(self, values: Values) -> Figure:
         """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and
         the number of silent pools."""
-        figure = new_figure(8, 6.4)
-        axes = figure.subplots(2, 2, sharex="row", sharey="row")
+        figure, axes = subplots(8, 6.4, 2, 2, sharex="row", sharey="row")
         for column, (reward_type, title) in enumerate(TITLES.items()):
             _pay(axes[0, column], values, reward_type)
             axes[0, column].set_title(title, fontsize=11)
@@ -91,62 +88,49 @@ class LargeLoads(Experiment):
         axes[1, 0].legend(title="learned from")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        sizes, made = values["size"], []
+    def claims(self, values: Values) -> Iterator[Claim]:
+        sizes = values["size"]
         for reward_type, words in (("height", "rewarded by height"), ("complete", "rewarded only if complete")):
             silent = {seen: values[f"{reward_type} {seen}"] < SILENT for seen in SEEN}
-            pay, shares = values[f"{reward_type} pay"][-1], share_of(silent["large"][-1])
-            slope = exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1]))
-            made += [
-                Claim(
-                    f"Silence is a local maximum at large loads (lifts {words}).",
-                    "section 4.4",
-                    "firing with a small probability pays less than silence: below 0",
-                    exact(pay[1] - pay[0]),
-                    pay[1] < pay[0],
-                    "reward",
-                    f"For {sizes[-1]} units with a probability of {PROBABILITY[1]:g}.",
-                ),
-                Claim(
-                    f"At half activation, the gradient makes a large pool fire less (lifts {words}).",
-                    "section 4.4",
-                    "slope of the reward in the common probability at one half: below 0",
-                    slope,
-                    slope.value < 0,
-                    "reward per unit of probability",
-                    f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, reward_type, 0):.2f}.",
-                ),
-                more_than_half(
-                    f"With only large loads, a large pool falls silent (lifts {words}).",
-                    "section 4.4",
-                    "in most pools",
-                    shares,
-                    note=f"For {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
-                    f"For {sizes[0]} units: {share_of(silent['large'][0])}.",
-                ),
-            ]
+            pay = values[f"{reward_type} pay"][-1]
+            yield negative(
+                f"Silence is a local maximum at large loads (lifts {words}).",
+                exact(pay[1] - pay[0]),
+                "pay for firing with a small probability minus that for silence",
+                "reward",
+                note=f"For {sizes[-1]} units with a probability of {PROBABILITY[1]:g}.",
+            )
+            yield negative(
+                f"At half activation, the gradient makes a large pool fire less (lifts {words}).",
+                exact((pay[HALF + 1] - pay[HALF - 1]) / (PROBABILITY[HALF + 1] - PROBABILITY[HALF - 1])),
+                "slope of the reward in the common probability at one half",
+                "reward per unit of probability",
+                note=f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, reward_type, 0):.2f}.",
+            )
+            yield more_than_half(
+                f"With only large loads, a large pool falls silent (lifts {words}).",
+                share_of(silent["large"][-1]),
+                "share of pools",
+                note=f"For {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
+                f"For {sizes[0]} units: {share_of(silent['large'][0])}.",
+            )
         silent = {seen: values[f"complete {seen}"] < SILENT for seen in SEEN}
-        grown = mean_of(silent["large"][-1] * 1.0 - silent["large"][0])
-        spared = mean_of(silent["large"][-1] * 1.0 - silent["all"][-1])
-        kept = share_of(silent["all"][-1])
-        return [
-            *made,
-            positive(
-                "Large pools fall silent more often than small ones (lifts rewarded only if complete).",
-                "section 4.4",
-                f"{sizes[-1]} against {sizes[0]} units, difference of shares: above 0",
-                grown,
-            ),
-            Claim(
-                "Exposure to small loads prevents it (lifts rewarded only if complete).",
-                "section 4.4",
-                f"with all loads, fewer pools of {sizes[-1]} fall silent: difference of shares above 0, and "
-                "fewer than half",
-                spared,
-                spared.low > 0 and kept.high < 0.5,
-                note=f"With all loads: {kept}.",
-            ),
-        ]
+        yield positive(
+            "Large pools fall silent more often than small ones (lifts rewarded only if complete).",
+            mean_of(silent["large"][-1] * 1.0 - silent["large"][0]),
+            f"{sizes[-1]} against {sizes[0]} units, difference of shares",
+        )
+        yield positive(
+            "Exposure to small loads prevents it (lifts rewarded only if complete).",
+            mean_of(silent["large"][-1] * 1.0 - silent["all"][-1]),
+            f"share of pools of {sizes[-1]} that fall silent with large loads only minus that with all loads",
+        )
+        yield below(
+            0.5,
+            "With it, most large pools stay active (lifts rewarded only if complete).",
+            share_of(silent["all"][-1]),
+            f"share of pools of {sizes[-1]} that fall silent",
+        )
 
 
 def _slope(values: Values, reward_type: str, row: int) -> float:

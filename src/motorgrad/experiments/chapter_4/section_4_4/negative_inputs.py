@@ -1,16 +1,15 @@
 """Section 4.4: leaving out the loads at which no unit should fire."""
 
-import math
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, final, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, more_than_half, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
+from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
 
@@ -45,20 +44,17 @@ class NegativeInputs(Experiment):
     """
 
     units: int = 4
-    seeds: int = 100
-    steps: int = 200_000
+    seeds: int = ranged(100, 2, 10_000)
+    steps: int = ranged(200_000, 200, 10**9)
     decays: tuple[float, ...] = (1e-3, 1e-2)
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "steps")
+        super().__post_init__()
         for decay in self.decays:
             check(0 < decay <= 1, "decays", decay, "in (0, 1]")
         self.task("thesis")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=4, steps=4_000, decays=(1e-3,))
+    quick = smoke(seeds=4, steps=4_000, decays=(1e-3,))
 
     def task(self, inputs: str) -> ArmRecruitment:
         """The task with the inputs of this name."""
@@ -91,79 +87,62 @@ class NegativeInputs(Experiment):
         _activation(right, values, words)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         states = [str(state) for state in values["state"]]
         caught = dict(zip(states, np.asarray(always_firing(values).any(axis=2)), strict=True))
         firing = dict(zip(states, values["firing"][:, :, LOADS <= 0].mean(axis=(2, 3)), strict=True))
-        made = []
         for name, words in (("never", "never seen"), ("once", "seen only once a sweep")):
-            more = mean_of(firing[name] - firing["thesis"])
-            oftener = mean_of(caught[name] * 1.0 - caught["thesis"])
-            made += [
-                positive(
-                    f"If loads of 0 and below are {words}, some force is always produced.",
-                    "section 4.4",
-                    "at −2 to 0 kg, more of the pool fires than if sweeps begin at −2 kg: difference above 0",
-                    more,
-                    "of the pool",
-                    f"Mean: {firing[name].mean():.3f}, for sweeps from −2 kg {firing['thesis'].mean():.3f}.",
-                ),
-                positive(
-                    f"If loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
-                    "section 4.4",
-                    "a greater share than if sweeps begin at −2 kg: difference above 0",
-                    oftener,
-                    note=f"Shares: {share_of(caught[name])}; from −2 kg {share_of(caught['thesis'])}; "
-                    f"from −6 kg {share_of(caught['often'])}. {ENLARGED}",
-                ),
-            ]
-        return [*made, *_way_there(values, caught["never"]), *_way_back(values, caught)]
+            yield positive(
+                f"If loads of 0 and below are {words}, some force is always produced.",
+                mean_of(firing[name] - firing["thesis"]),
+                "share of the pool that fires at −2 to 0 kg minus that if sweeps begin at −2 kg",
+                "of the pool",
+                note=f"Mean: {firing[name].mean():.3f}, for sweeps from −2 kg {firing['thesis'].mean():.3f}.",
+            )
+            yield positive(
+                f"If loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
+                mean_of(caught[name] * 1.0 - caught["thesis"]),
+                "share of pools minus that if sweeps begin at −2 kg",
+                note=f"Shares: {share_of(caught[name])}; from −2 kg {share_of(caught['thesis'])}; "
+                f"from −6 kg {share_of(caught['often'])}. {ENLARGED}",
+            )
+        yield from _way_there(values, caught["never"])
+        yield from _way_back(values, caught)
 
 
-def _way_there(values: Values, pools: np.ndarray) -> list[Claim]:
+def _way_there(values: Values, pools: np.ndarray) -> Iterator[Claim]:
     """How the unit of each pool that is most certain to fire at 0 kg and below became so."""
     unit = values["firing"][0][:, LOADS <= 0].min(axis=1).argmax(axis=1)[:, None]
     gain, threshold, start = (
         np.take_along_axis(each, unit, axis=1)[:, 0]
         for each in (values["gain"][0], values["threshold"][0], values["start"])
     )
-    switched, raised = share_among(gain < 0, pools), share_among(threshold > start, pools & (gain < 0))
-    return [
-        more_than_half(
-            "This unit has switched to a negative gain.",
-            "section 4.4",
-            "in most pools with such a unit, of those that never saw a load of 0",
-            switched,
-        ),
-        more_than_half("It has then raised its threshold.", "section 4.4", "in most of those pools", raised),
-    ]
+    yield more_than_half(
+        "This unit has switched to a negative gain.",
+        share_of(gain[pools] < 0),
+        "share of pools with such a unit, of those that never saw a load of 0,",
+    )
+    yield more_than_half(
+        "It has then raised its threshold.", share_of((threshold > start)[pools & (gain < 0)]), "share of those pools"
+    )
 
 
-def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> list[Claim]:
+def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> Iterator[Claim]:
     """What becomes of the affected pools once loads of 0 and below are restored."""
-    stay = share_among(caught[_again(0.0)], caught["never"])
     reward = dict(zip(map(str, values["state"]), np.median(values["reward"], axis=1), strict=True))
-    made = [
-        more_than_half(
-            "Restoring loads of 0 and below does not correct it.",
-            "section 4.4",
-            "most pools that had such a unit still have one",
-            stay,
-        )
-    ]
+    yield more_than_half(
+        "Restoring loads of 0 and below does not correct it.",
+        share_of(caught[_again(0.0)][caught["never"]]),
+        "share of pools that still have such a unit, of those that had one,",
+    )
     for decay in values["decay"]:
-        free = share_among(~caught[_again(decay)], caught["never"] & caught[_again(0.0)])
-        made.append(
-            more_than_half(
-                f"Decay of the gains ({decay:g} per sweep) frees those that remain affected without it.",
-                "our own question, after section 4.4.1",
-                "most of them",
-                free,
-                note=f"Median reward of all pools: {reward[_again(decay)]:.2f}; without decay, "
-                f"{reward[_again(0.0)]:.2f}.",
-            )
+        yield more_than_half(
+            f"Decay of the gains ({decay:g} per sweep) frees those that remain affected without it.",
+            share_of(~caught[_again(decay)][caught["never"] & caught[_again(0.0)]]),
+            "share of these",
+            note=f"Median reward of all pools: {reward[_again(decay)]:.2f}; without decay, {reward[_again(0.0)]:.2f}.",
+            source="our own question, after section 4.4.1",
         )
-    return made
 
 
 def _again(decay: float) -> str:
@@ -172,18 +151,13 @@ def _again(decay: float) -> str:
 
 def _found(run: Run) -> Values:
     threshold, gain = thresholds_and_gains(run.policies)
-    fires, reward = firing_probability(run.policies, LOADS), final(run, "reward")
+    fires, reward = firing_probability(run.policies, LOADS), run.final()
     return {"threshold": threshold, "gain": gain, "firing": fires, "reward": reward}
 
 
 def always_firing(values: Values) -> np.ndarray:
     """Which units fire at all loads at which none should, `(states, seeds, units)`."""
     return np.asarray(values["firing"][:, :, values["load"] <= 0].min(axis=2) > ON)
-
-
-def share_among(happened: np.ndarray, which: np.ndarray) -> Measured:
-    """The share of these pools in which something happened; unknown if there are none."""
-    return share_of(happened[which]) if which.any() else Measured(math.nan, 0.0, 1.0, 0, "share")
 
 
 def best_activation(task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:

@@ -1,16 +1,17 @@
 """Section 4.4.1: units with graded activation (rate modulation)."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, below, final, first_time, median_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_band, new_figure
-from motorgrad.experiments.chapter_4._pools import NATURAL, history, least_error
+from motorgrad.experiments._claims import OURS, Claim, below
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_band, subplots
+from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
+from motorgrad.statistics import first_time, median_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for, evaluate
 
@@ -39,21 +40,18 @@ class RateModulation(Experiment):
     """
 
     units: tuple[int, ...] = (1, 2, 4)
-    steps: int = 300_000
+    steps: int = ranged(300_000, 200, 10**9)
     deviation: float = 0.3
     floor: float = 0.02
-    seeds: int = 24
+    seeds: int = ranged(24, 2, 10_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, from 1 to 64")
-        self.check_range(200, 10**9, "steps")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
-        self.check_range(2, 10_000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(steps=2_000, seeds=3)
+    quick = smoke(steps=2_000, seeds=3)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"units": np.array(self.units)}
@@ -70,12 +68,13 @@ class RateModulation(Experiment):
                     }
                 run = work.train(task, agent_for(task, **changes), self.steps, self.seeds)
                 found["decision"], found[f"{units} {kind} error"] = run.curve("error")
-                found[f"{units} {kind} end"] = final(run, "error", LAST)
+                found[f"{units} {kind} end"] = run.final("error", LAST)
                 found[f"{units} {kind} without noise"] = evaluate(run, mode="mode").readings["error"]
                 for name in ("threshold", "gain"):
                     found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
                 if kind == "graded":
-                    found[f"{units} deviation"] = self.floor + np.exp(history(run, 3)[2])
+                    log_deviation = np.asarray(run.policies_at().log_deviation, float)
+                    found[f"{units} deviation"] = self.floor + np.exp(log_deviation.swapaxes(0, 1))
         return found
 
     def figure(self, values: Values) -> Figure:
@@ -83,8 +82,7 @@ class RateModulation(Experiment):
         pool. Bars at the right: the error without noise, by the mean or the most probable action."""
 
         units = [int(count) for count in values["units"]]
-        figure = new_figure(3 * len(units) + 0.6, 7.6)
-        axes = figure.subplots(3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
+        figure, axes = subplots(3 * len(units) + 0.6, 7.6, 3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
         decision = values["decision"] / 1e3
         for column, count in enumerate(units):
             above, noise, below = axes[:, column]
@@ -114,51 +112,41 @@ class RateModulation(Experiment):
         axes[0, 0].legend(fontsize=8)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made, steps = [], values["decision"][-1]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        steps = values["decision"][-1]
         for row, units in enumerate(map(int, values["units"])):
             least, graded = values["least"][row], values[f"{units} graded end"]
-            lower = median_of(graded / least)
-            firsts = [
-                first_time(values["decision"], values[f"{units} {kind} error"] < REACHED * least) for kind in KINDS
-            ]
-            times = [np.nan_to_num(first, nan=float(steps)) for first in firsts]
-            sooner = median_of(times[1] / times[0])
+            reached = [values[f"{units} {kind} error"] < REACHED * least for kind in KINDS]
+            times = [first_time(values["decision"], each, never=float(steps)) for each in reached]
             deviation = np.median(values[f"{units} deviation"], axis=2)
-            narrow, falls = median_of(deviation[:, -1]), deviation[:, -1] / deviation[:, deviation.shape[1] // 2]
+            falls = deviation[:, -1] / deviation[:, deviation.shape[1] // 2]
             said = f"{units} unit{'s' * (units > 1)}"
             quiet = [np.median(values[f"{units} {kind} without noise"]) for kind in KINDS]
-            never = [int(np.isnan(first).sum()) for first in firsts]
-            made += [
-                below(
-                    1,
-                    f"Graded units have a smaller error than as many binary units could have at best ({said}).",
-                    "our own expectation",
-                    "mean error in the last tenth, relative to the least possible for binary units: the whole interval "
-                    "below 1",
-                    lower,
-                    note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
-                    f"binary {quiet[0]:.4f}; least possible for binary units {least:.4f}.",
-                ),
-                below(
-                    1,
-                    f"They learn sooner ({said}).",
-                    "our own expectation",
-                    f"decisions to {REACHED} times that least error, relative to binary units: the whole "
-                    "interval below 1",
-                    sooner,
-                    note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; never within "
-                    f"{steps:,} decisions: {never[1]} and {never[0]}.",
-                ),
-                below(
-                    0.1,
-                    f"During learning, graded units converge to a deterministic output ({said}).",
-                    "section 6.2.3",
-                    "deviation of the noise at the end: the whole interval below 0.1",
-                    narrow,
-                    note=f"Initially {self.deviation:g}; the floor is {self.floor:g}. In the second half of "
-                    "learning it fell "
-                    f"to {np.median(falls):.2f} of its value.",
-                ),
-            ]
-        return made
+            never = [int((~each.any(-1)).sum()) for each in reached]
+            yield below(
+                1,
+                f"Graded units have a smaller error than as many binary units could have at best ({said}).",
+                median_of(graded / least),
+                "mean error in the last tenth, relative to the least possible for binary units,",
+                note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
+                f"binary {quiet[0]:.4f}; least possible for binary units {least:.4f}.",
+                source=OURS,
+            )
+            yield below(
+                1,
+                f"They learn sooner ({said}).",
+                median_of(times[1] / times[0]),
+                f"decisions to {REACHED} times that least error, relative to binary units,",
+                note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; never within "
+                f"{steps:,} decisions: {never[1]} and {never[0]}.",
+                source=OURS,
+            )
+            yield below(
+                0.1,
+                f"During learning, graded units converge to a deterministic output ({said}).",
+                median_of(deviation[:, -1]),
+                "deviation of the noise at the end",
+                note=f"Initially {self.deviation:g}; the floor is {self.floor:g}. In the second half of learning it "
+                f"fell to {np.median(falls):.2f} of its value.",
+                source="section 6.2.3",
+            )

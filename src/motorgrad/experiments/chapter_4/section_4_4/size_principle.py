@@ -1,16 +1,17 @@
 """Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
 
 import itertools
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, exact, mean_of, negative, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_most, negative, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
+from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for
 
@@ -40,22 +41,18 @@ class SizePrinciple(Experiment):
     - `arm` (decisions): for which pools learn to lift, by either gradient.
     """
 
-    units: int = 4
+    units: int = ranged(4, 3, 6)
     size_ratio: float = 8.0
-    seeds: int = 48
-    linear: int = 6_000_000
-    linear_natural: int = 1_000_000
-    arm: int = 600_000
+    seeds: int = ranged(48, 2, 10_000)
+    linear: int = ranged(6_000_000, 200, 10**9)
+    linear_natural: int = ranged(1_000_000, 200, 10**9)
+    arm: int = ranged(600_000, 200, 10**9)
 
     def __post_init__(self) -> None:
-        self.check_range(3, 6, "units")
+        super().__post_init__()
         check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(200, 10**9, "linear", "linear_natural", "arm")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
+    quick = smoke(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
 
     def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
         """For every line: the task, what differs from its own learner, and the decisions."""
@@ -86,8 +83,7 @@ class SizePrinciple(Experiment):
         """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
         grey line joins the units of a pool; units of negative gain are hollow."""
         orders = {name: order(values, name) for name in WORDS}
-        figure = new_figure(8, 6.8)
-        axes = figure.subplots(2, 2, sharex=True)
+        figure, axes = subplots(8, 6.8, 2, 2, sharex=True)
         size = values["size"]
         for place, (name, title) in zip(axes.flat, WORDS.items(), strict=True):
             loads = values[f"{name} load"]
@@ -113,46 +109,36 @@ class SizePrinciple(Experiment):
             place.set_xlabel("size / total force (hollow: negative gain)")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made, chance, pay = [], 1 / len(values["orders"]), values["order pay"]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        chance, pay = 1 / len(values["orders"]), values["order pay"]
         for name, words in WORDS.items():
             found = order(values, name)
-            each, whole = mean_of(found), share_of(found > 1 - 1e-9)
+            whole = share_of(found > 1 - 1e-9)
             graded = share_of((values[f"{name} gain"] > 0).all(axis=1))
-            made.append(
-                positive(
-                    f"Units organise by the size principle: small ones are recruited first ({words}).",
-                    "section 4.4.1",
-                    "rank correlation of size and recruitment: mean above 0",
-                    each,
-                    note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
-                )
+            yield positive(
+                f"Units organise by the size principle: small ones are recruited first ({words}).",
+                mean_of(found),
+                "mean rank correlation of size and recruitment",
+                note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
             )
         best = values["orders"][pay.argmax()] + 1
-        made.append(
-            Claim(
-                "On the arm, the order of the size principle has the highest reward.",
-                "section 4.4.1",
-                "deficit to the best order of noiseless units: 0",
-                exact(pay.max() - pay[0]),
-                pay[0] == pay.max(),
-                "reward",
-                f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
-                f"{', '.join(map(str, best))}.",
-            )
+        yield at_most(
+            0,
+            "On the arm, the order of the size principle has the highest reward.",
+            exact(pay.max() - pay[0]),
+            "deficit to the best order of noiseless units",
+            "reward",
+            note=f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
+            f"{', '.join(map(str, best))}.",
         )
         for name in ("linear plain", "linear natural"):
-            inward = mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5)))
-            made.append(
-                negative(
-                    f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
-                    "our own observation",
-                    "rank correlation of size and distance from the middle: mean below 0",
-                    inward,
-                    note="Stated after the first results.",
-                )
+            yield negative(
+                f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
+                mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5))),
+                "mean rank correlation of size and distance from the middle",
+                note="Stated after the first results.",
+                source="our own observation",
             )
-        return made
 
 
 def orders_of(units: int) -> list[tuple[int, ...]]:

@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import jax
 import numpy as np
 
 from motorgrad._errors import check, choice
-from motorgrad.experiments._experiment import Experiment, Values, Workspace
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, ranged, smoke
 from motorgrad.learning import Agent, Annealed
 from motorgrad.policies import Policy
 from motorgrad.tasks import Hexapod, Task
@@ -44,20 +44,17 @@ class MuscleStudy(Experiment):
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
-    updates: int = 1200
-    seeds: int = 10
+    updates: int = ranged(1200, 1, 100_000)
+    seeds: int = ranged(10, 2, 1000)
     watched: float = 60.0
 
     def __post_init__(self) -> None:
-        self.check_range(1, 100_000, "updates")
-        self.check_range(2, 1000, "seeds")
+        super().__post_init__()
         spans = self.watched / 20
         right = 1 <= spans <= 180 and spans == round(spans)
         check(right, "watched", self.watched, "a multiple of 20 simulated s, at most 3600")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(updates=4, seeds=2, watched=20.0)
+    quick = smoke(updates=4, seeds=2, watched=20.0)
 
     def task(self, variant: str = FULL) -> Hexapod:
         """The task of a variant."""

@@ -1,15 +1,16 @@
 """Beyond section 5.3.4: the hexapod learns to walk on 24 independent muscles."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, mean_of, median_of, practice_curve
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._claims import OURS, Claim, at_least, at_most, in_every, negative, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
+from motorgrad.statistics import mean_of, median_of
 
 SMOOTH = 40.0
 """Simulated seconds over which the speed during learning is averaged."""
@@ -19,7 +20,7 @@ WORDS = {"mode": "most probable actions", "sample": "sampled actions"}
 SPEED, NET = 1.8, 1.6
 """Targets for the most probable actions: median speed along the heading and net displacement, m/s."""
 
-THESIS, OURS = "section 5.3.4", "our own expectation"
+THESIS = "section 5.3.4"
 CHANGES = {
     "mirror tie": "A learner whose left and right sides share parameters gets farther.",
     "Euclidean": "The plain gradient, with steps of the same divergence, gets less far than the natural one.",
@@ -55,15 +56,13 @@ class Muscles(MuscleStudy):
             check(variant != FULL, "variants", variant, "changed learners only")
             _ = self.learner(variant)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
+    quick = smoke(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"variants": np.array(self.variants), "compared": np.array(self.compared)}
         for variant in (FULL, *self.variants):
             run = self.trained(work, variant, None if variant == FULL else self.compared)
-            found[f"{variant} time"], found[f"{variant} practice"] = practice_curve(run, "speed", SMOOTH)
+            found[f"{variant} time"], found[f"{variant} practice"] = run.curve("speed", x="simulated", smooth=SMOOTH)
             found |= self.judged(work, run, variant)
         return found
 
@@ -81,8 +80,9 @@ class Muscles(MuscleStudy):
             panels[mode].set_ylim(-0.05, top)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [*muscle_claims(values), *ablation_claims(values)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from muscle_claims(values)
+        yield from ablation_claims(values)
 
 
 def _practice(axes: Axes, values: Values, names: list[str]) -> None:
@@ -118,77 +118,67 @@ def _frozen(axes: Axes, values: Values, names: list[str], mode: str) -> None:
     axes.legend(loc="upper right", fontsize=8, handletextpad=0.2)
 
 
-def muscle_claims(values: Values) -> Sequence[Claim]:
+def muscle_claims(values: Values) -> Iterator[Claim]:
     """Claims about the learner itself."""
     mode, sample = (_quantities(values, kind) for kind in ("mode", "sample"))
-    speed, net = median_of(mode["speed"]), median_of(mode["net"])
+    net = median_of(mode["net"])
     counts = zip(*np.unique(mode["gait"], return_counts=True), strict=True)
     gaits = f"Gaits with the most probable actions: {', '.join(f'{kind} {count}' for kind, count in counts)}."
-    walks = median_of(sample["net"])
-    still = mean_of(mode["stalls"])
     seeds = len(mode["speed"])
-    return [
-        Claim(
-            "Learning the activation of each of 24 muscles is intractable without prior knowledge.",
-            THESIS,
-            "median net displacement with the most probable actions: at most 0.1 m/s",
-            net,
-            net.high <= 0.1,
-            "m/s",
-            "No synergies and no symmetry are given, and all weights start at 0. The thesis did not have this learner.",
-        ),
-        Claim(
-            "Twenty-four independent muscles learn to walk fast.",
-            OURS,
-            f"most probable actions: median speed along the heading at least {SPEED} m/s",
-            speed,
-            speed.value >= SPEED,
-            "m/s",
-            gaits,
-        ),
-        Claim(
-            "The learned walks lead somewhere.",
-            OURS,
-            f"most probable actions: median net displacement over 20 s at least {NET} m/s",
-            net,
-            net.value >= NET,
-            "m/s",
-            f"With sampled actions: speed {median_of(sample['speed'])}, net displacement {walks} m/s.",
-        ),
-        Claim(
-            "No hexapod stalls with its most probable actions.",
-            OURS,
-            "no second below 0.3 m/s in any seed",
-            still,
-            not np.any(mode["stalls"] > 0),
-            note=f"Fraction of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have "
-            "such a second. "
-            f"Falls: {np.count_nonzero(mode['falls'] > 0)} seeds.",
-        ),
-    ]
+    yield at_most(
+        0.1,
+        "Learning the activation of each of 24 muscles is intractable without prior knowledge.",
+        net,
+        "median net displacement with the most probable actions",
+        "m/s",
+        note="No synergies and no symmetry are given, and all weights start at 0. The thesis did not have this "
+        "learner.",
+        source=THESIS,
+    )
+    yield at_least(
+        SPEED,
+        "Twenty-four independent muscles learn to walk fast.",
+        median_of(mode["speed"]),
+        "most probable actions: median speed along the heading",
+        "m/s",
+        note=gaits,
+        source=OURS,
+    )
+    yield at_least(
+        NET,
+        "The learned walks lead somewhere.",
+        net,
+        "most probable actions: median net displacement over 20 s",
+        "m/s",
+        note=f"With sampled actions: speed {median_of(sample['speed']).words('m/s')}, net displacement "
+        f"{median_of(sample['net']).words('m/s')}.",
+        source=OURS,
+    )
+    yield in_every(
+        "No hexapod stalls with its most probable actions.",
+        mode["stalls"] <= 0,
+        "share of these seeds without a second below 0.3 m/s",
+        note=f"Fraction of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have such a second. "
+        f"Falls: {np.count_nonzero(mode['falls'] > 0)} seeds.",
+        source=OURS,
+    )
 
 
-def ablation_claims(values: Values) -> Sequence[Claim]:
+def ablation_claims(values: Values) -> Iterator[Claim]:
     """Claims about the changed learners, compared with the unchanged one on the same seeds."""
-    count, made = int(values["compared"]), []
+    count = int(values["compared"])
     for variant in values["variants"]:
         ours, theirs = (values[f"{name} mode net"][:count] for name in (FULL, variant))
-        more, better = mean_of(theirs - ours), variant in HELPS
-        made.append(
-            Claim(
-                CHANGES[str(variant)],
-                OURS,
-                "most probable actions, net displacement over 20 s: difference from the unchanged learner "
-                f"{'above' if better else 'below'} 0",
-                more,
-                more.low > 0 if better else more.high < 0,
-                "m/s",
-                f"Medians: {np.median(theirs):.2f} against {np.median(ours):.2f} m/s; speed along the heading "
-                f"{np.median(values[f'{variant} mode speed']):.2f} against "
-                f"{np.median(values[f'{FULL} mode speed'][:count]):.2f}.",
-            )
+        yield (positive if variant in HELPS else negative)(
+            CHANGES[str(variant)],
+            mean_of(theirs - ours),
+            "most probable actions, net displacement over 20 s: difference from the unchanged learner",
+            "m/s",
+            source=OURS,
+            note=f"Medians: {np.median(theirs):.2f} against {np.median(ours):.2f} m/s; speed along the heading "
+            f"{np.median(values[f'{variant} mode speed']):.2f} against "
+            f"{np.median(values[f'{FULL} mode speed'][:count]):.2f}.",
         )
-    return made
 
 
 def _quantities(values: Values, mode: str) -> dict[str, np.ndarray]:

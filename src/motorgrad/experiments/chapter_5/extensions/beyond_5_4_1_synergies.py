@@ -1,17 +1,18 @@
 """Beyond section 5.4.1: synergies extracted from learned gaits, and learning on them with four units."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
-from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, practice_curve
-from motorgrad.experiments._experiment import Values, Workspace, experiment
+from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad.experiments.chapter_5.hexapod._gait_study import controller_speeds
+from motorgrad.statistics import mean_of, median_of
 from motorgrad.tasks import TRIPOD_SYNERGIES, HexapodSynergy, find_synergies, synergy_matrix
 from motorgrad.training import agent_for, evaluate
 
@@ -19,7 +20,6 @@ UNITS = 4
 SMOOTH = 12.0
 """Simulated seconds over which the speed during practice is averaged."""
 
-OURS = "our own expectation"
 COLOURS = {"found": "#0072B2", "by lot": "#D55E00", "by hand": "#4d4d4d"}
 MUSCLES = ("protractor", "levator", "retractor", "depressor")
 
@@ -42,20 +42,16 @@ class FoundSynergies(MuscleStudy):
     """
 
     gaits: int = 5
-    learners: int = 4
-    seconds: float = 600.0
+    learners: int = ranged(4, 2, 1000)
+    seconds: float = ranged(600.0, 1, 10**6, " simulated s")
     lag: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"from 1 to seeds, {self.seeds}")
-        self.check_range(2, 1000, "learners")
-        check(1 <= self.seconds <= 1e6, "seconds", self.seconds, "from 1 to 1,000,000 simulated s")
         _ = HexapodSynergy(lag=self.lag)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(updates=4, seeds=2, watched=20.0, gaits=1, learners=2, seconds=4.0)
+    quick = smoke(updates=4, seeds=2, watched=20.0, gaits=1, learners=2, seconds=4.0)
 
     def run(self, work: Workspace) -> Values:
         found = dict(work.part("synergies", lambda: self._find(work)))
@@ -87,44 +83,40 @@ class FoundSynergies(MuscleStudy):
         _frozen(panels["frozen"], values)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         level = float(values["controller speed"][0])
-        speed = median_of(values["found sample speed"])
         counts = [len(values[f"{kind} sample net"]) // self.learners for kind in ("found", "by lot")]
         # learners on the synergies of one gait are not independent: they count by their mean
         each = [
             values[f"{kind} sample net"].reshape(count, -1).mean(1)
             for kind, count in zip(("found", "by lot"), counts, strict=True)
         ]
-        over = mean_of(each[0] - each[1])
         mode, net = (median_of(values[f"found {kind} net"]) for kind in ("mode", "sample"))
         hand = median_of(values["by hand sample net"])
-        explained = mean_of(values["explained"])
-        return [
-            more_than_half(
-                "Four synergies account for most of the activity of 24 muscles in a learned gait.",
-                OURS,
-                "fraction of the activations' sum of squares: above one half",
-                explained,
-            ),
-            above(
-                level,
-                "On synergies found in learned gaits, four units learn to walk.",
-                OURS,
-                f"frozen, sampled actions: median speed above that of the fixed controller, {level:.2f} m/s",
-                speed,
-                "m/s",
-                f"Net displacement over 20 s: {net} m/s; with the most probable actions {mode}; on hand-made synergies "
-                f"{hand}.",
-            ),
-            positive(
-                "The synergies themselves help: with randomly drawn muscles, learners get less far.",
-                OURS,
-                "frozen, sampled actions, net displacement over 20 s: mean difference by gait above 0",
-                over,
-                "m/s",
-            ),
-        ]
+        yield more_than_half(
+            "Four synergies account for most of the activity of 24 muscles in a learned gait.",
+            mean_of(values["explained"]),
+            "fraction of the activations' sum of squares",
+            source=OURS,
+        )
+        yield above(
+            level,
+            "On synergies found in learned gaits, four units learn to walk.",
+            median_of(values["found sample speed"]),
+            "frozen, sampled actions: median speed, against the fixed controller's,",
+            "m/s",
+            note=f"Net displacement over 20 s: {net.words('m/s')}; with the most probable actions {mode}; on hand-made "
+            "synergies "
+            f"{hand}.",
+            source=OURS,
+        )
+        yield positive(
+            "The synergies themselves help: with randomly drawn muscles, learners get less far.",
+            mean_of(each[0] - each[1]),
+            "frozen, sampled actions, net displacement over 20 s: mean difference by gait",
+            "m/s",
+            source=OURS,
+        )
 
     def _find(self, work: Workspace) -> dict[str, Any]:
         """Synergies of the gaits that get farthest, and random ones of the same sizes."""
@@ -154,7 +146,7 @@ class FoundSynergies(MuscleStudy):
         """Hexapods that learn on four synergies: their speed during practice, and the walks of the frozen policies."""
         task = HexapodSynergy(synergies=tuple(str(unit) for unit in words), lag=self.lag)
         run = work.train(task, agent_for(task), round(self.seconds / task.period), seeds)
-        time, speed = practice_curve(run, "speed", SMOOTH)
+        time, speed = run.curve("speed", x="simulated", smooth=SMOOTH)
         judged = self.judged(work, run, name)
         kept = {key.removeprefix(f"{name} "): values for key, values in judged.items()}
         return {"time": time, "practice": speed, **kept}

@@ -1,23 +1,22 @@
 """Section 5.3.3: hexapods that learn to walk with stronger or weaker muscles."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import BodyState, LateralPair, Section, VerticalPair, read_hexapod
+from motorgrad.bodies import TOUCH, BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.experiments._claims import Claim, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._claims import Claim, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_5.section_5_2_2 import behind_best
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Run, agent_for, evaluate
 
 SETTLING = 2.0  # seconds at the start of a walk that are not measured
-TOUCH = 0.5  # N
 WAYS = ("all", "lateral")
 """Which muscles are scaled: all, or only the lateral ones."""
 
@@ -45,24 +44,20 @@ class Forces(Experiment):
     """
 
     levels: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
-    seconds: float = 200.0
-    seeds: int = 12
-    watched: float = 22.0
+    seconds: float = ranged(200.0, 1, 10**6, " simulated s")
+    seeds: int = ranged(12, 2, 10_000)
+    watched: float = ranged(22.0, SETTLING + 1, 10**6, " simulated s")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(
             rising(self.levels, 3, above=0) and 1.0 in self.levels[1:-1],
             "levels",
             self.levels,
             "at least three, rising, 1 between the ends",
         )
-        self.check_range(2, 10_000, "seeds")
-        for name, least in (("seconds", 1.0), ("watched", SETTLING + 1.0)):
-            check(least <= getattr(self, name) <= 1e6, name, getattr(self, name), f"from {least:g} to 1e6 simulated s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
+    quick = smoke(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
 
     def task(self, lateral: float, vertical: float) -> HexapodSynergy:
         """The task with scaled muscle forces."""
@@ -107,90 +102,70 @@ class Forces(Experiment):
         }
 
     def figure(self, values: Values) -> Figure:
+        """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
+        standard value of each."""
         usual = {"all": LateralPair().retractor, "lateral": LateralPair().retractor / VerticalPair().depressor}
-        return draw_forces(values, usual)
+        figure, axes = subplots(9, 9.8, len(ROWS), 2, sharex="col", sharey="row")
+        levels = values["levels"]
+        for column, (way, title) in enumerate(TITLES.items()):
+            for row, (name, words) in enumerate(ROWS):
+                _against(axes[row, column], levels, values[f"{way} {name}"])
+                if not column:
+                    axes[row, 0].set_ylabel(words)
+            axes[0, column].set_title(title)
+        lateral, ratio = usual["all"] * levels, usual["lateral"] * levels
+        vertical = usual["all"] / usual["lateral"] * levels
+        axes[-1, 0].set_xticks(levels, [f"{a:.0f}\n{b:.0f}" for a, b in zip(lateral, vertical, strict=True)])
+        axes[-1, 0].set_xlabel("maximum force of lateral (above)\nand vertical muscles (below), N")
+        axes[-1, 1].set_xticks(levels, [f"{one:.2g}" for one in ratio])
+        axes[-1, 1].set_xlabel("lateral over vertical force")
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         usual = values["levels"].tolist().index(1.0)
         most, levels = f"{values['levels'][-1]:g}", values["levels"]
         every, lateral = values["all speed"], values["lateral speed"]
-        past, more, matched = (
-            mean_of(behind_best(every, -1)),
-            mean_of(lateral[usual] - lateral[-1]),
-            mean_of(every[-1] - lateral[-1]),
-        )
         net, falls = ([values[f"{way} {name}"][-1].mean() for way in WAYS] for name in ("net", "falls"))
         told = {way: _medians(values, way) for way in WAYS}
-        made = [
-            positive(
-                "Beyond a point, more force of all muscles slows the hexapod down.",
-                self.source,
-                f"deficit at {most} times the force relative to the best inner level: above 0",
-                past,
-                "m/s slower",
-                f"The best level for each seed is that of the other seeds. Medians: {told['all']}.",
-            ),
-            positive(
-                "More force of the lateral muscles without more of the vertical ones slows it down.",
-                self.source,
-                f"deficit at {most} times the lateral force relative to the standard force: above 0",
-                more,
-                "m/s slower",
-                f"Medians: {told['lateral']}.",
-            ),
-            positive(
-                "The reason is that the vertical muscles do not match.",
-                self.source,
-                f"at {most} times the lateral force, gain with {most} times the vertical force: above 0",
-                matched,
-                "m/s faster",
-                f"Net displacement {net[0]:.2f} m/s with it, {net[1]:.2f} m/s without; overturned {falls[0]:.2g} and "
-                f"{falls[1]:.2g} times, after which a body restarts.",
-            ),
-        ]
+        yield positive(
+            "Beyond a point, more force of all muscles slows the hexapod down.",
+            mean_of(behind_best(every, -1)),
+            f"deficit at {most} times the force relative to the best inner level",
+            "m/s slower",
+            note=f"The best level for each seed is that of the other seeds. Medians: {told['all']}.",
+        )
+        yield positive(
+            "More force of the lateral muscles without more of the vertical ones slows it down.",
+            mean_of(lateral[usual] - lateral[-1]),
+            f"deficit at {most} times the lateral force relative to the standard force",
+            "m/s slower",
+            note=f"Medians: {told['lateral']}.",
+        )
+        yield positive(
+            "The reason is that the vertical muscles do not match.",
+            mean_of(every[-1] - lateral[-1]),
+            f"at {most} times the lateral force, gain with {most} times the vertical force",
+            "m/s faster",
+            note=f"Net displacement {net[0]:.2f} m/s with it, {net[1]:.2f} m/s without; overturned {falls[0]:.2g} and "
+            f"{falls[1]:.2g} times, after which a body restarts.",
+        )
         best = 1 + int(np.argmax(every[1:-1].mean(axis=1)))
         for way, words, level in (("all", "of all muscles", best), ("lateral", "of the lateral muscles alone", usual)):
-            less = mean_of(values[f"{way} duty"][level] - values[f"{way} duty"][-1])
             air, belly = (values[f"{way} {name}"].mean(axis=1) for name in ("airborne", "belly"))
-            made.append(
-                positive(
-                    f"With more force {words}, feet spend less time on the ground.",
-                    self.source,
-                    f"reduction from {levels[level]:g} to {most} times the force: above 0",
-                    less,
-                    "of the time",
-                    f"In the air {air[-1]:.0%} of the time instead of {air[level]:.0%}, on the belly {belly[-1]:.0%} "
-                    f"instead of {belly[level]:.0%}.",
-                )
+            yield positive(
+                f"With more force {words}, feet spend less time on the ground.",
+                mean_of(values[f"{way} duty"][level] - values[f"{way} duty"][-1]),
+                f"reduction from {levels[level]:g} to {most} times the force",
+                "of the time",
+                note=f"In the air {air[-1]:.0%} of the time instead of {air[level]:.0%}, on the belly {belly[-1]:.0%} "
+                f"instead of {belly[level]:.0%}.",
             )
-        return made
 
 
 def _medians(values: Values, way: str) -> str:
     """Median speeds at all levels, in words."""
     pairs = zip(values["levels"], np.median(values[f"{way} speed"], axis=1), strict=True)
     return ", ".join(f"{speed:.2f} m/s at {level:g}" for level, speed in pairs)
-
-
-def draw_forces(values: Values, usual: Mapping[str, float]) -> Figure:
-    """Speed and contact against force: of all muscles (left), of the lateral ones alone (right); `usual` is the
-    standard value of each."""
-    figure = new_figure(9, 9.8)
-    axes = figure.subplots(len(ROWS), 2, sharex="col", sharey="row")
-    levels = values["levels"]
-    for column, (way, title) in enumerate(TITLES.items()):
-        for row, (name, words) in enumerate(ROWS):
-            _against(axes[row, column], levels, values[f"{way} {name}"])
-            if not column:
-                axes[row, 0].set_ylabel(words)
-        axes[0, column].set_title(title)
-    lateral, ratio = usual["all"] * levels, usual["lateral"] * levels
-    vertical = usual["all"] / usual["lateral"] * levels
-    axes[-1, 0].set_xticks(levels, [f"{a:.0f}\n{b:.0f}" for a, b in zip(lateral, vertical, strict=True)])
-    axes[-1, 0].set_xlabel("maximum force of lateral (above)\nand vertical muscles (below), N")
-    axes[-1, 1].set_xticks(levels, [f"{one:.2g}" for one in ratio])
-    axes[-1, 1].set_xlabel("lateral over vertical force")
-    return figure
 
 
 def _against(axes: Axes, levels: np.ndarray, found: np.ndarray) -> None:

@@ -1,15 +1,15 @@
 """Sections 5.3.3 and 5.4.1: a search for a body of the hexapod that is fast under the fixed controller."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
-from motorgrad.experiments._claims import Claim, mean_of, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import OURS, Claim, negative, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.extensions._body_space import (
     HEAVIER,
@@ -32,6 +32,7 @@ from motorgrad.experiments.chapter_5.extensions._body_space import (
 )
 from motorgrad.search import Boltzmann, CmaEs, Method, Uniform, search
 from motorgrad.sim import draw
+from motorgrad.statistics import mean_of
 
 KINDS = ("cma-es", "boltzmann", "uniform")
 COLOURS = {"cma-es": "C0", "boltzmann": "C1", "uniform": "0.5"}
@@ -69,28 +70,22 @@ class Morphology(Experiment):
     """
 
     evaluations: int = 240
-    searches: int = 5
-    batch: int = 12
-    seconds: float = 4.0
-    again: int = 12
-    bodies: int = 40
+    searches: int = ranged(5, 2, 10_000)
+    batch: int = ranged(12, 4, 10_000)
+    seconds: float = ranged(4.0, SETTLING + 1, 3600, " simulated s")
+    again: int = ranged(12, 2, 10_000)
+    bodies: int = ranged(40, 2, 10_000)
     temperature: float = Boltzmann.temperature
     changed: int = Boltzmann.changed
     width: float = Boltzmann.width
 
     def __post_init__(self) -> None:
-        for name, least in (("searches", 2), ("batch", 4), ("again", 2), ("bodies", 2)):
-            check(least <= getattr(self, name) <= 10_000, name, getattr(self, name), f"from {least} to 10,000")
+        super().__post_init__()
         whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
         self.method("boltzmann")
-        check(
-            SETTLING + 1 <= self.seconds <= 3600, "seconds", self.seconds, f"from {SETTLING + 1:g} to 3600 simulated s"
-        )
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
+    quick = smoke(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
 
     def method(self, kind: str) -> Method:
         """A search method, with equally many candidates per round."""
@@ -179,8 +174,8 @@ class Morphology(Experiment):
         _observed(parts[2].subplots(1, len(MEASURED), sharey=True), values)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return morphology_claims(values, self.evaluations)
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield from morphology_claims(values, self.evaluations)
 
 
 def _searches(axes: Axes, values: Values, kinds: Sequence[str]) -> None:
@@ -275,102 +270,78 @@ def _intervals(axes: Axes, found: Any, rows: np.ndarray, colour: str, label: str
     draw_intervals(axes, rows, [mean_of(each) for each in found], across=True, **look)
 
 
-def morphology_claims(values: Values, evaluations: int) -> Sequence[Claim]:
+def morphology_claims(values: Values, evaluations: int) -> Iterator[Claim]:
     """All claims, in the order of the thesis."""
-    return (*_search_claims(values, evaluations), *_observation_claims(values), *_explanation_claims(values))
+    yield from _search_claims(values, evaluations)
+    yield from _observation_claims(values)
+    yield from _explanation_claims(values)
 
 
-def _search_claims(values: Values, evaluations: int) -> list[Claim]:
+def _search_claims(values: Values, evaluations: int) -> Iterator[Claim]:
     usual = values["usual"].mean()
     cma, boltzmann, uniform = (values[f"{kind} again"].mean(axis=1) for kind in ("cma-es", "boltzmann", "uniform"))
-    gain, half, ahead = (
-        mean_of(cma - usual),
-        mean_of((boltzmann - usual) - 0.5 * (cma - usual)),
-        mean_of(boltzmann - uniform),
-    )
+    gain = mean_of(cma - usual)
     told = f"The standard body walks at {usual:.2f} m/s; the best body of a search is judged by further walks."
-    return [
-        positive(
-            "An outer loop with a global optimiser finds a faster body.",
-            "section 5.4.1",
-            f"CMA-ES, {evaluations} evaluations: speed minus that of the standard body above 0",
-            gain,
-            "m/s",
-            told,
-        ),
-        negative(
-            "Random search with Boltzmann selection is largely ineffective.",
-            SOURCE,
-            "gain minus half the gain of CMA-ES with equally many evaluations: below 0",
-            half,
-            "m/s",
-            f"It gains {(boltzmann - usual).mean():.2f} m/s, CMA-ES {gain.value:.2f} m/s.",
-        ),
-        positive(
-            "Selection and perturbation are better than random sampling.",
-            "our own expectation",
-            "Boltzmann selection minus random sampling, equally many evaluations: above 0",
-            ahead,
-            "m/s",
-            f"Random sampling gains {(uniform - usual).mean():.2f} m/s.",
-        ),
-    ]
+    yield positive(
+        "An outer loop with a global optimiser finds a faster body.",
+        gain,
+        f"CMA-ES, {evaluations} evaluations: speed minus that of the standard body",
+        "m/s",
+        note=told,
+        source="section 5.4.1",
+    )
+    yield negative(
+        "Random search with Boltzmann selection is largely ineffective.",
+        mean_of((boltzmann - usual) - 0.5 * (cma - usual)),
+        "gain minus half the gain of CMA-ES with equally many evaluations",
+        "m/s",
+        note=f"It gains {(boltzmann - usual).mean():.2f} m/s, CMA-ES {gain.value:.2f} m/s.",
+    )
+    yield positive(
+        "Selection and perturbation are better than random sampling.",
+        mean_of(boltzmann - uniform),
+        "Boltzmann selection minus random sampling, equally many evaluations,",
+        "m/s",
+        note=f"Random sampling gains {(uniform - usual).mean():.2f} m/s.",
+        source=OURS,
+    )
 
 
-def _observation_claims(values: Values) -> list[Claim]:
-    made = []
+def _observation_claims(values: Values) -> Iterator[Claim]:
     for bodies, words in BODY_WORDS.items():
         base, width, mass = (mean_of(differences(values, bodies, pair, "speed")) for pair in ("base", "width", "mass"))
-        made.append(
-            positive(
-                f"A wide heavy trunk is faster than a slim light one ({words}).",
-                SOURCE,
-                f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference above 0",
-                base,
-                "m/s",
-                f"Width alone: {width} m/s; mass alone: {mass} m/s.",
-            )
+        yield positive(
+            f"A wide heavy trunk is faster than a slim light one ({words}).",
+            base,
+            f"width × and ÷ {WIDER:.3g}, mass × and ÷ {HEAVIER:g}: difference",
+            "m/s",
+            note=f"Width alone: {width.words('m/s')}; mass alone: {mass.words('m/s')}.",
         )
     for bodies, words in BODY_WORDS.items():
-        joints = mean_of(differences(values, bodies, "joints", "speed"))
         speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]
-        made.append(
-            positive(
-                f"Vertical joints between the sections make the hexapod faster than lateral ones ({words}).",
-                SOURCE,
-                "the same body with either: difference above 0",
-                joints,
-                "m/s",
-                f"{speeds[0]:.2f} m/s and {speeds[1]:.2f} m/s.",
-            )
+        yield positive(
+            f"Vertical joints between the sections make the hexapod faster than lateral ones ({words}).",
+            mean_of(differences(values, bodies, "joints", "speed")),
+            "the same body with either: difference",
+            "m/s",
+            note=f"{speeds[0]:.2f} m/s and {speeds[1]:.2f} m/s.",
         )
-    return made
 
 
-def _explanation_claims(values: Values) -> list[Claim]:
-    made = []
+def _explanation_claims(values: Values) -> Iterator[Claim]:
     for pair, words in (("base", "wide heavy trunk than with a slim light one"), ("joints", None)):
         words = words or "vertical joint between sections than with a lateral one"
         for bodies, of in BODY_WORDS.items():
-            more = mean_of(differences(values, bodies, pair, "duty"))
-            made.append(
-                positive(
-                    f"Feet are on the ground longer with a {words} ({of}).",
-                    SOURCE,
-                    "fraction of the time: difference above 0",
-                    more,
-                    "of the time",
-                )
+            yield positive(
+                f"Feet are on the ground longer with a {words} ({of}).",
+                mean_of(differences(values, bodies, pair, "duty")),
+                "fraction of the time: difference",
+                "of the time",
             )
     for bodies, of in BODY_WORDS.items():
-        less = mean_of(-differences(values, bodies, "base", "tilt"))
-        made.append(
-            positive(
-                f"A wide heavy trunk tilts less than a slim light one ({of}).",
-                SOURCE,
-                "root mean square tilt against the ground: difference above 0",
-                less,
-                "° less",
-            )
+        yield positive(
+            f"A wide heavy trunk tilts less than a slim light one ({of}).",
+            mean_of(-differences(values, bodies, "base", "tilt")),
+            "root mean square tilt against the ground: difference",
+            "° less",
         )
-    return made

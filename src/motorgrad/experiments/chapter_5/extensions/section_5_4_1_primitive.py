@@ -1,7 +1,7 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learned together."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,13 +10,14 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._claims import OURS, Claim, more_than_half, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
 from motorgrad.experiments.chapter_5.extensions._muscle_study import frozen_readings
 from motorgrad.learning import Agent
 from motorgrad.policies import Primitives
+from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import HexapodPrimitive
 from motorgrad.training import agent_for
 
@@ -52,17 +53,15 @@ class LearnedPrimitives(Experiment):
     """
 
     seconds: float = 400.0
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     watched: float = 10.0
 
     def __post_init__(self) -> None:
-        check_practice(self.seconds, self.seeds, RECORDS * self.task.period)
-        check(self.seeds >= 2, "seeds", self.seeds, "at least 2")
+        super().__post_init__()
+        check_practice(self.seconds, RECORDS * self.task.period)
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=2.4, seeds=2, watched=0.4)
+    quick = smoke(seconds=2.4, seeds=2, watched=0.4)
 
     @property
     def task(self) -> HexapodPrimitive:
@@ -113,8 +112,7 @@ class LearnedPrimitives(Experiment):
     def figure(self, values: Values) -> Figure:
         """Learning curves; durations of the parts of a step; and the preconditions of one hexapod."""
         start = (self.task.swing, self.task.stance)
-        figure = new_figure(10, 7.6)
-        panels: Any = figure.subplots(2, 2)
+        figure, panels = subplots(10, 7.6, 2, 2)
         records = max(1, len(values["time"]) // 20)
         for kind, label in WORDS.items():
             draw_band(panels[0, 0], values["time"], values[f"{kind} curve"], COLOURS[kind], label, records=records)
@@ -130,45 +128,33 @@ class LearnedPrimitives(Experiment):
         )
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for kind, words in WORDS.items():
             curve = values[f"{kind} curve"]
             part = max(1, curve.shape[1] // 20)
-            gained = mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1))
-            made.append(
-                positive(
-                    f"Learning {words.removesuffix(' learned together')} makes the hexapod faster.",
-                    "section 5.4.1",
-                    "the last fifth of the practice minus the first twentieth: above 0",
-                    gained,
-                    "m/s",
-                )
+            yield positive(
+                f"Learning {words.removesuffix(' learned together')} makes the hexapod faster.",
+                mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1)),
+                "the last fifth of the practice minus the first twentieth",
+                "m/s",
             )
         for kind in ("precondition", "movement"):
-            more = mean_of(values["both speed"] - values[f"{kind} speed"])
             sure = mean_of(values["both sure"] - values[f"{kind} sure"])
             speeds = f"{values['both speed'].mean():.2f} m/s and {values[f'{kind} speed'].mean():.2f} m/s."
-            made.append(
-                positive(
-                    f"Learning both together leads to faster walks than {WORDS[kind]}.",
-                    "section 5.4.1",
-                    "frozen after learning, paired by seed: difference above 0",
-                    more,
-                    "m/s",
-                    f"{speeds} With mean movements instead of sampled ones, the difference is {sure}.",
-                )
+            yield positive(
+                f"Learning both together leads to faster walks than {WORDS[kind]}.",
+                mean_of(values["both speed"] - values[f"{kind} speed"]),
+                "frozen after learning, paired by seed: difference",
+                "m/s",
+                note=f"{speeds} With mean movements instead of sampled ones, the difference is {sure}.",
             )
-        back = share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1))
-        made.append(
-            more_than_half(
-                "A tripod learns to start a step when its own legs are back, rather than the other tripod's.",
-                "our own expectation",
-                "weights of its own legs sum to less than 0 and less than the others', for both tripods: in most seeds",
-                back,
-            )
+        yield more_than_half(
+            "A tripod learns to start a step when its own legs are back, rather than the other tripod's.",
+            share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1)),
+            "share of seeds whose weights of its own legs sum to less than 0 and less than the others', for both "
+            "tripods,",
+            source=OURS,
         )
-        return made
 
 
 def _sure(policies: Any) -> Any:

@@ -3,13 +3,13 @@ controller."""
 
 import dataclasses
 import math
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, walk
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, rising
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, ranged, rising, smoke
 from motorgrad.learning import Agent
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
@@ -17,7 +17,6 @@ from motorgrad.training import Evaluation, Run, agent_for, evaluate
 GAITS = ("tripod", "pronk", "intermediate", "stalled")
 MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
 START = 2.0  # seconds at the start of a walk that do not count towards its gait
-OURS = "our own expectation"
 INDEPENDENT = "an independent model of the hexapod"
 JITTER = 1e-3
 """Relative variation of the servos' gain: negligible in itself, but sufficient for walks, which are chaotic, to
@@ -39,24 +38,21 @@ class SynergyStudy(Experiment):
     """
 
     seconds: float = 600.0
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     lags: tuple[int, ...] = (0, 1, 2)
     decay: float = 0.97
     rate: float = 1e-3
-    watched: float = 20.0
+    watched: float = ranged(20.0, 20, 3600, " simulated s")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.lags), "lags", self.lags, "at least one, rising")
         for lag in self.lags:
             _ = self.learner(lag)
         least = 50 * self.task(min(self.lags)).period
         check(least <= self.seconds < math.inf, "seconds", self.seconds, f"finite and at least {least:g} s")
-        self.check_range(2, 10_000, "seeds")
-        check(20.0 <= self.watched <= 3600, "watched", self.watched, "from 20 to 3600 simulated s")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=6.0, seeds=2, lags=(0, 1))
+    quick = smoke(seconds=6.0, seeds=2, lags=(0, 1))
 
     def task(self, lag: int) -> HexapodSynergy:
         """The task with observations delayed by this many decisions."""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad.bodies import Hexapod
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._experiment import Experiment, Values, experiment
 from motorgrad.experiments._figures import EXTENSOR, Axes, Figure, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import FREEDOM, Places, dimension, draw_view, freedom, name_part
 
@@ -16,9 +16,6 @@ LEG = "left_middle"
 class HexapodBody(Experiment):
     """The hexapod: three sections in a row, joined by two joints with a range of a few degrees, each with two legs of
     three segments and four muscles per leg. Side, front and top view, with its numbers."""
-
-    def run(self, work: Workspace) -> Values:
-        return {}
 
     def figure(self, values: Values) -> Figure:
 

@@ -1,16 +1,17 @@
 """Figure 5.8: the two gaits that hexapods learn, pronking and tripod."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from motorgrad.bodies import LEGS, TRIPODS, debounced
-from motorgrad.experiments._claims import Claim, exact, more_than_half, share_of
-from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Figure, new_figure
+from motorgrad.experiments._claims import Claim, more_than_half
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
 from motorgrad.experiments.chapter_5.hexapod._gait_study import START, SynergyStudy
+from motorgrad.statistics import share_of
 from motorgrad.training import Evaluation
 
 SHOWN = ("pronk", "tripod")
@@ -33,11 +34,7 @@ class TwoGaits(SynergyStudy):
     - `shown` (simulated s): length of the record, from the middle of the walk on.
     """
 
-    shown: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_range(0.1, 10, "shown", unit=" simulated s")
+    shown: float = ranged(2.0, 0.1, 10, " simulated s")
 
     def run(self, work: Workspace) -> Values:
         found = []
@@ -66,6 +63,7 @@ class TwoGaits(SynergyStudy):
         return {
             **{name: outcome.measures[name] for name in ("gait", "phase", "correlation")},
             "speed": outcome.readings["speed"],
+            "feet": outcome.measures["contact_correlation"],
             **movement(lateral[:, late], np.swapaxes(down, 0, 1)),
             "time": outcome.time[part] - middle,
             "lateral": lateral[:, part],
@@ -76,8 +74,7 @@ class TwoGaits(SynergyStudy):
         """Lateral angles and ground contacts of one seed for each gait, or a note if no seed learned the gait."""
         from matplotlib.patches import Patch
 
-        figure = new_figure(8.6, 8.0)
-        panels: Any = figure.subplots(2 * len(SHOWN), 1, height_ratios=[1.15, 1] * len(SHOWN), sharex=True)
+        figure, panels = subplots(8.6, 8.0, 2 * len(SHOWN), 1, height_ratios=[1.15, 1] * len(SHOWN), sharex=True)
         time, seeds = values["time"], len(values["gait"])
         for number, kind in enumerate(SHOWN):
             angles, feet = panels[2 * number : 2 * number + 2]
@@ -108,26 +105,23 @@ class TwoGaits(SynergyStudy):
         figure.legend(handles=shown_as, loc="outside upper center", ncols=2)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         jumps, alternate = values["airborne"] > AIRBORNE, values["feet"] < 0
         rows = (
             ("pronk", "In the pronking gait all legs cycle together.", values["all six"] > TOGETHER,
-             f"mean correlation of the six lateral angles above {TOGETHER:g}"),
+             f"a mean correlation of the six lateral angles above {TOGETHER:g}"),
             ("pronk", "Pronking is a jumping movement: all feet are off the ground at once.", jumps,
-             f"for more than {AIRBORNE:g} of the time"),
+             f"it so for more than {AIRBORNE:g} of the time"),
             ("tripod", "In the tripod gait the legs of a tripod move together.", values["within"] > TOGETHER,
-             f"mean correlation of their lateral angles above {TOGETHER:g}"),
+             f"a mean correlation of their lateral angles above {TOGETHER:g}"),
             ("tripod", "The two tripods alternate on the ground.", alternate,
-             "correlation between their numbers of feet on the ground below 0"),
+             "a correlation between their numbers of feet on the ground below 0"),
         )  # fmt: skip
-        made = []
-        for kind, statement, holds, expected in rows:
-            own = holds[values["gait"] == kind]
-            measured = share_of(own) if len(own) else exact(0)
-            note = "" if len(own) else f"None of {len(holds)} seeds learned this gait."
-            expected = f"{expected}: in most seeds of this gait"
-            made.append(more_than_half(statement, "section 5.3.2", expected, measured, note=note))
-        return made
+        for kind, statement, happened, what in rows:
+            own = happened[values["gait"] == kind]
+            note = "" if len(own) else f"None of {len(happened)} seeds learned this gait."
+            share = f"share of the seeds of this gait with {what}"
+            yield more_than_half(statement, share_of(own), share, note=note, source="section 5.3.2")
 
 
 def clearest(gaits: np.ndarray, correlation: np.ndarray, kind: str) -> int:
@@ -142,16 +136,13 @@ def movement(lateral: np.ndarray, down: np.ndarray) -> dict[str, np.ndarray]:
     **Arguments:** lateral angles and whether the feet are on the ground, both (seeds, decisions, 6).
 
     **Returns** by name, (seeds,) each: mean correlation between the lateral angles of two legs, of `all six` and
-    `within` a tripod; `feet`, the correlation between the tripods' numbers of feet on the ground; `airborne`, the
-    fraction of the time without contact.
+    `within` a tripod; `airborne`, the fraction of the time without contact.
     """
     legs = [np.nan_to_num(_correlations(each.T)) for each in lateral]
     within = [np.mean([_pairs(matrix[np.ix_(rows, rows)]) for rows in MEMBERS]) for matrix in legs]
-    counts = [np.stack([each[:, rows].sum(1) for rows in MEMBERS]) for each in down]
     return {
         "all six": np.array([_pairs(matrix) for matrix in legs]),
         "within": np.array(within),
-        "feet": np.array([np.nan_to_num(_correlations(each))[0, 1] for each in counts]),
         "airborne": (~down.any(2)).mean(1),
     }
 

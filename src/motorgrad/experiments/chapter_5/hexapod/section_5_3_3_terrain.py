@@ -1,16 +1,17 @@
 """Section 5.3.3: the fixed controller over varying terrain."""
 
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.experiments._claims import Claim, above, mean_of, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
-from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, OURS, jittered_hexapods
+from motorgrad.experiments._claims import OURS, Claim, above, at_least, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
+from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, jittered_hexapods
+from motorgrad.statistics import mean_of, share_of
 
 KINDS = ("bumps", "slopes", "steps", "waves")
 START, LAST = 2.0, 5.0
@@ -44,19 +45,16 @@ class RoughGround(Experiment):
     """
 
     heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
-    seconds: float = 20.0
-    seeds: int = 20
+    seconds: float = ranged(20.0, LAST, 20, " simulated s: the field ends")
+    seeds: int = ranged(20, 2, 1000)
     clearance: float = 0.16
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
-        check(LAST <= self.seconds <= 20, "seconds", self.seconds, f"from {LAST:g} to 20 simulated s: the field ends")
-        self.check_range(2, 1000, "seeds")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(heights=(0.16, 0.25), seconds=5.0, seeds=2)
+    quick = smoke(heights=(0.16, 0.25), seconds=5.0, seeds=2)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"height": np.array([0.0, *self.heights])}
@@ -99,8 +97,7 @@ class RoughGround(Experiment):
     def figure(self, values: Values) -> Figure:
         """Speed, phase, and the shares of grounds with a tripod gait and of those on which it stands still, over the
         height of each kind of ground; means and shares with their intervals."""
-        figure = new_figure(9.8, 8.6)
-        panels: Any = figure.subplots(4, len(KINDS), sharex=True, sharey="row")
+        figure, panels = subplots(9.8, 8.6, 4, len(KINDS), sharex=True, sharey="row")
         for column, kind in zip(panels.T, KINDS, strict=True):
             for wording, (colour, line, words) in LOOKS.items():
                 gait = values[f"{kind} {wording} gait"]
@@ -129,9 +126,10 @@ class RoughGround(Experiment):
         figure.legend(handles, words, loc="outside upper center", ncols=2)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = [claim for kind in KINDS for claim in kind_claims(values, kind, self.clearance)]
-        return [*made, *controller_claims(values, KINDS, self.clearance)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for kind in KINDS:
+            yield from kind_claims(values, kind, self.clearance)
+        yield from controller_claims(values, KINDS, self.clearance)
 
 
 def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
@@ -140,43 +138,38 @@ def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, lin
     draw_intervals(axes, x[known], [measured[number] for number in known], **look)
 
 
-def kind_claims(values: Values, kind: str, clearance: float) -> Sequence[Claim]:
+def kind_claims(values: Values, kind: str, clearance: float) -> Iterator[Claim]:
     """Claims about one kind of ground, under the fixed version of the controller."""
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
     gaits = values[f"{kind} mended gait"]
-    tripod, steepest = share_of((gaits[rows] == "tripod").all(0)), share_of(gaits[-1] == "tripod")
     net = values[f"{kind} mended net"]
-    kept = mean_of(net[rows][-1] / net[0].mean())
     most = f"{100 * values['height'][-1]:g} cm"
-    return [
-        above(
-            CONSISTENT,
-            f"The controller consistently generates a tripod gait on {kind} up to {top}.",
-            THESIS,
-            f"at every height up to {top}: share of the grounds above {CONSISTENT:g}",
-            tripod,
-            note=f"Mean phase between the tripods by height: {_phases(values, kind, rows)} cycles.",
-        ),
-        above(
-            CONSISTENT,
-            f"It also does so on {kind} of {most}.",
-            OURS,
-            f"share of the grounds above {CONSISTENT:g}",
-            steepest,
-            note=f"Net speed there {net[-1].mean():.2f} m/s; on level ground {net[0].mean():.2f}.",
-        ),
-        Claim(
-            f"It is robust: {kind} of {top} hardly slow it.",
-            INDEPENDENT if kind == "bumps" else THESIS,
-            f"net displacement at least {ROBUST:g} times that on level ground",
-            kept,
-            kept.low >= ROBUST,
-            "of the speed on level ground",
-        ),
-    ]
+    yield above(
+        CONSISTENT,
+        f"The controller consistently generates a tripod gait on {kind} up to {top}.",
+        share_of((gaits[rows] == "tripod").all(0)),
+        f"at every height up to {top}: share of the grounds",
+        note=f"Mean phase between the tripods by height: {_phases(values, kind, rows)} cycles.",
+    )
+    yield above(
+        CONSISTENT,
+        f"It also does so on {kind} of {most}.",
+        share_of(gaits[-1] == "tripod"),
+        "share of the grounds",
+        note=f"Net speed there {net[-1].mean():.2f} m/s; on level ground {net[0].mean():.2f}.",
+        source=OURS,
+    )
+    yield at_least(
+        ROBUST,
+        f"It is robust: {kind} of {top} hardly slow it.",
+        mean_of(net[rows][-1] / net[0].mean()),
+        "net displacement relative to that on level ground",
+        "of the speed on level ground",
+        source=INDEPENDENT if kind == "bumps" else THESIS,
+    )
 
 
-def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Sequence[Claim]:
+def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Iterator[Claim]:
     """Claims about the thesis's wording and our fix, over all kinds of ground up to the clearance."""
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
     still = {
@@ -184,41 +177,36 @@ def controller_claims(values: Values, kinds: Sequence[str], clearance: float) ->
         for wording in ("mended", "worded")
     }
     stands = {wording: share_of(each) for wording, each in still.items()}
-    never = share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds]))
-    fewer = mean_of(still["worded"] * 1.0 - still["mended"])
     by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
     seeds = len(still["mended"]) // len(kinds)
-    return [
-        above(
-            CONSISTENT,
-            f"As the thesis words it, the controller is robust up to {top}: it does not come to a standstill.",
-            THESIS,
-            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
-            share_of(~still["worded"]),
-            note=f"Grounds, of {seeds} each, on which it stands still at the end of any walk: {by_kind}.",
-        ),
-        above(
-            CONSISTENT,
-            f"With its deadlocks fixed, it does not come to a standstill up to {top}.",
-            OURS,
-            f"walks at every height up to {top}: share of the grounds above {CONSISTENT:g}",
-            share_of(~still["mended"]),
-        ),
-        positive(
-            "The fix is what keeps it walking.",
-            OURS,
-            "share of grounds on which it stands still, as worded minus fixed: above 0",
-            fewer,
-            note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
-        ),
-        above(
-            CONSISTENT,
-            "It never overturns, at any height.",
-            OURS,
-            f"share of the grounds above {CONSISTENT:g}",
-            never,
-        ),
-    ]
+    yield above(
+        CONSISTENT,
+        f"As the thesis words it, the controller is robust up to {top}: it does not come to a standstill.",
+        share_of(~still["worded"]),
+        f"walks at every height up to {top}: share of the grounds",
+        note=f"Grounds, of {seeds} each, on which it stands still at the end of any walk: {by_kind}.",
+    )
+    yield above(
+        CONSISTENT,
+        f"With its deadlocks fixed, it does not come to a standstill up to {top}.",
+        share_of(~still["mended"]),
+        f"walks at every height up to {top}: share of the grounds",
+        source=OURS,
+    )
+    yield positive(
+        "The fix is what keeps it walking.",
+        mean_of(still["worded"] * 1.0 - still["mended"]),
+        "share of grounds on which it stands still, as worded minus fixed,",
+        note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
+        source=OURS,
+    )
+    yield above(
+        CONSISTENT,
+        "It never overturns, at any height.",
+        share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds])),
+        "share of the grounds",
+        source=OURS,
+    )
 
 
 def _rows(values: Values, clearance: float) -> np.ndarray:

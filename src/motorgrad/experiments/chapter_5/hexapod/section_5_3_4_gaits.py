@@ -1,32 +1,22 @@
 """Section 5.3.4: gaits learned on four synergies, over many seeds."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import (
-    Claim,
-    below,
-    first_time,
-    mean_of,
-    median_of,
-    more_than_half,
-    positive,
-    practice_curve,
-    share_of,
-)
+from motorgrad.experiments._claims import OURS, Claim, at_least, below, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import (
     GAITS,
     INDEPENDENT,
     MODES,
-    OURS,
     SynergyStudy,
     controller_speeds,
     gait_readings,
 )
+from motorgrad.statistics import mean_of, median_of, share_of, tally_of
 
 SMOOTH = 12.0
 """Simulated seconds over which the speed during practice is averaged."""
@@ -52,12 +42,10 @@ class LearnedGaits(SynergyStudy):
         level = float(found["controller speed"][0])
         for lag in self.lags:
             run = self.trained(work, lag)
-            found["time"], curve = practice_curve(run, "speed", SMOOTH)
-            found[f"lag {lag} practice"] = curve
+            found["time"], found[f"lag {lag} practice"] = run.curve("speed", x="simulated", smooth=SMOOTH)
             found[f"lag {lag} falls"] = self.seconds * run.curve("falls")[1].mean(1)
-            # earlier, the mean is over only a few decisions
-            passed = (curve > level) & (found["time"] >= min(SMOOTH, self.seconds))
-            found[f"lag {lag} passed"] = np.nan_to_num(first_time(found["time"], passed), nan=self.seconds)
+            passed = run.first_time("speed", above=level, x="simulated", smooth=SMOOTH, never=self.seconds)
+            found[f"lag {lag} passed"] = passed
             for mode in MODES:
                 seen = work.part(
                     f"lag {lag} {mode}", lambda run=run, mode=mode: gait_readings(self.watch(work, run, mode))
@@ -85,9 +73,10 @@ class LearnedGaits(SynergyStudy):
         )
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = [claim for lag in self.lags for claim in lag_claims(values, lag)]
-        return made + common_claims(values, self.lags)
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for lag in self.lags:
+            yield from lag_claims(values, lag)
+        yield from common_claims(values, self.lags)
 
 
 def _practice(axes: Axes, values: Values, lags: Sequence[int]) -> None:
@@ -154,108 +143,86 @@ def viable(gaits: np.ndarray) -> np.ndarray:
     return np.isin(gaits, ("tripod", "pronk"))
 
 
-def lag_claims(values: Values, lag: int) -> Sequence[Claim]:
+def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
     """Claims made for every lag; the thesis has none."""
     late = f"observations delayed by {lag}" if lag else "no lag"
     source, gaits = (OURS if lag else THESIS), values[f"lag {lag} sample gait"]
     both = {mode: f"{ACTIONS[mode]}: {counted(values[f'lag {lag} {mode} gait'])}" for mode in ACTIONS}
     counts = f"Number of seeds with {both['sample']}; with {both['mode']}."
     either = viable(gaits)
-    converged = share_of(either)
-    pronking = share_of(gaits[either] == "pronk") if either.any() else share_of(either)
-    passed, final = median_of(values[f"lag {lag} passed"]), median_of(values[f"lag {lag} practice"][:, -1])
-    still = share_of(values[f"lag {lag} mode gait"] == "stalled")
     level = float(values["controller net"][0])
-    return [
-        more_than_half(
-            f"Learning consistently converges to one of two gaits, tripod or pronk ({late}).",
-            source,
-            "frozen, from a fresh start, with sampled actions: in most seeds",
-            converged,
-            note=counts,
-        ),
-        more_than_half(
-            f"Pronking is learned more often than not ({late}).",
-            source,
-            "most of the seeds that learned either gait",
-            pronking,
-            note=counts if either.any() else f"No seed learned either gait. {counts}",
-        ),
-        Claim(
-            f"Learning exceeds the fixed controller's speed after 50 to 100 s of practice ({late}).",
-            INDEPENDENT,
-            f"median no later than {SOON:g} s",
-            passed,
-            passed.high <= SOON and passed.high < values["time"][-1],
-            "s",
-            "Mean speed over 12 s. Sooner counts as holding. A seed that never gets there counts with the whole "
-            "practice; the claim fails if the interval reaches that.",
-        ),
-        Claim(
-            f"After {values['time'][-1]:.0f} s of practice, hexapods walk at 1.3 to 3.1 m/s ({late}).",
-            INDEPENDENT,
-            f"after 600 s in that model; median over the last 12 s at least {FAST:g} m/s",
-            final,
-            final.low >= FAST,
-            "m/s",
-            f"{np.count_nonzero(values[f'lag {lag} practice'][:, -1] < 0.3)} seeds end below 0.3 m/s. All falls "
-            f"during practice: {values[f'lag {lag} falls'].sum():.0f}.",
-        ),
-        *(
-            more_than_half(
-                f"Learned policies get farther than the fixed controller, with {words} ({late}).",
-                OURS,
-                f"net displacement in 20 s above {level:.2f} m/s: in most seeds",
-                share_of(values[f"lag {lag} {mode} net"] > level),
-                note=f"Medians: {median_of(values[f'lag {lag} {mode} net'])} m/s; heading speed "
-                f"{median_of(values[f'lag {lag} {mode} speed'])} m/s.",
-            )
-            for mode, words in ACTIONS.items()
-        ),
-        below(
-            RARE,
-            f"With the most probable actions, hardly any seed stands still ({late}).",
-            OURS,
-            f"share of seeds of the class stalled: the whole interval below {RARE:g}",
-            still,
-            note=f"Mean fraction of stalled seconds: {values[f'lag {lag} mode stalls'].mean():.2f}; with "
-            "sampled actions "
-            f"{values[f'lag {lag} sample stalls'].mean():.2f}.",
-        ),
-    ]
+    yield more_than_half(
+        f"Learning consistently converges to one of two gaits, tripod or pronk ({late}).",
+        share_of(either),
+        "frozen, from a fresh start, with sampled actions: share of seeds",
+        note=counts,
+        source=source,
+    )
+    yield more_than_half(
+        f"Pronking is learned more often than not ({late}).",
+        share_of(gaits[either] == "pronk"),
+        "share of the seeds that learned either gait",
+        note=counts if either.any() else f"No seed learned either gait. {counts}",
+        source=source,
+    )
+    yield below(
+        min(SOON, values["time"][-1]),
+        f"Learning exceeds the fixed controller's speed after 50 to 100 s of practice ({late}).",
+        median_of(values[f"lag {lag} passed"]),
+        "median",
+        "s",
+        note="Mean speed over 12 s. Sooner counts as holding. A seed that never gets there counts with the whole "
+        "practice; the claim fails if the interval reaches that.",
+        source=INDEPENDENT,
+    )
+    yield at_least(
+        FAST,
+        f"After {values['time'][-1]:.0f} s of practice, hexapods walk at 1.3 to 3.1 m/s ({late}).",
+        median_of(values[f"lag {lag} practice"][:, -1]),
+        "after 600 s in that model; median over the last 12 s",
+        "m/s",
+        note=f"{np.count_nonzero(values[f'lag {lag} practice'][:, -1] < 0.3)} seeds end below 0.3 m/s. All falls "
+        f"during practice: {values[f'lag {lag} falls'].sum():.0f}.",
+        source=INDEPENDENT,
+    )
+    for mode, words in ACTIONS.items():
+        yield more_than_half(
+            f"Learned policies get farther than the fixed controller, with {words} ({late}).",
+            share_of(values[f"lag {lag} {mode} net"] > level),
+            f"share of seeds with a net displacement in 20 s above {level:.2f} m/s",
+            note=f"Medians: {median_of(values[f'lag {lag} {mode} net']).words('m/s')}; heading speed "
+            f"{median_of(values[f'lag {lag} {mode} speed']).words('m/s')}.",
+            source=OURS,
+        )
+    yield below(
+        RARE,
+        f"With the most probable actions, hardly any seed stands still ({late}).",
+        share_of(values[f"lag {lag} mode gait"] == "stalled"),
+        "share of seeds of the class stalled",
+        note=f"Mean fraction of stalled seconds: {values[f'lag {lag} mode stalls'].mean():.2f}; with sampled actions "
+        f"{values[f'lag {lag} sample stalls'].mean():.2f}.",
+        source=OURS,
+    )
 
 
-def common_claims(values: Values, lags: Sequence[int]) -> list[Claim]:
+def common_claims(values: Values, lags: Sequence[int]) -> Iterator[Claim]:
     """Claims that compare lags, or concern the first, which is the thesis's."""
     gaits = {lag: values[f"lag {lag} sample gait"] for lag in lags}
     first, *others = lags
-    between = share_of(gaits[first] == "intermediate")
-    made = [
-        Claim(
-            f"The {words} gait is learned.",
-            THESIS,
-            f"in at least one seed, with lag {first}",
-            share_of(gaits[first] == kind),
-            bool((gaits[first] == kind).any()),
+    for kind, words in (("pronk", "pronking"), ("tripod", "tripod")):
+        yield positive(
+            f"The {words} gait is learned.", tally_of(gaits[first] == kind), f"share of these seeds, with lag {first},"
         )
-        for kind, words in (("pronk", "pronking"), ("tripod", "tripod"))
-    ]
-    made.append(
-        more_than_half(
-            "Without lag, gaits lie between tripod and pronk.",
-            INDEPENDENT,
-            f"in all seeds of that model: in most seeds, with lag {first}",
-            between,
-        )
+    yield more_than_half(
+        "Without lag, gaits lie between tripod and pronk.",
+        share_of(gaits[first] == "intermediate"),
+        f"in all seeds of that model; share of seeds, with lag {first},",
+        source=INDEPENDENT,
     )
     for lag in others:
-        more = mean_of(viable(gaits[lag]) * 1.0 - viable(gaits[first]))
-        made.append(
-            positive(
-                f"With observations delayed by {lag}, more seeds learn tripod or pronk than with {first}.",
-                INDEPENDENT,
-                "4 of 8 with a lag of 1, 5 of 6 with 2, none without: difference of the shares above 0",
-                more,
-            )
+        yield positive(
+            f"With observations delayed by {lag}, more seeds learn tripod or pronk than with {first}.",
+            mean_of(viable(gaits[lag]) * 1.0 - viable(gaits[first])),
+            "4 of 8 with a lag of 1, 5 of 6 with 2, none without; difference of the shares",
+            source=INDEPENDENT,
         )
-    return made

@@ -2,14 +2,13 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._experiment import Experiment, Workspace
-from motorgrad.experiments._films import recorded_policies
+from motorgrad.experiments._experiment import Experiment, Workspace, ranged, smoke
 from motorgrad.learning import Agent
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
@@ -30,16 +29,10 @@ class GrowingStudy(Experiment):
     - `seeds`: independent learners.
     """
 
-    units: int = 20
-    seeds: int = 24
+    units: int = ranged(20, 2, 1_000)
+    seeds: int = ranged(24, 2, 10_000)
 
-    def __post_init__(self) -> None:
-        self.check_range(2, 1_000, "units")
-        self.check_range(2, 10_000, "seeds")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=4, seeds=3)
+    quick = smoke(units=4, seeds=3)
 
     @property
     def decisions(self) -> int:
@@ -75,9 +68,7 @@ class GrowthComparison(GrowingStudy):
 
     layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(units=4, seeds=3, layouts=("R3",))
+    quick = smoke(units=4, seeds=3, layouts=("R3",))
 
     def runs(self, work: Workspace) -> Iterator[tuple[str, Run]]:
         """The run of each layout and way, with its name, such as "R3 clock"."""
@@ -113,6 +104,6 @@ def grown_policies(run: Run, counts: Sequence[int]) -> Any:
     leading axis, seeds along the second. A record at an addition already contains the new unit in its initial state,
     which is masked here."""
     decision = run.curve()[0]
-    policies = recorded_policies(run, [int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
+    policies = run.policies_at([int(np.flatnonzero(decision <= count * INTERVAL)[-1]) for count in counts])
     active = jnp.arange(policies.active.shape[-1]) < jnp.asarray(counts)[:, None, None]
     return eqx.tree_at(lambda each: each.active, policies, jnp.broadcast_to(active, policies.active.shape))

@@ -1,10 +1,10 @@
 """Figure 6.7: a policy while units are added one by one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, more_than_half, positive
+from motorgrad.experiments._claims import Claim, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
@@ -17,6 +17,7 @@ from motorgrad.experiments.chapter_6._local_study import (
     tile_grid,
 )
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import GrowingStudy, after_units, grown_policies
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 
@@ -75,37 +76,31 @@ class GrowingPolicy(GrowingStudy):
         hide_axes(list(tiles[len(counts) :]))
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         new, others = centre_shifts(values["centre"])
         width = at_own_interval(np.exp(values["log width"])).max(-1)
         local = (width <= LOCAL).mean(1)
-        further = mean_of(new - others)
-        gained = mean_of(values["reward"][:, -1] - values["reward"][:, 0])
-        return [
-            positive(
-                "Mainly the new unit moves, and finds a place.",
-                "section 6.4.3",
-                "in the interval after its addition, a unit's centre moves farther than those of the other units: "
-                "difference above 0",
-                further,
-                "of the box",
-                f"{new.mean():.3f} and {others.mean():.3f}; the steps of the new unit are 16 times as long.",
-            ),
-            more_than_half(
-                "Shrinking forces each new unit to fit a local region.",
-                "section 6.4.3",
-                f"share of units with widths of at most {LOCAL:g} at the end of their own interval: above one half",
-                mean_of(local),
-                note=f"The median of the larger width is {np.median(width):.2f}; shrinking alone would end at 0.15.",
-            ),
-            positive(
-                "A growing policy improves.",
-                "figure 6.7",
-                f"reward after {self.units} units minus that after 1: above 0",
-                gained,
-                "reward per decision",
-            ),
-        ]
+        yield positive(
+            "Mainly the new unit moves, and finds a place.",
+            mean_of(new - others),
+            "distance that a unit's centre moves in the interval after its addition minus that of the other units",
+            "of the box",
+            note=f"{new.mean():.3f} and {others.mean():.3f}; the steps of the new unit are 16 times as long.",
+            source="section 6.4.3",
+        )
+        yield more_than_half(
+            "Shrinking forces each new unit to fit a local region.",
+            mean_of(local),
+            f"share of units with widths of at most {LOCAL:g} at the end of their own interval",
+            note=f"The median of the larger width is {np.median(width):.2f}; shrinking alone would end at 0.15.",
+            source="section 6.4.3",
+        )
+        yield positive(
+            "A growing policy improves.",
+            mean_of(values["reward"][:, -1] - values["reward"][:, 0]),
+            f"reward after {self.units} units minus that after 1",
+            "reward per decision",
+        )
 
 
 def centre_shifts(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,11 @@
 """Figure 6.8: the reward of a growing policy."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, above, mean_of, more_than_half, moving_mean, share_of
+from motorgrad.experiments._claims import Claim, above, at_least, more_than_half, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
@@ -17,6 +17,7 @@ from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     disturbance,
     learning_phase,
 )
+from motorgrad.statistics import mean_of, moving_mean, share_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import agent_for
 
@@ -64,94 +65,75 @@ class GrowingReward(GrowingStudy):
         return found
 
     def figure(self, values: Values) -> Figure:
+        """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
         independent = {units: INDEPENDENT[units] for units in self.counts(tuple(INDEPENDENT))}
-        return draw_growing_reward(values, self.units, independent, WITHIN)
+        figure = new_figure(9.4, 6.6)
+        panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
+        _one_seed(panels["one"], values, self.units)
+        _all_seeds(panels["all"], values, self.units)
+        _after(panels["after"], values, self.units, independent, WITHIN)
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         after, other = values["grown after"], values["right first after"]
-        made = []
         for units in self.counts(tuple(INDEPENDENT)):
-            expected, found = INDEPENDENT[units], mean_of(after[:, units - 1])
-            made.append(
-                Claim(
-                    f"Reward after {units} unit{'s' * (units > 1)}.",
-                    "an independent model",
-                    f"{expected:.3f} ± {WITHIN:g}",
-                    found,
-                    abs(found.value - expected) <= WITHIN,
-                    "reward per decision",
-                    f"{mean_of(other[:, units - 1])} if the first unit pushes to the right.",
-                )
+            expected = INDEPENDENT[units]
+            yield within(
+                expected - WITHIN,
+                expected + WITHIN,
+                f"Reward after {units} unit{'s' * (units > 1)}.",
+                mean_of(after[:, units - 1]),
+                unit="reward per decision",
+                note=f"{mean_of(other[:, units - 1])} if the first unit pushes to the right.",
+                source="an independent model",
             )
-        drop = mean_of(values["grown drop"].mean(1))
-        made.append(
-            Claim(
-                "Each new unit disrupts the dynamics and causes a large drop in reward.",
-                "figure 6.8; an independent model",
-                f"{DROP:g} ± {DROP_WITHIN:g}: the last record before an addition minus the first after it",
-                drop,
-                abs(drop.value - DROP) <= DROP_WITHIN,
-                "reward per decision",
-                f"A record is {int(values['decision'][0]):,} decisions.",
-            )
+        yield within(
+            DROP - DROP_WITHIN,
+            DROP + DROP_WITHIN,
+            "Each new unit disrupts the dynamics and causes a large drop in reward.",
+            mean_of(values["grown drop"].mean(1)),
+            "the last record before an addition minus the first after it",
+            "reward per decision",
+            note=f"A record is {int(values['decision'][0]):,} decisions.",
+            source="figure 6.8; an independent model",
         )
-        return [*made, *self._peak(after), *self._static(values)]
+        yield from self._peak(after)
+        yield from self._static(values)
 
-    def _peak(self, after: np.ndarray) -> list[Claim]:
+    def _peak(self, after: np.ndarray) -> Iterator[Claim]:
         if self.units <= PEAK:
-            return []
-        best = share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1)
-        later = mean_of(after[:, -1] - after[:, PEAK - 1])
-        return [
-            more_than_half(
-                "Performance peaks after approximately 13 units.",
-                "figure 6.8",
-                f"the best learning phase is that of the {PEAK - 1}th to {PEAK + 1}th unit: in most seeds",
-                best,
-                note="The thesis shows one run.",
-            ),
-            Claim(
-                "There is no true peak at 13 units.",
-                "an independent model",
-                f"reward after {self.units} units minus that after {PEAK}: the interval is not below 0",
-                later,
-                later.high > 0,
-                "reward per decision",
-            ),
-        ]
+            return
+        yield more_than_half(
+            "Performance peaks after approximately 13 units.",
+            share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1),
+            f"share of seeds whose best learning phase is that of the {PEAK - 1}th to {PEAK + 1}th unit",
+            note="The thesis shows one run.",
+        )
+        yield at_least(
+            0,
+            "There is no true peak at 13 units.",
+            mean_of(after[:, -1] - after[:, PEAK - 1]),
+            f"reward after {self.units} units minus that after {PEAK}",
+            "reward per decision",
+            source="an independent model",
+        )
 
-    def _static(self, values: Values) -> list[Claim]:
-        made = []
+    def _static(self, values: Values) -> Iterator[Claim]:
         for name, words in (
             ("static", "with the height 1 and the step sizes of figure 6.5"),
             ("static like grown", "with the height and the step sizes of the grown units"),
         ):
             last = learning_phase(values["decision"], self.units - 1)
             static, grown = (values[f"{each} reward"][:, last].mean(1) for each in (name, "grown"))
-            found = mean_of(static - grown)
-            made.append(
-                above(
-                    -0.02,
-                    "Two units at each of 2 × 2 places, present from the start, do as well in two "
-                    f"dimensions ({words}).",
-                    "an independent model",
-                    "difference of final rewards after equally many decisions: the whole interval above −0.02",
-                    found,
-                    "reward per decision",
-                    f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
-                )
+            yield above(
+                -0.02,
+                f"Two units at each of 2 × 2 places, present from the start, do as well in two dimensions ({words}).",
+                mean_of(static - grown),
+                "difference of final rewards after equally many decisions",
+                "reward per decision",
+                note=f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
+                source="an independent model",
             )
-        return made
-
-
-def draw_growing_reward(values: Values, units: int, independent: Mapping[int, float], within: float) -> Figure:
-    """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
-    figure = new_figure(9.4, 6.6)
-    panels: Any = figure.subplot_mosaic([["one", "one"], ["all", "after"]], width_ratios=[1.25, 1])
-    _one_seed(panels["one"], values, units)
-    _all_seeds(panels["all"], values, units)
-    _after(panels["after"], values, units, independent, within)
-    return figure
 
 
 def _one_seed(axes: Axes, values: Values, units: int) -> None:

@@ -1,11 +1,11 @@
 """Figure 6.9: growing policies widen or narrow an orbit, without episodes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, Measured, mean_of, positive
+from motorgrad.experiments._claims import OURS, Claim, positive, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
@@ -15,6 +15,7 @@ from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     after_units,
     grown_policies,
 )
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import ParticleOrbit
 from motorgrad.training import Run
 
@@ -96,46 +97,30 @@ class Orbits(GrowingStudy):
         axes.set(xlabel="thousand decisions", ylabel="mean radius, all seeds", ylim=(0.1, 0.52))
         axes.legend(loc="upper left", ncols=4, fontsize=8)
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for wanted, sign in (("wide", 1), ("narrow", -1)):
-            end = mean_of(values[f"{wanted} after"][:, -1])
             expected, half = INDEPENDENT[wanted]
             unforced = self.task(wanted).physics.orbit_radius
-            changed = mean_of(sign * (values[f"{wanted} after"][:, -1] - unforced))
-            later = mean_of(
-                sign * (values[f"{wanted} after"][:, -1] - values[f"{wanted} after"][:, self.units // 2 - 1])
+            yield positive(
+                f"The orbit {'widens' if sign > 0 else 'narrows'} if {WANTED[wanted][0]}.",
+                mean_of(sign * (values[f"{wanted} after"][:, -1] - unforced)),
+                f"difference from the radius without actions, {unforced:.3f}, in this direction",
+                "of the box",
             )
-            made += [
-                positive(
-                    f"The orbit {'widens' if sign > 0 else 'narrows'} if {WANTED[wanted][0]}.",
-                    "figure 6.9",
-                    f"a {'larger' if sign > 0 else 'smaller'} radius than without actions, {unforced:.3f}: "
-                    "difference above 0",
-                    changed,
-                    "of the box",
-                ),
-                Claim(
-                    f"Final radius if the orbit should be {wanted}.",
-                    "an independent model",
-                    f"the interval overlaps {expected} ± {half}",
-                    end,
-                    meets(end, expected, half),
-                    "of the box",
-                    f"After {self.decisions:,} decisions, {self.units} units.",
-                ),
-                positive(
-                    f"The second half of the units is useful, too, if the orbit should be {wanted}.",
-                    "our own expectation",
-                    f"with {self.units} units {'wider' if sign > 0 else 'narrower'} than with {self.units // 2}: "
-                    "difference above 0",
-                    later,
-                    "of the box",
-                ),
-            ]
-        return made
-
-
-def meets(found: Measured, expected: float, half: float) -> bool:
-    """Whether an interval overlaps that of another measurement."""
-    return found.low <= expected + half and found.high >= expected - half
+            yield within(
+                expected - half,
+                expected + half,
+                f"Final radius if the orbit should be {wanted}.",
+                mean_of(values[f"{wanted} after"][:, -1]),
+                unit="of the box",
+                note=f"After {self.decisions:,} decisions, {self.units} units.",
+                source="an independent model",
+            )
+            yield positive(
+                f"The second half of the units is useful, too, if the orbit should be {wanted}.",
+                mean_of(sign * (values[f"{wanted} after"][:, -1] - values[f"{wanted} after"][:, self.units // 2 - 1])),
+                f"difference of the radius with {self.units} units from that with {self.units // 2}, in this "
+                "direction,",
+                "of the box",
+                source=OURS,
+            )

@@ -1,14 +1,15 @@
 """Section 6.4.3: when to add a unit, and when to stop."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, negative, positive, share_of
+from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowthComparison, learning_phase
+from motorgrad.statistics import mean_of, median_of, share_of
 
 END = 0.05  # share of the decisions, the last, over which the end is averaged
 QUIET = 0.1  # growth has stopped if this share of the decisions, the last, passes without an addition
@@ -47,8 +48,7 @@ class Criteria(GrowthComparison):
         """For each layout: reward over decisions, units over decisions, and reward against units."""
         from matplotlib.ticker import MaxNLocator
 
-        figure = new_figure(10, 6.6)
-        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, sharey="col")
+        figure, axes = subplots(10, 6.6, len(self.layouts), 3, squeeze=False, sharey="col")
         thousands = values["decision"] / 1e3
         span = max(1, round(INTERVAL / values["decision"][0]))
         for row, layout in zip(axes, self.layouts, strict=True):
@@ -70,59 +70,54 @@ class Criteria(GrowthComparison):
         figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8.5)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        return [claim for layout in self.layouts for claim in self._of(values, layout)]
+    def claims(self, values: Values) -> Iterator[Claim]:
+        for layout in self.layouts:
+            yield from self._of(values, layout)
 
-    def _of(self, values: Values, layout: str) -> list[Claim]:
+    def _of(self, values: Values, layout: str) -> Iterator[Claim]:
         ends = {way: final_reward(values, layout, way) for way in WAYS}
         lives = {way: values[f"{layout} {way} reward"].mean(1) for way in WAYS}
         sizes = {way: values[f"{layout} {way} units"][:, -1] for way in WAYS}
-        naive = mean_of(ends["first"] - ends["clock"])
-        made = [
-            negative(
-                f"Stopping once a unit brings no improvement is naive: it stops too early ({layout}).",
-                "section 6.4.3",
-                "final reward minus that by the clock: below 0",
-                naive,
-                "reward per decision",
-                f"{median_of(sizes['first'])} units; {ends['first'].mean():.3f} and {ends['clock'].mean():.3f}.",
-            )
-        ]
+        yield negative(
+            f"Stopping once a unit brings no improvement is naive: it stops too early ({layout}).",
+            mean_of(ends["first"] - ends["clock"]),
+            "final reward minus that by the clock",
+            "reward per decision",
+            note=f"{median_of(sizes['first']).words('units')}; {ends['first'].mean():.3f} and "
+            f"{ends['clock'].mean():.3f}.",
+            source="section 6.4.3",
+        )
         for way in ("plateau", "short"):
             units = values[f"{layout} {way} units"]
             quiet = units[:, values["decision"] <= (1 - QUIET) * values["decision"][-1]][:, -1] == units[:, -1]
-            stopped = share_of((sizes[way] < self.units) & quiet)
-            lost, life = mean_of(ends[way] - ends["clock"]), mean_of(lives[way] - lives["clock"])
             late = "Window and patience were chosen on other seeds, 100 to 123. " if way == "short" else ""
-            made += [
-                more_than_half(
-                    f"Growth stops by itself before the pool is full ({layout}; {WORDS[way]}).",
-                    "sections 6.4.1 and 6.4.3, which leave the criterion open; our own",
-                    f"fewer than {self.units} units, and none added in the last tenth of the decisions: in most seeds",
-                    stopped,
-                    note=f"{median_of(sizes[way])} units; the last was added after "
-                    f"{last_added(values, layout, way)} decisions.",
-                ),
-                above(
-                    -0.02,
-                    f"With these units, the final reward is as high ({layout}; {WORDS[way]}).",
-                    "our own expectation",
-                    "final reward minus that by the clock: the whole interval above −0.02",
-                    lost,
-                    "reward per decision",
-                    f"{late}{ends[way].mean():.3f}; by the clock {ends['clock'].mean():.3f}.",
-                ),
-                positive(
-                    "Over the whole practice, the reward is higher, because disturbances are fewer "
-                    f"({layout}; {WORDS[way]}).",
-                    "our own expectation",
-                    "reward over all decisions minus that by the clock: above 0",
-                    life,
-                    "reward per decision",
-                    f"{late}{lives[way].mean():.3f}; by the clock {lives['clock'].mean():.3f}.",
-                ),
-            ]
-        return made
+            yield more_than_half(
+                f"Growth stops by itself before the pool is full ({layout}; {WORDS[way]}).",
+                share_of((sizes[way] < self.units) & quiet),
+                f"share of seeds with fewer than {self.units} units, and none added in the last tenth of the "
+                "decisions,",
+                note=f"{median_of(sizes[way]).words('units')}; the last was added after "
+                f"{last_added(values, layout, way)} decisions.",
+                source="sections 6.4.1 and 6.4.3, which leave the criterion open; our own",
+            )
+            yield above(
+                -0.02,
+                f"With these units, the final reward is as high ({layout}; {WORDS[way]}).",
+                mean_of(ends[way] - ends["clock"]),
+                "final reward minus that by the clock",
+                "reward per decision",
+                note=f"{late}{ends[way].mean():.3f}; by the clock {ends['clock'].mean():.3f}.",
+                source=OURS,
+            )
+            yield positive(
+                "Over the whole practice, the reward is higher, because disturbances are fewer "
+                f"({layout}; {WORDS[way]}).",
+                mean_of(lives[way] - lives["clock"]),
+                "reward over all decisions minus that by the clock",
+                "reward per decision",
+                note=f"{late}{lives[way].mean():.3f}; by the clock {lives['clock'].mean():.3f}.",
+                source=OURS,
+            )
 
 
 def final_reward(values: Values, layout: str, way: str) -> np.ndarray:

@@ -1,13 +1,13 @@
 """Sections 6.4.3 and 6.5.4: where a new unit starts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, negative, positive
+from motorgrad.experiments._claims import OURS, Claim, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
+from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     GrowthComparison,
@@ -16,6 +16,7 @@ from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
 )
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import at_own_interval
 from motorgrad.sim import draw_regions
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 
 PLACES = {"centre": ("C0", "at the centre"), "visited": ("C2", "at a visited place")}
@@ -47,8 +48,7 @@ class Placement(GrowthComparison):
         return found
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(10, 6.4)
-        axes: Any = figure.subplots(len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
+        figure, axes = subplots(10, 6.4, len(self.layouts), 3, squeeze=False, width_ratios=[1.5, 1, 1])
         span = max(1, round(INTERVAL / values["decision"][0]))
         for row, layout in zip(axes, self.layouts, strict=True):
             for place, (colour, words) in PLACES.items():
@@ -69,8 +69,7 @@ class Placement(GrowthComparison):
         axes.plot(*starts.T, "+", color="black", markersize=5, alpha=0.7)
         axes.plot(*ends.T, ".", color=colour, markersize=3.5, alpha=0.7)
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for layout in self.layouts:
             ends = {place: values[f"{layout} {place} after"][:, -1] for place in PLACES}
             lives = {place: values[f"{layout} {place} reward"].mean(1) for place in PLACES}
@@ -81,26 +80,19 @@ class Placement(GrowthComparison):
                 for place in PLACES
             }
             for found, words in ((ends, "in the last learning phase"), (lives, "over all decisions")):
-                gain = mean_of(found["visited"] - found["centre"])
-                made.append(
-                    positive(
-                        f"Units that start where the particle goes lead to more reward ({layout}, {words}).",
-                        "section 6.5.4: local units only have an effect near the dynamics; our own",
-                        "reward minus that with units that start at the centre: above 0",
-                        gain,
-                        "reward per decision",
-                        f"{found['visited'].mean():.3f}, for the centre {found['centre'].mean():.3f}.",
-                    )
+                yield positive(
+                    f"Units that start where the particle goes lead to more reward ({layout}, {words}).",
+                    mean_of(found["visited"] - found["centre"]),
+                    "reward minus that with units that start at the centre",
+                    "reward per decision",
+                    note=f"{found['visited'].mean():.3f}, for the centre {found['centre'].mean():.3f}.",
+                    source="section 6.5.4: local units only have an effect near the dynamics; our own",
                 )
-            shorter = mean_of(ways["visited"] - ways["centre"])
-            made.append(
-                negative(
-                    f"They move less far to their places ({layout}).",
-                    "our own expectation",
-                    "distance moved until the next addition minus that from the centre: below 0",
-                    shorter,
-                    "of the box",
-                    f"{ways['visited'].mean():.3f}, for the centre {ways['centre'].mean():.3f}.",
-                )
+            yield negative(
+                f"They move less far to their places ({layout}).",
+                mean_of(ways["visited"] - ways["centre"]),
+                "distance moved until the next addition minus that from the centre",
+                "of the box",
+                note=f"{ways['visited'].mean():.3f}, for the centre {ways['centre'].mean():.3f}.",
+                source=OURS,
             )
-        return made

@@ -1,19 +1,20 @@
 """Section 6.5.4: sub-policies that act only while the unit above them fires."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, above, mean_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import Claim, above, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.learning import Agent
 from motorgrad.policies import Gated, Policy, split
 from motorgrad.sim import draw_paths, draw_reward
+from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle, Region
 from motorgrad.training import agent_for
 
@@ -65,18 +66,11 @@ class Hierarchy(Experiment):
     - `drawn` (episodes): paths in each picture.
     """
 
-    decisions: int = 200_000
-    seeds: int = 24
-    drawn: int = 10
+    decisions: int = ranged(200_000, 400, 10**9)
+    seeds: int = ranged(24, 2, 10_000)
+    drawn: int = ranged(10, 1, 1_000, " episodes")
 
-    def __post_init__(self) -> None:
-        self.check_range(400, 10**9, "decisions")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, drawn=3)
+    quick = smoke(decisions=2_000, seeds=3, drawn=3)
 
     def learner(self, name: str) -> tuple[FallingParticle, Agent]:
         """A task with the forces of a policy's units, and the policy's learner."""
@@ -136,10 +130,9 @@ class Hierarchy(Experiment):
         _draw_curves(below.subplots(), values, WORDS)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         ends = {name: values[f"{name} end"] for name in WORDS}
         counts = dict(zip(WORDS, values["parameters"], strict=True))
-        made = []
         for better, worse, statement, source in (
             ("gated", "ungated", "Gates are useful: actions are learned separately in each region.", "section 6.5.4"),
             ("deep", "gated", "Gates behind gates are useful, too.", "section 6.5.4"),
@@ -151,38 +144,29 @@ class Hierarchy(Experiment):
             ),
             ("deep", "flat deep", "So does a hierarchy of two levels.", "section 6.5.4"),
         ):
-            gain = mean_of(ends[better] - ends[worse])
-            made.append(
-                positive(
-                    statement,
-                    f"{source}, which proposes hierarchies",
-                    f"final reward: {WORDS[better]}, minus {WORDS[worse]}: above 0",
-                    gain,
-                    "reward per decision",
-                    f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
-                    f"{counts[worse]}.",
-                )
+            yield positive(
+                statement,
+                mean_of(ends[better] - ends[worse]),
+                f"final reward: {WORDS[better]}, minus {WORDS[worse]},",
+                "reward per decision",
+                note=f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
+                f"{counts[worse]}.",
+                source=f"{source}, which proposes hierarchies",
             )
-        moved, turned = mean_of(values["gated moved"]), mean_of(values["turned"])
-        return [
-            *made,
-            above(
-                0.05,
-                "Gates are learned: they move to their regions.",
-                "section 6.5.4",
-                "mean distance moved: above 0.05",
-                moved,
-                "of the box",
-            ),
-            above(
-                0.1,
-                "Different actions are learned behind each gate.",
-                "section 6.5.4",
-                "mean difference between the pushes of the two pools at the same places: above 0.1 of the force",
-                turned,
-                "of the force",
-            ),
-        ]
+        yield above(
+            0.05,
+            "Gates are learned: they move to their regions.",
+            mean_of(values["gated moved"]),
+            "mean distance moved",
+            "of the box",
+        )
+        yield above(
+            0.1,
+            "Different actions are learned behind each gate.",
+            mean_of(values["turned"]),
+            "mean difference between the pushes of the two pools at the same places",
+            "of the force",
+        )
 
 
 def parameter_count(learner: tuple[FallingParticle, Agent]) -> int:

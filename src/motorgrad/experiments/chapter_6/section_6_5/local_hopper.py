@@ -1,19 +1,20 @@
 """Section 6.5.4: local policies on a body, the hopper."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, above, mean_of, median_of, more_than_half, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
+from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice_heights
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.statistics import mean_of, median_of, share_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import agent_for, evaluate
 
@@ -66,19 +67,17 @@ class LocalHopper(Experiment):
     """
 
     seconds: float = 500.0
-    seeds: int = 20
+    seeds: int = ranged(20, 2, 10_000)
     static: int = 16
     grown: int = 8
 
     def __post_init__(self) -> None:
-        self.check_range(2, 10_000, "seeds")
-        check_practice(self.seconds, self.seeds, 50 * PERIOD)
+        super().__post_init__()
+        check_practice(self.seconds, 50 * PERIOD)
         for name in WORDS:
             self.learner(name)
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(seconds=54.0, seeds=2, grown=2)
+    quick = smoke(seconds=54.0, seeds=2, grown=2)
 
     @property
     def decisions(self) -> int:
@@ -105,7 +104,7 @@ class LocalHopper(Experiment):
         for name in WORDS:
             task, settings = self.learner(name)
             run = work.train(task, settings, self.decisions, self.seeds)
-            found["time"], heights = practice_heights(run)
+            found["time"], heights, _ = practice_heights(run)
             row = median_row(heights[:, -1])
             seen = work.part(f"{name} watched", lambda run=run: {"sensors": _states(evaluate(run, WATCHED), run.task)})
             found |= {
@@ -118,46 +117,63 @@ class LocalHopper(Experiment):
         return found
 
     def figure(self, values: Values) -> Figure:
+        """Heights over practice; and for the policies in `pictured`, activity of each pair of muscles over angle and
+        velocity, with visited states."""
         task = self.learner("planes")[0]
         marks = np.arange(1, self.grown) * self.seconds / self.grown
-        return draw_local_hoppers(values, WORDS, PICTURED, task.observation_range, marks)
+        figure = new_figure(10.4, 13.4)
+        halves: Any = figure.subfigures(2, 1, height_ratios=[1, 3.2])
+        above, below = halves
+        shown: Any = None
+        axes = above.subplots()
+        for (name, label), (colour, line) in zip(WORDS.items(), STYLES, strict=True):
+            draw_band(axes, values["time"], values[f"{name} heights"], colour, label, linestyle=line)
+        for time in marks:
+            axes.axvline(time, color="0.88", linewidth=0.7, zorder=0)
+        axes.set(
+            xlabel="simulated s of practice; lines: a unit is added", ylabel="mean height of hops, m", ylim=(0, None)
+        )
+        axes.legend(loc="upper left", fontsize=8.5)
+        panels: Any = below.subplots(len(PICTURED), len(PANELS), sharex=True, sharey=True)
+        for row, name in zip(panels, PICTURED, strict=True):
+            for axes, (muscles, place, group) in zip(row, PANELS, strict=True):
+                shown = _muscle(axes, values, name, place, group, task.observation_range)
+                axes.set_title(f"{muscles}, {PLACES[place]}", fontsize=9)
+            row[0].set_ylabel(
+                WORDS[name].replace(", ", ",\n").replace(" over", "\nover") + "\nvelocity × scale", fontsize=8
+            )
+        for axes in panels[-1]:
+            axes.set_xlabel("knee angle, rad from 90°", fontsize=9)
+        below.colorbar(shown, ax=panels, shrink=0.5, label="probability of activity")
+        return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
+    def claims(self, values: Values) -> Iterator[Claim]:
         ends = {name: values[f"{name} heights"][:, -1] for name in WORDS}
-        made = []
         for name in ("static", "grown", "knee static", "knee grown"):
             start = values[f"{name} heights"][:, len(values["time"]) // 20]
-            gained, high = mean_of(ends[name] - start), share_of(ends[name] > HIGH)
-            made += [
-                positive(
-                    f"Local policies learn on a body: hops become higher ({WORDS[name]}).",
-                    "section 6.5.4",
-                    "height at the end minus that after a twentieth of the practice: above 0",
-                    gained,
-                    "m",
-                    f"Final height {median_of(ends[name])} m.",
-                ),
-                more_than_half(
-                    f"They hop higher than with random firing ({WORDS[name]}).",
-                    "our own expectation",
-                    f"above {HIGH:g} m at the end: in most seeds",
-                    high,
-                ),
-            ]
-        for one_, other in COMPARED:
-            less = mean_of(ends[one_] - ends[other])
-            made.append(
-                above(
-                    -0.05,
-                    f"{WORDS[one_][0].upper()}{WORDS[one_][1:]}, learn as well as {WORDS[other]}.",
-                    "our own expectation",
-                    "difference of final heights: the whole interval above −0.05 m",
-                    less,
-                    "m",
-                    f"{ends[one_].mean():.2f} m and {ends[other].mean():.2f} m.",
-                )
+            yield positive(
+                f"Local policies learn on a body: hops become higher ({WORDS[name]}).",
+                mean_of(ends[name] - start),
+                "height at the end minus that after a twentieth of the practice",
+                "m",
+                note=f"Final height {median_of(ends[name]).words('m')}.",
             )
-        return made
+            yield more_than_half(
+                f"They hop higher than with random firing ({WORDS[name]}).",
+                share_of(ends[name] > HIGH),
+                f"share of seeds above {HIGH:g} m at the end",
+                source=OURS,
+            )
+        for one_, other in COMPARED:
+            yield above(
+                -0.05,
+                f"{WORDS[one_][0].upper()}{WORDS[one_][1:]}, learn as well as {WORDS[other]}.",
+                mean_of(ends[one_] - ends[other]),
+                "difference of final heights",
+                "m",
+                note=f"{ends[one_].mean():.2f} m and {ends[other].mean():.2f} m.",
+                source=OURS,
+            )
 
 
 def muscle_activity(policy: Policy, task: Hopper) -> np.ndarray:
@@ -184,40 +200,6 @@ def _states(outcome: Any, task: Any) -> np.ndarray:
     angle = sensors["knee_angle"] + np.deg2rad(90.0 - task.centre)
     contact = np.where(sensors["foot_contact"] > 0, 1.0, -1.0)
     return np.stack([contact, angle, task.velocity_scale * sensors["knee_velocity"]], axis=-1).astype(np.float32)
-
-
-def draw_local_hoppers(
-    values: Values,
-    words: Mapping[str, str],
-    pictured: Sequence[str],
-    ranges: Sequence[tuple[float, float]],
-    added: np.ndarray,
-) -> Figure:
-    """Heights over practice; and for the policies in `pictured`, activity of each pair of muscles over angle and
-    velocity, with visited states."""
-    figure = new_figure(10.4, 13.4)
-    halves: Any = figure.subfigures(2, 1, height_ratios=[1, 3.2])
-    above, below = halves
-    shown: Any = None
-    axes = above.subplots()
-    for (name, label), (colour, line) in zip(words.items(), STYLES, strict=True):
-        draw_band(axes, values["time"], values[f"{name} heights"], colour, label, linestyle=line)
-    for time in added:
-        axes.axvline(time, color="0.88", linewidth=0.7, zorder=0)
-    axes.set(xlabel="simulated s of practice; lines: a unit is added", ylabel="mean height of hops, m", ylim=(0, None))
-    axes.legend(loc="upper left", fontsize=8.5)
-    panels: Any = below.subplots(len(pictured), len(PANELS), sharex=True, sharey=True)
-    for row, name in zip(panels, pictured, strict=True):
-        for axes, (muscles, place, group) in zip(row, PANELS, strict=True):
-            shown = _muscle(axes, values, name, place, group, ranges)
-            axes.set_title(f"{muscles}, {PLACES[place]}", fontsize=9)
-        row[0].set_ylabel(
-            words[name].replace(", ", ",\n").replace(" over", "\nover") + "\nvelocity × scale", fontsize=8
-        )
-    for axes in panels[-1]:
-        axes.set_xlabel("knee angle, rad from 90°", fontsize=9)
-    below.colorbar(shown, ax=panels, shrink=0.5, label="probability of activity")
-    return figure
 
 
 def _muscle(

@@ -1,18 +1,19 @@
 """Section 6.5.4: a learned flow field leads around an obstacle to a goal."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, mean_of, moving_mean, negative, positive, share_of
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
-from motorgrad.experiments._figures import Axes, Figure, new_figure
+from motorgrad.experiments._claims import OURS, Claim, in_every, negative, positive
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.policies import Policy
 from motorgrad.sim import draw_paths, draw_reward
+from motorgrad.statistics import mean_of, moving_mean
 from motorgrad.tasks import ParticleNavigation
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
 
@@ -37,20 +38,12 @@ class Navigation(Experiment):
     - `drawn` (episodes): paths in each picture.
     """
 
-    decisions: int = 200_000
-    seeds: int = 24
-    watched: int = 10_000
-    drawn: int = 8
+    decisions: int = ranged(200_000, 400, 10**9)
+    seeds: int = ranged(24, 2, 10_000)
+    watched: int = ranged(10_000, 1_000, 10**7, " decisions")
+    drawn: int = ranged(8, 1, 1_000, " episodes")
 
-    def __post_init__(self) -> None:
-        self.check_range(400, 10**9, "decisions")
-        self.check_range(2, 10_000, "seeds")
-        self.check_range(1_000, 10**7, "watched", unit=" decisions")
-        self.check_range(1, 1_000, "drawn", unit=" episodes")
-
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=4_000, seeds=3, watched=1_000, drawn=3)
+    quick = smoke(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 
     def learned(self, work: Workspace, name: str) -> Run:
         """The runs with these step sizes."""
@@ -82,8 +75,7 @@ class Navigation(Experiment):
     def figure(self, values: Values) -> Figure:
         """Expected force and paths before and after learning, and the share of episodes that end at the goal."""
         task = ParticleNavigation()
-        figure = new_figure(11, 4.1)
-        axes: Any = figure.subplots(1, 3, width_ratios=[1, 1, 1.1])
+        figure, axes = subplots(11, 4.1, 1, 3, width_ratios=[1, 1, 1.1])
         for panel, when in zip(axes, ("before", "after"), strict=False):
             draw_reward(panel, task)
             flow = values[f"{when} flow"]
@@ -97,52 +89,40 @@ class Navigation(Experiment):
         _arrivals(axes[2], values, WORDS)
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        before, made = values["before share"], []
+    def claims(self, values: Values) -> Iterator[Claim]:
+        before = values["before share"]
         for name, words in WORDS.items():
             after = values[f"{name} share"]
-            more, less = mean_of(after - before), mean_of(values[f"{name} cost"] - values["before cost"])
-            found = share_of(after >= ARRIVES)
-            made += [
-                positive(
-                    f"A flow field is learned that leads to the goal ({words}).",
-                    "section 6.5.4",
-                    "share of episodes that end at the goal minus that before learning: above 0",
-                    more,
-                    "of the episodes",
-                    f"{before.mean():.0%} before, {after.mean():.0%} after.",
-                ),
-                Claim(
-                    f"This happens in every run ({words}).",
-                    "our own expectation",
-                    f"at least {ARRIVES:.0%} of the episodes end at the goal: in all seeds",
-                    found,
-                    found.value == 1,
-                    note=f"Seeds in which none does: {int((after == 0).sum())}.",
-                ),
-                negative(
-                    f"The flow field leads past the obstacle ({words}).",
-                    "section 6.5.4",
-                    "cost of the obstacle per decision minus that before learning: below 0",
-                    less,
-                    "reward per decision",
-                    f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
-                    f"episode {values['before cost per episode'].mean():.2f} and "
-                    f"{values[f'{name} cost per episode'].mean():.2f}.",
-                ),
-            ]
-        sooner = mean_of(values["half arrival"] - values["before arrival"])
-        made.append(
-            negative(
-                "The goal is reached sooner.",
-                "section 6.5.4",
-                "decisions to the goal, if it is reached, minus those before learning (half step sizes): below 0",
-                sooner,
-                "decisions",
-                f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
+            yield positive(
+                f"A flow field is learned that leads to the goal ({words}).",
+                mean_of(after - before),
+                "share of episodes that end at the goal minus that before learning",
+                "of the episodes",
+                note=f"{before.mean():.0%} before, {after.mean():.0%} after.",
             )
+            yield in_every(
+                f"This happens in every run ({words}).",
+                after >= ARRIVES,
+                f"share of these seeds in which at least {ARRIVES:.0%} of the episodes end at the goal",
+                note=f"Seeds in which none does: {int((after == 0).sum())}.",
+                source=OURS,
+            )
+            yield negative(
+                f"The flow field leads past the obstacle ({words}).",
+                mean_of(values[f"{name} cost"] - values["before cost"]),
+                "cost of the obstacle per decision minus that before learning",
+                "reward per decision",
+                note=f"{values['before cost'].mean():.3f} before, {values[f'{name} cost'].mean():.3f} after; per "
+                f"episode {values['before cost per episode'].mean():.2f} and "
+                f"{values[f'{name} cost per episode'].mean():.2f}.",
+            )
+        yield negative(
+            "The goal is reached sooner.",
+            mean_of(values["half arrival"] - values["before arrival"]),
+            "decisions to the goal, if it is reached, minus those before learning (half step sizes),",
+            "decisions",
+            note=f"{values['before arrival'].mean():.0f} before, {values['half arrival'].mean():.1f} after.",
         )
-        return made
 
 
 def flow_places() -> np.ndarray:

@@ -1,21 +1,22 @@
 """Section 6.5.4: units without a part in the policy, and the policy after pruning."""
 
 import functools
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, below, mean_of, share_of
-from motorgrad.experiments._experiment import Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import Figure, draw_intervals, new_figure
+from motorgrad.experiments._claims import Claim, at_most, below, within
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, outside, policy_at
 from motorgrad.experiments.chapter_6.figure_6_5 import JUNK
 from motorgrad.policies import LocalGaussians, Masked, activity, prune, reach
 from motorgrad.sim import trajectories
+from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import FallingParticle, Region, region_reward
 
 ROUND = 4096  # paths are padded to a multiple of this many places
@@ -38,17 +39,14 @@ class Pruning(LayoutStudy):
     - `bounds`: expected firings per episode below which units are removed; the first is that of junk.
     """
 
-    looks: int = 400
+    looks: int = ranged(400, 10, 10**6, " episodes")
     bounds: tuple[float, ...] = (JUNK, 0.5, 2.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.check_range(10, 10**6, "looks", unit=" episodes")
         check(rising(self.bounds, above=0), "bounds", self.bounds, "positive numbers, rising")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
+    quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"bounds": np.array(self.bounds)}
@@ -80,8 +78,7 @@ class Pruning(LayoutStudy):
         }
 
     def figure(self, values: Values) -> Figure:
-        figure = new_figure(9, 3.8)
-        units, kept = figure.subplots(1, 2)
+        figure, (units, kept) = subplots(9, 3.8, 1, 2)
         for colour, layout in zip(("C0", "C1", "C2"), self.layouts, strict=False):
             firing = values[f"{layout} firing"]
             units.plot(np.sort(firing.ravel()), np.arange(1, firing.size + 1) / len(firing), color=colour, label=layout)
@@ -97,47 +94,40 @@ class Pruning(LayoutStudy):
         kept.set(xscale="log", xlabel="bound for pruning: firings per episode", ylabel="change of reward")
         return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        made = []
+    def claims(self, values: Values) -> Iterator[Claim]:
         for layout in self.layouts:
             firing, reward = values[f"{layout} firing"], values[f"{layout} reward"]
             junk = firing < values["bounds"][0]
-            change = mean_of(reward[:, 1] - reward[:, 0])
             allowed = (firing * junk).sum(1)
-            most = mean_of(values[f"{layout} changed"][:, 0] - allowed)
             beyond = outside(values[f"{layout} centre"])
-            useful = share_of(~junk[beyond]) if beyond.any() else share_of([False])
-            made += [
-                Claim(
-                    f"Junk units can be pruned: the reward does not change ({layout}).",
-                    "section 6.3.1",
-                    f"interval of the change of reward within ±{KEPT:g}",
-                    change,
-                    change.low >= -KEPT and change.high <= KEPT,
-                    "per decision",
-                    f"{junk.sum(1).mean():.2f} of 8 units fire less than once per "
-                    f"{1 / values['bounds'][0]:g} episodes; "
-                    f"the reward is {reward[:, 0].mean():.3f}.",
-                ),
-                Claim(
-                    f"No more episodes change than their expected firings allow ({layout}).",
-                    "the bound on the page about pruning",
-                    "share of changed episodes minus the expected firings of the removed units: not above 0",
-                    most,
-                    most.low <= 0,
-                ),
-                below(
-                    0.5,
-                    f"A unit beyond a wall has no part in the policy ({layout}).",
-                    "section 6.3.1",
-                    "share of units centred outside of the box that fire more often than junk: below one half",
-                    useful,
-                    note=f"{beyond.sum(1).mean():.2f} of 8 units are centred outside of the box; "
-                    f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} reach a probability of "
-                    f"{values['bounds'][0]:g} nowhere in it.",
-                ),
-            ]
-        return made
+            yield within(
+                -KEPT,
+                KEPT,
+                f"Junk units can be pruned: the reward does not change ({layout}).",
+                mean_of(reward[:, 1] - reward[:, 0]),
+                "change of the reward",
+                "per decision",
+                note=f"{junk.sum(1).mean():.2f} of 8 units fire less than once per {1 / values['bounds'][0]:g} "
+                f"episodes; the reward is {reward[:, 0].mean():.3f}.",
+                source="section 6.3.1",
+            )
+            yield at_most(
+                0,
+                f"No more episodes change than their expected firings allow ({layout}).",
+                mean_of(values[f"{layout} changed"][:, 0] - allowed),
+                "share of changed episodes minus the expected firings of the removed units",
+                source="the bound on the page about pruning",
+            )
+            yield below(
+                0.5,
+                f"A unit beyond a wall has no part in the policy ({layout}).",
+                share_of(~junk[beyond]),
+                "share of units centred outside of the box that fire more often than junk",
+                note=f"{beyond.sum(1).mean():.2f} of 8 units are centred outside of the box; "
+                f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} reach a probability of "
+                f"{values['bounds'][0]:g} nowhere in it.",
+                source="section 6.3.1",
+            )
 
 
 def _reward(task: FallingParticle, paths: Sequence[np.ndarray]) -> float:

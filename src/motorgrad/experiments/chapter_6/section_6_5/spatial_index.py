@@ -1,8 +1,8 @@
 """Section 6.5.4: local units in a spatial index, of which a decision evaluates only few."""
 
 import time
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,21 +10,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, Measured, exact, mean_of, median_of, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, rising
-from motorgrad.experiments._figures import STYLE, Figure, new_figure
+from motorgrad.experiments._claims import Claim, at_least, at_most, below, positive, within
+from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import STYLE, Figure, subplots
 from motorgrad.learning import Agent, SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
+from motorgrad.statistics import difference_of, exact, mean_of, median_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import agent_for, stepper_for
 
 OVERLAP = 0.64  # width of a unit in spacings, as for 32 units of width 0.16, two to a place
 KINDS = {"dense": "all units", "indexed": "those that can fire"}
 TIMES = 8.0
-SOURCE = "section 6.5.4"
 
 
-@experiment("sec-6.5.4-index", "a spatial index for local units", SOURCE)
+@experiment("sec-6.5.4-index", "a spatial index for local units", "section 6.5.4")
 class Index(Experiment):
     """The cost of a decision with up to thousands of local units, if all of them are evaluated, and if only those that
     can fire at the observation are; and the learning of both.
@@ -45,23 +45,17 @@ class Index(Experiment):
     """
 
     sizes: tuple[int, ...] = (16, 64, 256, 1024, 4096)
-    pairs: int = 7
-    decisions: int = 10_000
-    units: int = 256
-    seeds: int = 24
-    steps: int = 100_000
+    pairs: int = ranged(7, 1, 20)
+    decisions: int = ranged(10_000, 200, 10**7)
+    units: int = ranged(256, 16, 8192)
+    seeds: int = ranged(24, 2, 1000)
+    steps: int = ranged(100_000, 200, 10**8)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(rising(self.sizes, above=3) and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
-        self.check_range(1, 20, "pairs")
-        self.check_range(200, 10**7, "decisions")
-        self.check_range(16, 8192, "units")
-        self.check_range(2, 1000, "seeds")
-        self.check_range(200, 10**8, "steps")
 
-    @classmethod
-    def quick(cls) -> Self:
-        return cls(sizes=(16, 64), pairs=1, decisions=400, units=64, seeds=2, steps=400)
+    quick = smoke(sizes=(16, 64), pairs=1, decisions=400, units=64, seeds=2, steps=400)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"sizes": np.array(self.sizes)}
@@ -93,8 +87,7 @@ class Index(Experiment):
         import matplotlib as mpl
 
         with mpl.rc_context(STYLE):
-            figure = new_figure(9, 3.8)
-            left, right = figure.subplots(1, 2)
+            figure, (left, right) = subplots(9, 3.8, 1, 2)
             for kind, colour in zip(KINDS, ("#777777", "#3b6fb6"), strict=True):
                 cost = values[f"{kind}_cost"]
                 middle = np.median(cost, axis=1)
@@ -112,30 +105,23 @@ class Index(Experiment):
             right.legend()
             return figure
 
-    def claims(self, values: Values) -> Sequence[Claim]:
-        most = int(values["sizes"][-1])
-        ratio = median_of(values["dense_cost"][-1] / values["indexed_cost"][-1])
-        made = [
-            Claim(
-                f"With {most:,} units, a decision costs less if only the units that can fire are evaluated.",
-                SOURCE,
-                f"by a factor of at least {TIMES:g}, including random draws and tables",
-                ratio,
-                most >= 4096 and ratio.value >= TIMES,
-                "times",
-                "Ratio of each pair of stretches, one after the other on one machine.",
-            ),
-            self._growth(values),
-            *self._learning(values),
-        ]
-        worst, bound = float(values["worst"]), float(values["bound"])
-        note = f"On average, {float(values['missed']):.2g} units per decision would have fired and could not."
-        said = (
-            "Wherever units have moved, no unit would fire with more than the neglected probability where "
-            "it is not listed."
+    def claims(self, values: Values) -> Iterator[Claim]:
+        yield at_least(
+            TIMES,
+            f"With {values['sizes'][-1]:,} units, a decision costs less if only the units that can fire are evaluated.",
+            median_of(values["dense_cost"][-1] / values["indexed_cost"][-1]),
+            "factor, including random draws and tables,",
+            note="Ratio of each pair of stretches, one after the other on one machine.",
         )
-        made.append(Claim(said, SOURCE, f"at most {bound:g}", exact(worst), worst <= bound * (1 + 1e-4), note=note))
-        return made
+        yield self._growth(values)
+        yield from self._learning(values)
+        yield at_most(
+            float(values["bound"]) * (1 + 1e-4),
+            "Wherever units have moved, no unit would fire with more than the neglected probability where it is not "
+            "listed.",
+            exact(values["worst"]),
+            note=f"On average, {float(values['missed']):.2g} units per decision would have fired and could not.",
+        )
 
     def _growth(self, values: Values) -> Claim:
         """From the size at which the neighbourhood of a place is full."""
@@ -144,22 +130,24 @@ class Index(Experiment):
         if kept.sum() > 1:
             power = median_of(np.polyfit(np.log(values["sizes"][kept]), np.log(values["indexed_cost"][kept]), 1)[0])
         said = "From 256 units on, the cost of a decision grows far more slowly than the number of units."
-        return Claim(said, SOURCE, "a power below 0.5", power, power.value < 0.5, "power")
+        return below(0.5, said, power, "power of the number of units")
 
-    def _learning(self, values: Values) -> Sequence[Claim]:
+    def _learning(self, values: Values) -> Iterator[Claim]:
         last = values["decision"] > 0.75 * values["decision"][-1]
         first = values["decision"] <= 0.05 * values["decision"][-1]
         dense, indexed = (values[f"{kind}_reward"] for kind in KINDS)
         ends = [reward[:, last].mean(axis=1) for reward in (dense, indexed)]
         rise = mean_of(ends[0] - dense[:, first].mean(axis=1))
-        difference = _difference(ends[1], ends[0])
-        same = difference.low <= 0 <= difference.high and max(-difference.low, difference.high) <= 0.25 * rise.value
-        said = "The indexed learner reaches the same reward as the one that evaluates all units."
-        wanted = "the interval of the difference contains 0 and extends to at most a quarter of the learned reward"
-        return [
-            positive("Reward is learned.", SOURCE, "a rise above 0", rise, "reward"),
-            Claim(said, SOURCE, wanted, difference, same, "reward"),
-        ]
+        tenth = 0.1 * rise.value
+        yield positive("Reward is learned.", rise, "rise", "reward")
+        yield within(
+            -tenth,
+            tenth,
+            "The indexed learner reaches the same reward as the one that evaluates all units.",
+            difference_of(ends[1], ends[0]),
+            "difference, against a tenth of the learned reward,",
+            "reward",
+        )
 
 
 def _learner(units: int, kind: str) -> tuple[FallingParticle, Agent]:
@@ -171,14 +159,6 @@ def _learner(units: int, kind: str) -> tuple[FallingParticle, Agent]:
         learning_rate={"centre": 2e-4 * float(width / 0.16) ** 2, "log_width": 8e-4},
         kind="sparse" if kind == "indexed" else "dense",
     )
-
-
-def _difference(one: np.ndarray, other: np.ndarray) -> Measured:
-    """Difference of two means over equally many seeds, with Welch's interval."""
-    from scipy import stats
-
-    found = stats.ttest_ind(one, other, equal_var=False).confidence_interval(0.95)
-    return Measured(float(one.mean() - other.mean()), float(found.low), float(found.high), len(one), "difference")
 
 
 def _neglect(initial: Any, learned: Any, looks: int = 20_000) -> dict[str, Any]:

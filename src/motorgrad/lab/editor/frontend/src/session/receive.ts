@@ -58,7 +58,12 @@ export function receive(message: Message): void {
       useDocument.setState({ recoverable: message.list as Document["recoverable"] });
       break;
     case "run":
-      useRun.setState(message as unknown as Partial<RunState>);
+      useRun.setState((old) => {
+        const run = message as unknown as Partial<RunState>;
+        // the same list is kept if it says the same, so that the canvas is not made anew
+        const same = run.faults === undefined || JSON.stringify(run.faults) === JSON.stringify(old.faults);
+        return same ? { ...run, faults: old.faults } : run;
+      });
       if (message.branches) keepBranches((message.branches as RunState["branches"]).map(({ name }) => name));
       break;
     case "samples":
