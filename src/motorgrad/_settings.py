@@ -214,6 +214,7 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
     optional = type(None) in typing.get_args(hint)
     settings = {"kind": value} if isinstance(value, str) else dict(value)
     name = settings.pop("kind", None)
+    check(name is None or isinstance(name, str), _place(where, "kind"), name, "the name of a kind")
     if optional and name == "none":
         check(not settings, where, value, "'none' without settings")
         return None

@@ -225,3 +225,8 @@ def test_a_run_with_one_number_for_all_goes_on_and_is_repeated_by_its_own_config
     assert all(found["agent"]["optimizer"]["learning_rate"] == 1e-4 for found in configurations)
     policies = [np.asarray(load(path).policies.gain) for path in (first, again)]
     np.testing.assert_array_equal(*policies)
+
+
+def test_a_kind_that_is_no_name_is_refused():
+    with pytest.raises(ValueError, match=r"agent\.estimator\.trace\.kind = \[\]: must be the name of a kind"):
+        agent_for(make("three-state"), {"estimator": {"trace": {"kind": []}}})
