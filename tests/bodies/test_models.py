@@ -61,6 +61,8 @@ GRID = '<flexcomp name="f" type="grid" dim="3" spacing=".1 .1 .1" mass="1" '
 CELL = '<body name="c"><freejoint/><geom size="0.1"/></body>'
 CAMERA = '<camera name="c" resolution="30000 30000" output="depth"/>'
 BAR = '<general joint="j" '
+FAR = '<body pos="inf 0 0"><joint name="far"/><geom size="0.1"/></body>'
+MUSCLE = '<actuator><muscle joint="far"/></actuator>'
 DOCUMENTS = {  # what is attacked: (document or file, what the message says)
     "texture": (
         mjcf(asset=texture(f'{FLAT} width="32000" height="32000"')),
@@ -116,6 +118,15 @@ DOCUMENTS = {  # what is attacked: (document or file, what the message says)
     "actuator's history": (mjcf(tail=f'<actuator>{BAR} nsample="900000000"/></actuator>'), "nsample of actuator"),
     "activations": (mjcf(tail=f'<actuator>{BAR} dyntype="user" actdim="900000000"/></actuator>'), "actdim of actuator"),
     "length range": (mjcf(head='<compiler><lengthrange inttotal="1e9"/></compiler>'), "inttotal / timestep"),
+    "muscle of a body at infinity": (mjcf(FAR, tail=MUSCLE), "accelerations infinite or huge': must be finite, so"),
+    "muscle of a huge joint": (
+        mjcf(FAR.replace("inf 0 0", "0 0 0").replace("/>", ' ref="1e200"/>', 1), tail=MUSCLE),
+        "huge",
+    ),
+    "muscle pulled without end": (
+        mjcf(head='<compiler><lengthrange accel="inf"/></compiler>'),
+        "lengthrange: accel = inf",
+    ),
     "document type": ('<!DOCTYPE mujoco [<!ENTITY n "9">]>' + mjcf(), "declares a document type"),
     "comment": (mjcf(f'<body name="<!--"/>{copied(CELL, 9999)}<body name="-->"/>'), "not well-formed XML"),
     "namespace": (mjcf(copied(CELL, 9999)).replace("<mujoco>", '<mujoco xmlns="x">'), "count = '9999'"),

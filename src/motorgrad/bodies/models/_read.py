@@ -5,16 +5,22 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import mujoco
 
-from motorgrad._errors import check
+from motorgrad._errors import check, check_finite
 from motorgrad.bodies.models._bounds import check_size
 from motorgrad.bodies.models._scan import read_bytes, scan
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
 
 T = TypeVar("T")
+_MUSCLE, _BIAS = mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE
+_BROKEN = {
+    "positions": mujoco.mjtWarning.mjWARN_BADQPOS,
+    "velocities": mujoco.mjtWarning.mjWARN_BADQVEL,
+    "accelerations": mujoco.mjtWarning.mjWARN_BADQACC,
+}
 
 
 def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | None = None) -> mujoco.MjModel:
@@ -71,7 +77,33 @@ def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.Mj
 def compile_bare(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.MjModel:
     """Compile a description within the limits, whatever its muscles do."""
     check_size(spec, folders)
+    _check_ranges(spec)
     return _guarded("compile", spec.compile)
+
+
+def _check_ranges(spec: Any) -> None:
+    """Refuse numbers with which the length ranges of muscles would be sought for ever.
+
+    MuJoCo finds them by simulation. It resets one that breaks at once, such as of a body at infinity, and never ends.
+    """
+    search = spec.compiler.LRopt
+    for name in ("accel", "maxforce", "timeconst", "timestep", "inttotal", "interval", "tolrange"):
+        check_finite(f"lengthrange: {name}", getattr(search, name))
+    wanted = [each for each in spec.actuators if each.gaintype == _MUSCLE or each.biastype == _BIAS]
+    if search.mode == mujoco.mjtLRMode.mjLRMODE_NONE or not (wanted or search.mode != mujoco.mjtLRMode.mjLRMODE_MUSCLE):
+        return
+    trial = spec.copy()
+    trial.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE
+    for each in trial.actuators:
+        each.lengthrange = (0.0, 1.0)
+    trial.option.timestep = 1e-9  # what a wild but finite model survives
+    model = _guarded("compile", trial.compile)
+    data: Any = mujoco.MjData(model)
+    data.ctrl[:] = 1.0
+    mujoco.mj_step(model, data)
+    broken = [name for name, kind in _BROKEN.items() if data.warning.number[kind]]
+    told = "finite, so that the length ranges of muscles can be found"
+    check(not broken, "numbers of the model", f"{', '.join(broken)} infinite or huge", told)
 
 
 def _guarded(what: str, do: Callable[[], T]) -> T:
