@@ -288,7 +288,7 @@ def test_an_evaluation_measures_the_gait():
     task = HexapodSynergy(time_limit=2.0)
     run = train(task, steps=100, seeds=[4, 9], window=50, progress=False)
     found = evaluate(run, 200)
-    assert set(found.measures) == {"gait", "frequency", "phase", "correlation", "duty"}
+    assert set(found.measures) == {"gait", "frequency", "phase", "contact_correlation", "correlation", "duty"}
     assert set(found.measures["gait"]) <= {"tripod", "pronk", "intermediate", "stalled"}
     assert all(len(values) == 2 for values in found.measures.values())
     assert found.sensors is not None
