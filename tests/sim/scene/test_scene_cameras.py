@@ -95,8 +95,12 @@ class Looker:
             self.page.wait_for_timeout(50)
 
     def select(self, key, name):
-        self.page.keyboard.press(key)
-        self.until(lambda: self.walker.view.cameras.chosen(self.id) == name)
+        def chosen():
+            self.page.keyboard.press(key)  # again, as a page that is still being built does not hear it
+            self.page.wait_for_timeout(200)
+            return self.walker.view.cameras.chosen(self.id) == name
+
+        self.until(chosen)
         self.page.wait_for_timeout(500)
 
     def stands(self):
