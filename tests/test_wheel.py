@@ -115,9 +115,10 @@ session = Session(None, folder=here, states=here)
 server = Server(session)
 server.start()
 browser = build_opener(HTTPCookieProcessor())  # the token in the address becomes a cookie
-page = browser.open(server.url).read().decode()
+opened = browser.open(server.url)
+page = opened.read().decode()
 for asset in re.findall(r'(?:src|href)="\\./([^"]+)"', page):
-    with browser.open(server.url + asset) as answer:
+    with browser.open(opened.url + asset) as answer:
         print(asset.rpartition(".")[2], len(answer.read()))
 server.stop()
 session.close()
