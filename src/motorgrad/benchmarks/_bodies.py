@@ -14,7 +14,7 @@ from mujoco.batch import Batch
 
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
-from motorgrad.bodies import BodyBatch, compile_model
+from motorgrad.bodies import BodyBatch, compile_model, group_places
 from motorgrad.tasks import BodyTask, Hopper, from_gymnasium
 from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
@@ -33,7 +33,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
     for _ in range(decisions):
         twin.advance(1)
     body = task.dynamics
-    group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+    group_of = group_places(body)
     model = compile_model(body)
     bare = Batch(model, seeds)
     bare.state[:] = twin.state["physics"]["state"]
@@ -96,7 +96,7 @@ def single_row(decisions: int, pairs: int) -> Row:
     environment = gymnasium.make(HOPPER)
     environment.reset(seed=0)
     body = task.dynamics
-    model, group_of = compile_model(body), [body.groups.index(muscle.group) for muscle in body.muscles]
+    model, group_of = compile_model(body), group_places(body)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
 

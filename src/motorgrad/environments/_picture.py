@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad.bodies import group_places
 from motorgrad.environments._rows import Rows
 from motorgrad.sim import Painter
 
@@ -93,7 +94,7 @@ class Picture:
             raise ValueError(f"render_mode = {mode!r}: must be None, as task {rows.task.name!r} has no body to show")
         self._rows = rows
         body = rows.body.body
-        self._group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+        self._group_of = group_places(body)
         self._painter = Painter(rows.body.model, width=width, height=height)
         self._action = np.zeros((rows.body.seeds, len(body.groups)))
         self._screen = Screen(f"motorgrad: {rows.task.name}", width, height) if mode == "human" else None
