@@ -4,7 +4,7 @@ A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes 
 many simulations, and `to_mjcf` writes a file for other programs.
 """
 
-from motorgrad.bodies._batch import BodyBatch, BodyState
+from motorgrad.bodies._batch import BodyBatch, BodyState, start_pose
 from motorgrad.bodies._body import (
     Actuator,
     Body,
@@ -25,7 +25,7 @@ from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
 from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
 from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors
-from motorgrad.bodies.mjcf._mjcf import Mjcf
+from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
@@ -41,6 +41,7 @@ BODIES: dict[str, type[Body]] = {
 
 __all__ = [
     "BODIES",
+    "BUNDLED",
     "LEGS",
     "TOUCH",
     "TRIPODS",
@@ -95,6 +96,7 @@ __all__ = [
     "path_points",
     "read_hexapod",
     "read_model",
+    "start_pose",
     "tabulate_lift",
     "tension",
     "to_mjcf",

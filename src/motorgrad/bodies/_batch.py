@@ -304,6 +304,14 @@ def start_key(body: Body, model: mujoco.MjModel) -> int:
     return names.index(start)
 
 
+def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The generalised positions and velocities with which a body starts."""
+    key = start_key(body, model)
+    if key < 0:
+        return np.array(model.qpos0), np.zeros(model.nv)
+    return np.array(model.key_qpos[key]), np.array(model.key_qvel[key])
+
+
 def _rows(rows: Any, seeds: int) -> tuple[np.ndarray, np.ndarray]:
     """Sorted unique row numbers, from row numbers or a mask, and where each stood."""
     rows = np.asarray(rows)

@@ -1,6 +1,8 @@
 """Tasks: observations, rewards and ends of episodes over a world or a body."""
 
+from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
+from motorgrad.tasks._composed import Composed, compose, load
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
@@ -33,6 +35,7 @@ __all__ = [
     "BodyTask",
     "CallAdmission",
     "Chain",
+    "Composed",
     "Drift",
     "EnvironmentBatch",
     "EnvironmentMemory",
@@ -60,12 +63,15 @@ __all__ = [
     "Task",
     "ThreeState",
     "around",
+    "compose",
     "find_synergies",
     "from_gymnasium",
+    "load",
     "make",
     "observe",
     "outcome",
     "region_reward",
     "spacing_error",
     "synergy_matrix",
+    "terms",
 ]

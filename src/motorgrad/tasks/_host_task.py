@@ -34,8 +34,8 @@ class HostBatch(Protocol):
     def step(self, actions: Float[np.ndarray, "seeds size"], /) -> None:
         """Advance every seed by one decision."""
 
-    def reset(self, rows: Any = None) -> None:
-        """Start a new episode in these rows, by default in all."""
+    def reset(self, rows: Any = None, **start: Any) -> None:
+        """Start a new episode in these rows, by default in all, as `HostTask.start` says."""
 
     @property
     def unpack(self) -> Callable[[Any], Any]:
@@ -65,6 +65,12 @@ class HostTask(Task):
         task's memory when the action was chosen, with the same leading axes."""
         del memory
         return action
+
+    def start(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
+        """How the dynamics begin an episode in some rows: further arguments of `HostBatch.reset`, from the numbers that
+        `init` receives. By default none, so that they begin in their own way."""
+        del uniforms
+        return {}
 
     @property
     def no_resume(self) -> str | None:

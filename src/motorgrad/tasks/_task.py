@@ -80,6 +80,13 @@ class Task(abc.ABC):
         del settings
         return []
 
+    @classmethod
+    def in_folder(cls, settings: Mapping[str, Any], folder: Any) -> dict[str, Any]:
+        """Settings as a file in a folder has them, whose paths are meant from there: with absolute ones. By default a
+        task has no paths."""
+        del folder
+        return dict(settings)
+
     @property
     def accepted_actions(self) -> tuple[str, ...]:
         """The kinds of actions that the task accepts, as in `Policy.actions`; by default only `actions`."""

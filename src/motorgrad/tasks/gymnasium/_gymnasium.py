@@ -190,12 +190,10 @@ class Gymnasium(HostTask):
             mean, variance = jax.tree.map(
                 lambda old, new: jnp.where(memory.frozen, old, new),
                 (memory.mean, memory.variance),
-                _add_observation(memory.mean, memory.variance, seen),
+                add_observation(memory.mean, memory.variance, seen),
             )
             memory = memory._replace(mean=mean, variance=variance)
-            deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
-            standard = jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)
-            observation = jnp.where(scaling.running, standard, observation)
+            observation = jnp.where(scaling.running, standardised(mean, variance, seen), observation)
         return memory, jnp.append(observation, 1.0) if self.actions == "discrete" else observation
 
     def reward(
@@ -238,8 +236,14 @@ def from_gymnasium(
     return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward)
 
 
-def _add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
+def add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
     """Update the running mean and variance of observations with one more (Welford, 1962)."""
     after = add_sample(mean, seen)
     product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
     return after, add_sample(variance, product)
+
+
+def standardised(mean: RunningMean, variance: RunningMean, seen: Array) -> Array:
+    """An observation relative to its running mean, in standard deviations, clipped."""
+    deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
+    return jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)

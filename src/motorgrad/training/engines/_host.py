@@ -85,6 +85,11 @@ class HostProgram(Program):
         with _alone:
             return np.asarray(self._drawn(seeds, np.uint32(block)))
 
+    def first_numbers(self, seeds: np.ndarray) -> Float[np.ndarray, "seeds size"]:
+        """The random numbers of all seeds for the start of their first episode."""
+        with _alone:
+            return np.asarray(jax.vmap(self.start_memory)(jnp.asarray(seeds)))
+
     def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, where `resting` by the shorter program.
 
@@ -217,6 +222,10 @@ class HostStepper(Stepper):
         self._seen = np.empty((len(self.seeds), width + drawn), np.float32)
         self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
         self._block, self._drawn = -1, np.empty(0)
+        first = sum(self.program.sizes[name] for name in ("policy", "observe"))
+        self._for_memory = self._chance[:, first : first + task.init_uniforms]
+        if task.init_uniforms and (start := task.start(self.program.first_numbers(self.seeds))):
+            self.batch.reset(None, **start)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
         cycles = self.program.start(self.seeds, self._start_vector, self.batch.packed, self._initial)
@@ -236,7 +245,8 @@ class HostStepper(Stepper):
             if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
                 ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
-                self.batch.reset(np.flatnonzero(ended))
+                rows = np.flatnonzero(ended)
+                self.batch.reset(rows, **self.task.start(self._for_memory[rows]))
                 self._cycles, self._out = program.again(self._cycles, self._input(), ended, self._out)
 
     @property

@@ -43,9 +43,12 @@ class Program:
 
     def start_numbers(self, seed: Array) -> tuple[Array, Array]:
         """One seed's random numbers for the memory and the observation before its first decision."""
-        sizes = (("start-memory", self.task.init_uniforms), ("start-look", self.task.uniforms))
-        memory, look = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
-        return memory, look
+        look = jax.random.uniform(key_of(seed, "start-look"), (self.task.uniforms,))
+        return self.start_memory(seed), look
+
+    def start_memory(self, seed: Array) -> Array:
+        """One seed's random numbers for the start of its first episode."""
+        return jax.random.uniform(key_of(seed, "start-memory"), (self.task.init_uniforms,))
 
     def summarize(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
         """One seed's tallies and the visible state of its learner; the tallies begin anew."""
