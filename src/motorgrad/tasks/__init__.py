@@ -6,6 +6,7 @@ from motorgrad.tasks._composed import Composed, compose, load
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
+from motorgrad.tasks._myosuite import myosuite, myosuite_ids
 from motorgrad.tasks._particle import (
     LAYOUTS,
     FallingParticle,
@@ -68,6 +69,8 @@ __all__ = [
     "from_gymnasium",
     "load",
     "make",
+    "myosuite",
+    "myosuite_ids",
     "observe",
     "outcome",
     "region_reward",

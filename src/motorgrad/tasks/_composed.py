@@ -116,6 +116,9 @@ class Composed(BodyTask):
       their standard deviation, clipped to ±5; `"none"` leaves them as the terms have them.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
+    - `commands`: what the actions of units are: `"controls"` in the actuators' ranges; or, as in MyoSuite, `"sigmoid"`:
+      numbers a in [−1, 1], of which a muscle has the control 1 / (1 + exp(−5 (a − 0.5))), another actuator a itself, or
+      the corresponding one in its range where the body has no muscle. A unit that is off has −1.
 
     **Raises:** `ValueError` for a name that does not exist, with the nearest one, for a model that MuJoCo refuses, and
     for settings that do not go together.
@@ -157,6 +160,7 @@ class Composed(BodyTask):
     scaling: Literal["running", "none"] = "running"
     action_period: float = 0.02
     time_limit: float | None = None
+    commands: Literal["controls", "sigmoid"] = "controls"
 
     def __post_init__(self) -> None:
         if self.body is None:
@@ -168,6 +172,8 @@ class Composed(BodyTask):
         check(self.observations, "observe", self.observations, "at least one term")
         check(self.rewards, "reward", self.rewards, "at least one term")
         self.check_times()
+        whole = self.commands == "controls" or self.groups is None
+        check(whole, "groups", self.groups, "left out with the commands 'sigmoid'")
         names = self.reports
         for name in names:
             check(names.count(name) == 1, "name of a reading", name, "given once")
@@ -236,17 +242,31 @@ class Composed(BodyTask):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
+        if self.commands == "sigmoid" and self.actions == "graded":
+            return ((-1.0, 1.0),) * self.action_size
         return tuple((float(low), float(high)) for low, high in self._drive.range)
 
     def control(self, action: Any, memory: Any = None) -> Any:
         """The control of each group of actuators, within its range."""
         del memory
         drive = self._drive
+        if self.commands == "sigmoid":
+            return self._commanded(action)
         if self.actions == "graded":
             low, high = jnp.asarray(drive.range, jnp.float32).T
             action = jnp.clip(action, low, high)
         control = action if drive.plain else drive.rest + action @ drive.matrix
         return control if drive.plain else jnp.clip(control, *drive.limits.T)
+
+    def _commanded(self, action: Any) -> Any:
+        """The controls for numbers in [−1, 1], or for units that are on or off."""
+        command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
+        model, limits = self._bound.scene.model, self._drive.limits
+        muscles = np.array(model.actuator_dyntype) == int(mujoco.mjtDyn.mjDYN_MUSCLE)
+        if not muscles.any():
+            low, high = limits.T
+            return (low + high) / 2 + command * (high - low) / 2
+        return jnp.where(muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
 
     # -- observations
 
@@ -428,6 +448,7 @@ def compose(
     scaling: Literal["running", "none"] = "running",
     action_period: float = 0.02,
     time_limit: float | None = None,
+    commands: Literal["controls", "sigmoid"] = "controls",
 ) -> Composed:
     """A task on a body, put together from terms: an instance of `Composed`, which describes the arguments.
 
@@ -457,6 +478,7 @@ def compose(
         scaling,
         action_period,
         time_limit,
+        commands,
     )
 
 

@@ -6,6 +6,7 @@
 import base64
 import dataclasses
 import functools
+import hashlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 import mujoco
 
 from motorgrad._errors import check, check_positive, unknown
+from motorgrad._myosuite import environment
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import Actuator, to_mjcf
 from motorgrad.bodies.models._bounds import asset_files
@@ -23,6 +25,8 @@ from motorgrad.bodies.muscles._muscle import Muscle
 
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
 """Models that come with the library, by name."""
+MYOSUITE = "myosuite:"
+"""What precedes the id of an environment of MyoSuite, whose model is meant."""
 _SHOWN = 60  # characters of a document in its representation
 _UNNAMED = ("joint", "tendon", "actuator", "sensor")
 
@@ -39,16 +43,17 @@ class Mjcf:
     **Arguments:**
 
     - `source`: the path of an MJCF or URDF file, with its meshes and textures beside it; the document itself, as text;
-      a `mujoco.MjSpec`; or `"arm6"`, a two-joint arm with six muscles that comes with the library. Text and
+      a `mujoco.MjSpec`; `"arm6"`, a two-joint arm with six muscles that comes with the library; or the model of an
+      environment of MyoSuite, where that is installed, such as `"myosuite:myoFingerPoseRandom-v0"`. Text and
       descriptions are kept as they are, with the files that they name, so that a run with such a body needs no other
-      file. A path is kept as an absolute path, with a checksum.
+      file. A path is kept as an absolute path, with a checksum; a model of MyoSuite by its name, with a checksum.
     - `start`: the keyframe in which simulations start; by default the first, or the model's reference pose where it has
       none.
     - `timestep` (s): time step of the physics, by default the model's own.
     - `assets`: the content of files that a document given as text names: pairs of the file's name and its content in
       base64. It is filled in.
-    - `checksum`: of a file and all that it includes or names. It is filled in. A body with another one is refused, so
-      that a run never continues with a model that has changed.
+    - `checksum`: of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A body with
+      another one is refused, so that a run never continues with a model that has changed.
 
     **Raises:** `ValueError`, in one line, for what MuJoCo refuses, for a model beyond the limits of size (see
     `read_model`), for a keyframe that does not exist, and for a file that is not what its checksum says.
@@ -78,18 +83,20 @@ class Mjcf:
         object.__setattr__(self, "source", source)
         check_fields(self)
         check_positive("timestep", self.timestep)
-        if isinstance(source, str) and not Path(source).suffix and "<" not in source and source not in BUNDLED:
+        named = isinstance(source, str) and (source in BUNDLED or source.startswith(MYOSUITE))
+        if isinstance(source, str) and not named and not Path(source).suffix and "<" not in source:
             raise unknown("model", source, [*BUNDLED, "or the path of an MJCF file"])
-        if isinstance(source, Path) or ("<" not in source and source not in BUNDLED):
+        if isinstance(source, Path) or (not named and "<" not in source):
             object.__setattr__(self, "source", Path(source).absolute())
         in_source(self._place, lambda: self._read(own_step))
 
     def _read(self, own_step: bool) -> None:
         """Read the model once: to refuse it before any work, and to know what it is."""
         spec, documents = read_spec(self._place, self._content)
-        if isinstance(self._place, Path):
-            found = checksum_of(self._place, spec, documents)
-            wanted = f"{found!r}, the checksum of the file, which is not what it was: put it back, or leave this out"
+        suite = self._suite
+        if suite is not None or isinstance(self._place, Path):
+            found = checksum_of(self._place, spec, documents) if isinstance(self._place, Path) else _checksum(suite)
+            wanted = f"{found!r}, the checksum of the model, which is not what it was: put it back, or leave this out"
             check(self.checksum in (None, found), "checksum", self.checksum, wanted)
             object.__setattr__(self, "checksum", found)
         else:
@@ -151,13 +158,34 @@ class Mjcf:
         return spec, documents
 
     @property
+    def _suite(self) -> "Mjcf | None":
+        """A model of MyoSuite, as text."""
+        named = isinstance(self.source, str) and self.source.startswith(MYOSUITE)
+        return _of_myosuite(str(self.source).removeprefix(MYOSUITE)) if named else None
+
+    @property
     def _place(self) -> Path | str:
         """The file, or the document."""
+        if (suite := self._suite) is not None:
+            return suite.source
         return BUNDLED.get(self.source, self.source) if isinstance(self.source, str) else self.source
 
     @property
     def _content(self) -> dict[str, bytes] | None:
-        return {name: base64.b64decode(content) for name, content in self.assets} or None
+        assets = self.assets if (suite := self._suite) is None else suite.assets
+        return {name: base64.b64decode(content) for name, content in assets} or None
+
+
+@functools.lru_cache(maxsize=32)
+def _of_myosuite(env_id: str) -> Mjcf:
+    return Mjcf(environment(env_id)._mj_spec)
+
+
+def _checksum(body: Mjcf | None) -> str:
+    found = hashlib.sha256()
+    for part in () if body is None else (str(body.source), *(each for pair in body.assets for each in pair)):
+        found.update(part.encode())
+    return found.hexdigest()[:32]
 
 
 @functools.lru_cache(maxsize=32)

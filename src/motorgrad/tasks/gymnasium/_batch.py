@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad._myosuite import is_of_myosuite, register
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
 
@@ -132,6 +133,11 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
     """`gymnasium.make(env_id, **kwargs)`, with any failure as a one-line `ValueError`."""
     import gymnasium
 
+    if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
+        try:
+            register()
+        except ValueError as error:
+            raise ValueError(f"env_id = {env_id!r}: {error}") from None
     try:
         return gymnasium.make(env_id, **kwargs)
     except gymnasium.error.UnregisteredEnv as error:

@@ -61,17 +61,19 @@ class Within(Quantity):
 class Beyond(Quantity):
     """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward.
 
-    **Arguments:** `target`: its name; `limit` (m or rad); `weight`, by default −1.
+    **Arguments:** `target`: its name; `limit` (m or rad); `after` (s): in an episode, before which it is 0; `weight`,
+    by default −1.
     """
 
     target: str = static("target")
     limit: float = number(0.5, 0, open_low=True)
+    after: float = number(0.0, 0)
     _: KW_ONLY
     weight: float = number(-1.0)
 
     def bind(self, scene: Scene) -> Bound:
-        read = _distance(scene, self.target)
-        return Bound(lambda now: jnp.where(read(now) > self.limit, 1.0, 0.0))
+        read, half = _distance(scene, self.target), scene.period / 2  # times are multiples of the period, but rounded
+        return Bound(lambda now: jnp.where((read(now) > self.limit) & (now.time > self.after - half), 1.0, 0.0))
 
 
 class Success(Quantity):

@@ -20,6 +20,8 @@ from motorgrad.tasks.terms._term import BoundTarget, Scene, Target
 Numbers = tuple[float, ...]
 REACHABLE = 2_048
 """Poses from which a place to reach is drawn."""
+MOST_REACHABLE = 16_384
+"""Poses of which those are taken that reach into a box."""
 MOST = 100_000  # numbers of a trajectory
 
 
@@ -33,6 +35,7 @@ class Reach(Target):
     - `at` (m): a fixed place; three numbers for each part.
     - `low`, `high` (m): corners of the box from which it is drawn uniformly. Without `at` or a box, it is where the
       parts are in a pose whose `joints` are drawn uniformly in their ranges, so that it can be reached.
+    - `reachable`: whether a place in the box is where the parts are in such a pose.
     - `joints`: names or patterns of the joints of such poses.
     - `name`: by which other terms refer to the target.
     """
@@ -42,6 +45,7 @@ class Reach(Target):
     low: Numbers | None = static(None)
     high: Numbers | None = static(None)
     joints: str | tuple[str, ...] = static("*")
+    reachable: bool = static(False)
 
     def bind(self, scene: Scene) -> BoundTarget:
         parts = (self.parts,) if isinstance(self.parts, str) else self.parts
@@ -49,7 +53,13 @@ class Reach(Target):
         names = tuple(f"{name} {axis}" for name in parts for axis in "xyz") if len(parts) > 1 else tuple("xyz")
         size = len(names)
         if self.at is None and self.low is None and self.high is None:
-            uniforms, draw = 1, _one_of(_reached(scene, parts, self.joints))
+            uniforms, draw = 1, _one_of(_reached(scene, parts, self.joints, REACHABLE))
+        elif self.reachable:
+            _drawing(size, self.at, self.low, self.high)  # checks the box
+            table = _reached(scene, parts, self.joints, MOST_REACHABLE)
+            table = table[np.all((table >= np.array(self.low)) & (table <= np.array(self.high)), axis=1)]
+            check(len(table), "low, high", (self.low, self.high), "a box that some pose reaches")
+            uniforms, draw = 1, _one_of(table)
         else:
             uniforms, draw = _drawing(size, self.at, self.low, self.high)
         return BoundTarget(
@@ -168,20 +178,20 @@ def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray,
     return np.array(found)
 
 
-def _reached(scene: Scene, parts: Sequence[str], joints: Any) -> Float[np.ndarray, "poses numbers"]:
+def _reached(scene: Scene, parts: Sequence[str], joints: Any, poses: int) -> Float[np.ndarray, "poses numbers"]:
     """Where parts are in random poses."""
     model: Any = scene.model
     places, ranges = scene.positions(joints)[1], joint_ranges(scene, joints)
     data: Any = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    start, found = data.qpos.copy(), np.zeros((REACHABLE, 3 * len(parts)), np.float32)
+    start, found = data.qpos.copy(), np.zeros((poses, 3 * len(parts)), np.float32)
     kinds = {"SITE": "site_xpos", "GEOM": "geom_xpos", "XBODY": "xpos"}
     where = [
         (kinds[kind], getattr(model, "body" if kind == "XBODY" else kind.lower())(name).id)
         for kind, name in map(scene.place, parts)
     ]
-    share = np.random.default_rng(0).random((REACHABLE, len(places)))
+    share = np.random.default_rng(0).random((poses, len(places)))
     for row, each in zip(found, ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]), strict=True):
         data.qpos[:] = start
         data.qpos[places] = each
