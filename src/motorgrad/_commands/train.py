@@ -48,6 +48,10 @@ class Options:
     """Seconds between checkpoints."""
     threads: int = 0
     """Threads for the physics of bodies; 0 for one per processor."""
+    envs: int = 1
+    """Environments that feed the learner of each seed; steps count the decisions of all."""
+    workers: int = 0
+    """Processes in which Gymnasium environments are stepped; 0 for this one. The number changes no result."""
     give_up_after: float = 3600.0
     """Seconds after which the run ends if nothing could be saved in them; until then it learns on and tries again."""
     trust: bool = False
@@ -72,6 +76,8 @@ class Options:
             threads=self.threads,
             sweep=self.swept,
             give_up_after=self.give_up_after,
+            envs=self.envs,
+            workers=self.workers,
         )
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
@@ -144,6 +150,8 @@ def run(arguments: list[str]) -> int:
         window=options.window,
         checkpoint_every=options.checkpoint_every,
         threads=options.threads,
+        envs=options.envs,
+        workers=options.workers,
         tensorboard=options.tensorboard,
         initial=initial,
         give_up_after=options.give_up_after,

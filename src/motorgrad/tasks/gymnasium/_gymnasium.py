@@ -34,6 +34,7 @@ from motorgrad.tasks.gymnasium._spaces import (
     action_code,
     observation_scaling,
 )
+from motorgrad.tasks.gymnasium._workers import WorkerBatch
 
 if TYPE_CHECKING:
     import gymnasium
@@ -210,15 +211,16 @@ class Gymnasium(HostTask):
 
     @classmethod
     def runs(cls, snapshot: Mapping[str, np.ndarray]) -> list[str]:
-        saved = snapshot["environments"].tolist() if "environments" in snapshot else []
+        saved = np.ravel(snapshot["environments"]).tolist() if "environments" in snapshot else []
         return list(dict.fromkeys(name for each in saved if is_pickle(each) for name in called_by(each)))
 
-    def batch(self, seeds: Sequence[int], threads: int = 0) -> EnvironmentBatch:
+    def batch(self, seeds: Sequence[int], threads: int = 0, workers: int = 0) -> EnvironmentBatch | WorkerBatch:
+        """One environment per seed, stepped one after the other in this process, or in so many `workers`."""
         del threads
-        size = len(self._facts.scaling.centre)
-        saved_as = self._how_saved.saved_as
-        facts = self._facts
-        return EnvironmentBatch(self.env_id, self._kwargs, seeds, size, facts.code, self.repeat, saved_as, facts.info)
+        facts, size = self._facts, len(self._facts.scaling.centre)
+        settings = (size, facts.code, self.repeat, self._how_saved.saved_as, facts.info)
+        kind = functools.partial(WorkerBatch, workers) if workers else EnvironmentBatch
+        return kind(self.env_id, self._kwargs, seeds, *settings)
 
     def init(self, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
         scaling, zero = self._facts.scaling, jnp.zeros(())

@@ -41,10 +41,12 @@ class Program:
         agent = self.cycle.agent.with_numbers(self.cycle.numbers, numbers)
         return (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
 
-    def start_numbers(self, seed: Array) -> tuple[Array, Array]:
-        """One seed's random numbers for the memory and the observation before its first decision."""
+    def start_numbers(self, seed: Array, environment: int = 0) -> tuple[Array, Array]:
+        """One seed's random numbers for the memory and the observation before its first decision, by `environment`
+        where it has several."""
         sizes = (("start-memory", self.task.init_uniforms), ("start-look", self.task.uniforms))
-        memory, look = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
+        own = f"-{environment}" if environment else ""
+        memory, look = (jax.random.uniform(key_of(seed, name + own), (size,)) for name, size in sizes)
         return memory, look
 
     def summarize(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
