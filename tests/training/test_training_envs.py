@@ -167,7 +167,8 @@ def test_the_number_of_workers_changes_no_number(task, agent):
     steppers = [engine(task, agent, envs=2, workers=workers) for workers in (0, 1, 3)]
     for stepper in steppers:
         stepper.advance(120)
-    states, records = [stepper.state for stepper in steppers], [stepper.harvest() for stepper in steppers]
+    records = [stepper.harvest() for stepper in steppers]
+    states = [stepper.state for stepper in steppers]
     for index in (1, 2):
         same((states[0], records[0]), (states[index], records[index]))
     assert records[0]["solved_count"].tolist() == [120, 120]
