@@ -1,9 +1,7 @@
 r"""Densities on [−1, 1] with a location $m$ and a spread $s$, from which bounded graded units draw their actions.
 
-`Clipped` and `Squashed` are normal numbers moved into the interval, with closed forms. `Truncated` and `Beta` are given
-by the logarithm of a density; one quadrature on the part of the interval where the density is not negligible yields
-their normalisation, moments and inverse distribution function. It is accurate to single precision however narrow the
-density is, and however far its location lies outside, where the closed forms cancel.
+`Clipped` and `Squashed` are normal numbers moved into the interval, `Truncated` ones that happen to lie within it, and
+`Beta` is the beta distribution. All are functions of one uniform number.
 """
 
 import abc
@@ -14,7 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import log_ndtr, ndtr, ndtri
+from jax.scipy.special import betainc, digamma, gammaln, log_ndtr, ndtr, ndtri, polygamma
 from jaxtyping import Array, Float
 
 Units = Float[Array, " units"]
@@ -173,9 +171,168 @@ class Squashed(Clipped):
         return math.atanh(mode * math.tanh(self.bound))
 
 
-DENSITIES: dict[str, Density] = {"clipped": Clipped(), "squashed": Squashed()}
+class Truncated(Density):
+    r"""A normal number, given that it lies within [−1, 1] (Burkardt, 2014).
+
+    With a large spread it is uniform; with a location outside the interval, exponential from the end. There the closed
+    forms of its moments cancel, so a quadrature gives them, on what is not negligible of the interval.
+    """
+
+    def sample(self, m: Units, s: Units, uniforms: Units) -> Units:
+        # Mirrored such that the upper end is the near one: the normal distribution function is exact for what is below.
+        mirrored = m < 0
+        m, p = jnp.where(mirrored, -m, m), jnp.where(mirrored, 1 - uniforms, uniforms).astype(m.dtype)
+        p = jnp.maximum(p, LEAST)
+        low, high = (-1 - m) / s, (1 - m) / s
+        from_low = ndtr(low) + p * (ndtr(high) - ndtr(low))
+        near = m + s * ndtri(jnp.clip(from_low, LEAST * ndtr(high), 1 - LEAST))
+        # Far from the end, the distance from it in deviations is √(η² + 2e) − η but for the correction.
+        eta = jnp.maximum(-high, FAR)
+        width = (high - low) * (eta + 0.5 * (high - low))
+        e = -jnp.log1p((1 - p) * jnp.expm1(-width))
+        distance = 2 * e / (jnp.sqrt(eta * eta + 2 * e) + eta)
+        away = eta + distance
+        distance = distance - jnp.log((away + 1 / away) / (eta + 1 / eta)) / away
+        u = jnp.clip(jnp.where(high < -FAR, 1 - s * distance, near), -1, 1)
+        return jnp.where(mirrored, -u, u)
+
+    def log_prob(self, m: Units, s: Units, u: Units) -> Units:
+        _, square, log_mass, *_ = self._moments(m, s)
+        return -0.5 * square(u) - log_mass
+
+    def slopes(self, m: Units, s: Units, u: Units) -> tuple[Units, Units]:
+        away, square, _, x, share = self._moments(m, s)
+        location = (away(u) - jnp.sum(share * away(x), axis=0)) / (s * s)
+        return location, square(u) - jnp.sum(share * square(x), axis=0)
+
+    def information(self, m: Units, s: Units) -> tuple[Units, Units, Units]:
+        away, square, _, x, share = self._moments(m, s)
+        linear, quadratic = away(x) / (s * s), square(x)
+        linear = linear - jnp.sum(share * linear, axis=0)
+        quadratic = quadratic - jnp.sum(share * quadratic, axis=0)
+        products = (linear * linear, linear * quadratic, quadratic * quadratic)
+        of_m, both, of_s = (jnp.sum(share * product, axis=0) for product in products)
+        return of_m, both, of_s
+
+    def mode(self, m: Units) -> Units:
+        return jnp.clip(m, -1, 1)
+
+    def mean(self, m: Units, s: Units) -> Units:
+        *_, x, share = self._moments(m, s)
+        return jnp.sum(share * x, axis=0)
+
+    def entropy(self, m: Units, s: Units) -> Units:
+        _, square, log_mass, x, share = self._moments(m, s)
+        return log_mass + 0.5 * jnp.sum(share * square(x), axis=0)
+
+    def _moments(self, m: Units, s: Units) -> tuple[Any, ...]:
+        r"""The functions $u - u_0$ and $((u - m)^2 - (u_0 - m)^2)/s^2$, where $u_0$ is the mode; the logarithm of the
+        integral of exp(−½ of the second); and a rule for means, its nodes and the share of each."""
+        peak = jax.lax.stop_gradient(self.mode(m))
+        x, weights = _legendre(*_support(m, s, 1.0))
+
+        def away(u: Array) -> Array:
+            return u - peak
+
+        def square(u: Array) -> Array:
+            return away(u) * (away(u) + 2 * (peak - m)) / (s * s)
+
+        masses = weights * jnp.exp(-0.5 * square(x))
+        whole = jnp.sum(masses, axis=0)
+        return away, square, jnp.log(whole), x, masses / whole
+
+
+class Beta(Density):
+    r"""A beta distribution with $\alpha = 1 + \kappa\mu$ and $\beta = 1 + \kappa(1 - \mu)$, on [−1, 1] (Chou et
+    al., 2017).
+
+    $\mu = \sigma(2m)$ and $\kappa = 1/s^2$. So the mode is tanh m, and a small spread is, for $m = 0$, the standard
+    deviation; with a large one the distribution is uniform. As $\alpha$ and $\beta$ are at least 1, the density has one
+    peak and is bounded. The score contains $\log(1 \pm u)$, which is bounded by taking an action at an end as the
+    nearest number within: in single precision, 6e-8 from it.
+
+    Newton's method inverts the distribution function.
+    """
+
+    iterations = 6
+
+    def _shape(self, m: Units, s: Units) -> tuple[Units, Units, Units, Units, Units]:
+        r"""$\alpha$, $\beta$, $\kappa$, $\mu$ and $1 - \mu$."""
+        kappa, up, down = 1 / (s * s), jax.nn.sigmoid(2 * m), jax.nn.sigmoid(-2 * m)
+        return 1 + kappa * up, 1 + kappa * down, kappa, up, down
+
+    def sample(self, m: Units, s: Units, uniforms: Units) -> Units:
+        alpha, beta, *_ = self._shape(m, s)
+        # The lower half is solved, of the distribution or of its mirror image, where log F is exact.
+        mirrored = uniforms > 0.5
+        alpha, beta = jnp.where(mirrored, beta, alpha), jnp.where(mirrored, alpha, beta)
+        p = jnp.maximum(jnp.where(mirrored, 1 - uniforms, uniforms), LEAST).astype(m.dtype)
+        log_p, log_beta = jnp.log(p), _log_beta(alpha, beta)
+
+        def improved(_: Any, x: Array) -> Array:
+            # log F is concave in x, so that Newton's method finds its root from everywhere.
+            below = jnp.maximum(betainc(alpha, beta, jax.nn.sigmoid(2 * x)), jnp.finfo(x.dtype).tiny)
+            log_density = alpha * jax.nn.log_sigmoid(2 * x) + beta * jax.nn.log_sigmoid(-2 * x) - log_beta
+            log_below = jnp.log(below)
+            return x + jnp.clip((log_p - log_below) * jnp.exp(log_below - log_density) / 2, -2, 2)
+
+        middle, width = jnp.log((alpha - 0.5) / (beta - 0.5)), jnp.sqrt(1 / (alpha - 0.4) + 1 / (beta - 0.4))
+        start = 0.5 * (middle + width * ndtri(p))
+        u = jnp.tanh(jax.lax.fori_loop(0, self.iterations, improved, start))
+        return jnp.where(mirrored, -u, u)
+
+    def log_prob(self, m: Units, s: Units, u: Units) -> Units:
+        alpha, beta, *_ = self._shape(m, s)
+        up, down = self._log_shares(u)
+        return (alpha - 1) * up + (beta - 1) * down - _log_beta(alpha, beta) - math.log(2)
+
+    def slopes(self, m: Units, s: Units, u: Units) -> tuple[Units, Units]:
+        alpha, beta, kappa, up, down = self._shape(m, s)
+        log_up, log_down = self._log_shares(u)
+        both = digamma(alpha + beta)
+        of_alpha, of_beta = log_up - digamma(alpha) + both, log_down - digamma(beta) + both
+        return 2 * kappa * up * down * (of_alpha - of_beta), -2 * kappa * (up * of_alpha + down * of_beta)
+
+    def information(self, m: Units, s: Units) -> tuple[Units, Units, Units]:
+        alpha, beta, kappa, up, down = self._shape(m, s)
+        of_alpha, of_beta, both = (polygamma(1, each) for each in (alpha, beta, alpha + beta))
+        rise = 2 * kappa * up * down
+        of_s = up * up * of_alpha + down * down * of_beta - both
+        cross = -2 * kappa * rise * (up * of_alpha - down * of_beta)
+        return rise * rise * (of_alpha + of_beta), cross, 4 * kappa * kappa * of_s
+
+    def mode(self, m: Units) -> Units:
+        return jnp.tanh(m)
+
+    def mean(self, m: Units, s: Units) -> Units:
+        alpha, beta, *_ = self._shape(m, s)
+        return (alpha - beta) / (alpha + beta)
+
+    def entropy(self, m: Units, s: Units) -> Units:
+        alpha, beta, kappa, *_ = self._shape(m, s)
+        ends = (alpha - 1) * digamma(alpha) + (beta - 1) * digamma(beta)
+        return _log_beta(alpha, beta) - ends + kappa * digamma(alpha + beta) + math.log(2)
+
+    def location(self, mode: float) -> float:
+        return math.atanh(mode)
+
+    def _log_shares(self, u: Units) -> tuple[Units, Units]:
+        """The logarithms of the distances from both ends, of the whole range."""
+        most = 1 - jnp.finfo(u.dtype).epsneg
+        u = jnp.clip(u, -most, most)
+        return jnp.log1p(u) - math.log(2), jnp.log1p(-u) - math.log(2)
+
+
+DENSITIES: dict[str, Density] = {
+    "beta": Beta(),
+    "clipped": Clipped(),
+    "squashed": Squashed(),
+    "truncated": Truncated(),
+}
 """The densities of bounded graded units, by name."""
 
+FAR = 10.0
+"""From how many deviations outside the interval the tail of the normal distribution is computed by its logarithm."""
 NEGLIGIBLE = 20.0
 """What a density has fallen to, e^-20 of its peak, where an integral over it ends."""
 
@@ -207,4 +364,11 @@ def _inverse_mills(z: Units) -> Units:
     far = z < -30
     near = jnp.where(far, -30.0, z)  # beyond, the logarithms are so large that their difference loses its digits
     away = jnp.where(far, z, -30.0)
-    return jnp.where(far, -away - 1 / away, jnp.exp(-0.5 * near * near - LOG_ROOT_TWO_PI - log_ndtr(near)))
+    tail = 1 / (away * away)
+    expansion = -away * (1 + tail * (1 - tail * (2 - tail * (10 - 74 * tail))))
+    return jnp.where(far, expansion, jnp.exp(-0.5 * near * near - LOG_ROOT_TWO_PI - log_ndtr(near)))
+
+
+def _log_beta(alpha: Units, beta: Units) -> Units:
+    """The logarithm of the beta function; JAX's `betaln` has derivatives of single precision only."""
+    return gammaln(alpha) + gammaln(beta) - gammaln(alpha + beta)
