@@ -70,8 +70,8 @@ class Gymnasium(HostTask):
     - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
       mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
       within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
-    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for the default of the
-      action space; see `docs/foreign-environments.md`.
+    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"` for the
+      default of the action space; see `docs/foreign-environments.md`.
     - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
       a time limit). If every step has the same reward, only the ends inform an average reward.
 
@@ -123,12 +123,12 @@ class Gymnasium(HostTask):
         return self.env_id
 
     @property
-    def actions(self) -> Literal["binary", "discrete"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def actions(self) -> Literal["binary", "discrete", "graded"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._facts.code.actions
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        policy = "softmax" if self.actions == "discrete" else "hyperplanes"
+        policy = {"binary": "hyperplanes", "discrete": "softmax", "graded": "bounded-hyperplanes"}[self.actions]
         return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
 
     @property
@@ -138,6 +138,10 @@ class Gymnasium(HostTask):
     @property
     def action_size(self) -> int:
         return self._facts.code.size
+
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        return self._facts.code.bounds or super().action_range
 
     @property
     def period(self) -> float:
