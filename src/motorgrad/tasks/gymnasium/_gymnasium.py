@@ -86,8 +86,8 @@ class Gymnasium(HostTask):
     - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
       mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
       within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
-    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for the default of the
-      action space; see `docs/foreign-environments.md`.
+    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"` for the
+      default of the action space; see `docs/foreign-environments.md`.
     - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
       a time limit). If every step has the same reward, only the ends inform an average reward.
     - `info`: further keys of the `info` dictionary of a step that are read: each is a single number or a flag, whose
@@ -167,7 +167,7 @@ class Gymnasium(HostTask):
         return self.env_id
 
     @property
-    def actions(self) -> Literal["binary", "discrete"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def actions(self) -> Literal["binary", "discrete", "graded"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._facts.code.actions
 
     @property
@@ -178,7 +178,7 @@ class Gymnasium(HostTask):
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        policy = "softmax" if self.actions == "discrete" else "hyperplanes"
+        policy = {"binary": "hyperplanes", "discrete": "softmax", "graded": "bounded-hyperplanes"}[self.actions]
         return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
 
     @property
@@ -188,6 +188,10 @@ class Gymnasium(HostTask):
     @property
     def action_size(self) -> int:
         return self._facts.code.size
+
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        return self._facts.code.bounds or super().action_range
 
     @property
     def period(self) -> float:
