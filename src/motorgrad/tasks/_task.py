@@ -45,7 +45,7 @@ class Task(abc.ABC):
     name: ClassVar[str]
     """The name in the registry."""
     learner: ClassVar[Mapping[str, Any]] = {}
-    """Learner settings suited to the task, as in `motorgrad.training.AgentSettings`."""
+    """Learner settings suited to the task, as in `motorgrad.training.agent_for`."""
     uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
@@ -72,6 +72,11 @@ class Task(abc.ABC):
     @abc.abstractmethod
     def action_size(self) -> int:
         """Number of binary or graded actions, or of alternatives."""
+
+    def learner_for(self, steps: int) -> Mapping[str, Any]:
+        """Learner settings suited to the task and to a training of so many decisions; by default `learner`."""
+        del steps
+        return self.learner
 
     @classmethod
     def imports(cls, settings: Mapping[str, Any]) -> list[str]:

@@ -78,7 +78,7 @@ def check_training(
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
-    learner = agent if isinstance(agent, Agent) else agent_for(task, agent)
+    learner = agent if isinstance(agent, Agent) else agent_for(task, agent, steps=int(steps))
     own_window = -(-max(1, int(steps) // 200) // envs) * envs if _whole(envs) and envs > 0 else 1
     chosen_window = int(own_window if window is None else window)
     _check_envs(envs, workers, task, learner, {"steps": int(steps), "window": chosen_window})

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, unknown
+from motorgrad._presets import PRESETS, STEPS
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
@@ -178,8 +179,10 @@ class Gymnasium(HostTask):
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        policy = {"binary": "hyperplanes", "discrete": "softmax", "graded": "bounded-hyperplanes"}[self.actions]
-        return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
+        return self.learner_for(STEPS)
+
+    def learner_for(self, steps: int) -> Mapping[str, Any]:
+        return PRESETS["natural"](self, steps)
 
     @property
     def observation_size(self) -> int:
