@@ -15,6 +15,7 @@ from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, pri
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
+from motorgrad.policies._mixed import Mixed, mixed
 from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
@@ -40,6 +41,7 @@ __all__ = [
     "LocalUnits",
     "Masked",
     "Mirrored",
+    "Mixed",
     "Motoneurons",
     "Policy",
     "Primitives",
@@ -63,6 +65,7 @@ __all__ = [
     "hyperplanes",
     "initial",
     "mirrored",
+    "mixed",
     "mixture",
     "motoneurons",
     "primitives",

@@ -1,5 +1,6 @@
 """Graded units that act between two bounds."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import equinox as eqx
@@ -146,12 +147,24 @@ def bounded_hyperplanes(
     - `floor`: the least spread that learning may reach.
     """
     inputs, outputs = sizes(task, units)
-    choice("density", density, DENSITIES)
-    check(-1 < level < 1, "level", level, "above -1 and below 1")
-    noise = log_deviations(outputs, deviation, floor)
-    least = jnp.asarray(floor, noise.dtype)
+    return start_bounded(inputs, bounds_of(task, outputs), density, level, deviation, floor)
+
+
+def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:
+    """The range of each action of a task; from −1 to 1 without a task."""
     ranges = getattr(task, "action_range", ((-1.0, 1.0),) * outputs)
     check(len(ranges) == outputs, "units", outputs, f"{len(ranges)}, one for each action of the task")
+    return ranges
+
+
+def start_bounded(
+    inputs: int, ranges: Sequence[tuple[float, float]], density: str, level: float, deviation: float, floor: float
+) -> BoundedHyperplanes:
+    """Bounded hyperplanes with zero slopes, one for each of the `ranges`."""
+    choice("density", density, DENSITIES)
+    check(-1 < level < 1, "level", level, "above -1 and below 1")
+    noise = log_deviations(len(ranges), deviation, floor)
+    least = jnp.asarray(floor, noise.dtype)
     low, high = jnp.asarray(ranges, noise.dtype).T
-    location = jnp.full(outputs, DENSITIES[density].location(level))
-    return BoundedHyperplanes(jnp.zeros((outputs, inputs)), location, noise, least, low, high, density)
+    location = jnp.full(len(ranges), DENSITIES[density].location(level))
+    return BoundedHyperplanes(jnp.zeros((len(ranges), inputs)), location, noise, least, low, high, density)

@@ -14,6 +14,7 @@ from motorgrad.policies._grow_and_prune import growing
 from motorgrad.policies._hybrid import graded_tiles, primitives
 from motorgrad.policies._local import gaussians, tiles
 from motorgrad.policies._mirrored import mirrored
+from motorgrad.policies._mixed import mixed
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._querying import querying_motoneurons
 from motorgrad.policies._soft_shapes import soft_boxes, soft_spheres
@@ -32,6 +33,7 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "growing": growing,
     "hyperplanes": hyperplanes,
     "mirrored": mirrored,
+    "mixed": mixed,
     "mixture": mixture,
     "motoneurons": motoneurons,
     "primitives": primitives,

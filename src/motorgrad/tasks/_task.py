@@ -12,7 +12,7 @@ from motorgrad._errors import check_integer
 from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
-Actions = Literal["binary", "discrete", "graded"]
+Actions = Literal["binary", "discrete", "graded"] | tuple[Literal["binary", "graded"], ...]
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""] | bool
 Reading = tuple[Scalar, Flag]
@@ -52,7 +52,7 @@ class Task(abc.ABC):
     """Numbers from U[0, 1) that `init` consumes."""
     actions: ClassVar[Actions] = "binary"
     """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
-    vector of `action_size` real numbers."""
+    vector of `action_size` real numbers. A tuple with `"binary"` or `"graded"` for each action: a vector of both."""
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
@@ -86,7 +86,7 @@ class Task(abc.ABC):
         return []
 
     @property
-    def accepted_actions(self) -> tuple[str, ...]:
+    def accepted_actions(self) -> tuple[str | tuple[str, ...], ...]:
         """The kinds of actions that the task accepts, as in `Policy.actions`; by default only `actions`."""
         return (self.actions,)
 
@@ -117,8 +117,8 @@ class Task(abc.ABC):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """For graded actions: the values that −1 and 1 in an environment's action space stand for. A policy may exceed
-        them."""
+        """For graded actions: the least and the greatest value of each, within which bounded units act; −1 and 1 in an
+        environment's action space stand for them. An unbounded policy may exceed them."""
         return ((-1.0, 1.0),) * self.action_size
 
     @property

@@ -1,6 +1,7 @@
 """What every engine of training is: something that can be advanced, saved and restored."""
 
 import abc
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -175,10 +176,17 @@ def validate(task: Task, policy: Policy) -> None:
                 f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
             )
     if policy.actions not in task.accepted_actions:
-        takes = " or ".join(task.accepted_actions)
+        takes = " or ".join(map(_told, task.accepted_actions))
         raise ValueError(
-            f"policy {type(policy).__name__}: {policy.actions} actions, but the task {task.name!r} takes {takes}"
+            f"policy {type(policy).__name__}: {_told(policy.actions)} actions, but the task {task.name!r} takes {takes}"
         )
+
+
+def _told(actions: str | tuple[str, ...]) -> str:
+    """A kind of actions in words, such as "binary" or "2 binary, 3 graded"."""
+    if isinstance(actions, str):
+        return actions
+    return ", ".join(f"{len(list(run))} {kind}" for kind, run in itertools.groupby(actions))
 
 
 def validate_episodes(task: Task, agent: Agent) -> None:
