@@ -25,6 +25,7 @@ BELOW = {
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
     "training": {"tasks", "statistics"} | DYNAMICS | LEARNING,
+    "presets": {"training", "tasks", "learning"},
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
     "experiments": {"training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,

@@ -1,6 +1,8 @@
 """The options of a task and its learner, for the commands that take both."""
 
 import dataclasses
+import itertools
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,16 +29,17 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
         check_imports({**own, "name": task_name}, str(given.file), "--trust" in given.rest, given.rest)
     blank = TASKS[task_name]()
     rest = _expand_aliases(given.rest)
+    about = {"preset": _peek("preset", given, str), "steps": _peek("steps", given, float)}
     task = blank
     settings = {key: value for key, value in given.table.items() if key == "task"}
     try:
         if any(argument.startswith("--task") for argument in rest):
-            agent, left = _apply_kinds(agent_for(blank), rest)
+            agent, left = _apply_kinds(agent_for(blank, **about), rest)
             whole = _with_fields(base, name, does, blank, agent)
             draft = given._replace(table=settings, rest=left)
             settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
         task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
-        agent = agent_for(task, given.table.get("agent"))
+        agent = agent_for(task, given.table.get("agent"), **about)
     except ValueError as error:
         message = str(error)
         raise ValueError(
@@ -47,9 +50,24 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     return _with_fields(base, name, does, task, agent), given._replace(table=table, rest=rest)
 
 
-def changes_from_task(task: Task, agent: Agent) -> dict[str, Any]:
-    """The settings in which an agent differs from the learner that goes with its task, by path."""
-    own, now = (dict(_leaves(agent_table(each))) for each in (agent_for(task), agent))
+def _peek(option: str, given: Arguments, kind: type) -> Any:
+    """The value of an option of the command, on which the options of the learner depend; `None` where it is not given
+    or wrong, as it is reported when all options are read."""
+    words = [*given.rest, ""]
+    found = [b for a, b in itertools.pairwise(words) if a == f"--{option}"]
+    found += [word.partition("=")[2] for word in words if word.startswith(f"--{option}=")]
+    value = found[-1] if found else given.table.get(option)
+    try:
+        number = None if value is None else kind(value)
+    except (TypeError, ValueError):
+        return None
+    return number if kind is str or (number is not None and 1 <= number < 2**32) else None
+
+
+def changes_from_task(task: Task, agent: Agent, preset: str | None, steps: int) -> dict[str, Any]:
+    """The settings in which an agent differs from the learner that goes with its task, or a preset, by path."""
+    started = agent_for(task, preset=preset, steps=steps)
+    own, now = (dict(_leaves(agent_table(each))) for each in (started, agent))
     return {path: value for path, value in now.items() if own.get(path) != value}
 
 
@@ -61,6 +79,8 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     name, rest = None, given.rest
     if rest and not rest[0].startswith("-"):
         name, *rest = rest
+        if name not in TASKS and _is_environment(name):
+            name, rest = "gymnasium", ["--task.env-id", name, *rest]
         choice("task", name, TASKS)
     if given.file is None:
         return name, given._replace(rest=rest)
@@ -73,6 +93,11 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     except (ValueError, RunDirectoryError) as error:
         raise ValueError(f"{given.file}: {error}") from None
     return name or named, given._replace(table=values, rest=rest)
+
+
+def _is_environment(word: str) -> bool:
+    """Whether a word is the id of a Gymnasium environment: `Name-v0` or `module:Name-v0`."""
+    return re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
 
 
 def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:

@@ -78,11 +78,12 @@ class Policy(eqx.Module):
         """Number of units, or number of alternatives of a discrete action."""
 
     @property
-    def actions(self) -> str:
+    def actions(self) -> str | tuple[str, ...]:
         """The kind of action.
 
         `"binary"`: a vector of zeros and ones. `"discrete"`: an integer. `"graded"`: a vector of real numbers.
-        `"querying"`: zeros and ones followed by the requested next input.
+        `"querying"`: zeros and ones followed by the requested next input. A tuple of `"binary"` and `"graded"`: a
+        vector whose numbers are of these kinds.
         """
         observation = jax.ShapeDtypeStruct((self.inputs,), jnp.result_type(float))
         return "binary" if jax.eval_shape(lambda policy, y: policy.mode(y), self, observation).ndim else "discrete"
