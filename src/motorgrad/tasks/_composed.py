@@ -153,7 +153,7 @@ class Composed(BodyTask):
     terminations: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     recorded: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     actions: Literal["graded", "binary"] = "graded"  # pyright: ignore[reportIncompatibleVariableOverride]
-    groups: tuple[str | tuple[str, ...], ...] | None = None
+    groups: tuple[str | tuple[str, ...], ...] | None = dataclasses.field(default=None, metadata=FIXED)
     scaling: Literal["running", "none"] = "running"
     action_period: float = 0.02
     time_limit: float | None = None
