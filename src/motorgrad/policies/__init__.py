@@ -1,6 +1,7 @@
 """Stochastic units, and the policies composed of them."""
 
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
+from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
 from motorgrad.policies._graded import (
     GradedHyperplanes,
@@ -23,6 +24,8 @@ __all__ = [
     "IMPLIED",
     "INITIAL",
     "BinaryUnits",
+    "BoundedHyperplanes",
+    "BoundedUnits",
     "Factored",
     "FreeGaussians",
     "Gated",
@@ -47,6 +50,7 @@ __all__ = [
     "SoftSpheres",
     "Softmax",
     "activity",
+    "bounded_hyperplanes",
     "describe",
     "fixed",
     "gated",

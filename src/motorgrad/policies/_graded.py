@@ -87,10 +87,22 @@ class GradedUnits(Policy):
         return jnp.sum(self.log_probs(observation, action))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
-        s = self.deviation
-        z = (action - self.mean(observation)) / s
-        parts = {name: per_unit(z / s, slope) * slope for name, slope in self.mean_gradient(observation).items()}
-        return in_structure(self, **parts, log_deviation=(z * z - 1) * self._log_deviation_slope())
+        location, spread = self._slopes(observation, action)
+        gradient = self.mean_gradient(observation)
+        parts = {name: per_unit(location, slope) * slope for name, slope in gradient.items()}
+        return in_structure(self, **parts, log_deviation=spread * self._log_deviation_slope())
+
+    def _slopes(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, " units"], Float[Array, " units"]]:
+        r"""The derivatives of each unit's log-density by $m$ and by $\log s$."""
+        z = (action - self.mean(observation)) / self.deviation
+        return z / self.deviation, z * z - 1
+
+    def _information(self, observation: Float[Array, " inputs"]) -> tuple[Any, Any, Any]:
+        r"""The Fisher information of each unit's $m$ and $\log s$, as the factor of its Cholesky decomposition: its
+        entries $mm$, $sm$ and $ss$."""
+        return 1 / self.deviation, jnp.zeros_like(self.log_deviation), math.sqrt(2)
 
     def _log_deviation_slope(self) -> Float[Array, " units"]:
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
@@ -105,15 +117,14 @@ class GradedUnits(Policy):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         r"""Exact: $\nabla m \nabla m'/s^2$ for the mean and $2\,(e^\lambda/s)^2$ for $\lambda$.
 
-        There is no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
+        Normal units have no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
-        none = jnp.zeros_like(self.log_deviation)
-        gradient = self.mean_gradient(observation)
-        slopes = {name: per_unit(1 / self.deviation, slope) * slope for name, slope in gradient.items()}
-        (mean,) = self.blocks(in_structure(self, **slopes, log_deviation=none))
+        gradient, own = self.mean_gradient(observation), self._log_deviation_slope()
+        location, cross, spread = self._information(observation)
+        slopes = {name: per_unit(location, slope) * slope for name, slope in gradient.items()}
+        (mean,) = self.blocks(in_structure(self, **slopes, log_deviation=cross * own))
         others = {name: jnp.zeros_like(slope) for name, slope in slopes.items()}
-        spread = math.sqrt(2) * self._log_deviation_slope()
-        (noise,) = self.blocks(in_structure(self, **others, log_deviation=spread))
+        (noise,) = self.blocks(in_structure(self, **others, log_deviation=spread * own))
         if mean.shape[0] != self.outputs:
             return super().fisher(observation, action)
         return (outer(mean) + outer(noise),)
@@ -121,14 +132,13 @@ class GradedUnits(Policy):
     def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
         return with_fields(self, log_deviation=self.log_deviation + jnp.log(factor))
 
-    @property
-    def entropies(self) -> Float[Array, " units"]:
+    def entropies(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         """Differential entropy of each unit, in nats."""
         return jnp.log(self.deviation) + 0.5 * math.log(2 * math.pi * math.e)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        """Differential entropy in nats: the same at all inputs, and negative for little noise."""
-        return jnp.sum(self.entropies)
+        """Differential entropy in nats, negative for little noise; of normal units the same at all inputs."""
+        return jnp.sum(self.entropies(observation))
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")

@@ -243,7 +243,7 @@ class Primitives(Composed):
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
         """The probability that each primitive starts, then the mean of each movement parameter if it does."""
         can_start, rest = self._flags_and_rest(observation)
-        return jnp.concatenate([can_start * self.precondition.prob(rest), self.movement.mean(rest)])
+        return jnp.concatenate([can_start * self.precondition.prob(rest), self.movement.prob(rest)])
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
         can_start, rest = self._flags_and_rest(observation)
@@ -286,7 +286,7 @@ class Primitives(Composed):
         """Entropy of the starts plus the differential entropy of the movement parameters of what starts, in nats."""
         can_start, rest = self._flags_and_rest(observation)
         starts = can_start * self.precondition.prob(rest)
-        return entropy_of(starts) + jnp.sum(self._per_parameter(starts) * self.movement.entropies)
+        return entropy_of(starts) + jnp.sum(self._per_parameter(starts) * self.movement.entropies(rest))
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")

@@ -7,6 +7,7 @@ import jax
 
 from motorgrad._errors import unknown
 from motorgrad.policies._binary import hyperplanes, motoneurons
+from motorgrad.policies._bounded import bounded_hyperplanes
 from motorgrad.policies._composed import gated, mixture
 from motorgrad.policies._graded import graded_hyperplanes, graded_motoneurons
 from motorgrad.policies._grow_and_prune import growing
@@ -22,6 +23,7 @@ Initial = Policy | Callable[[jax.Array], Policy]
 """A policy, or a function from a seed's key to a policy."""
 
 INITIAL: dict[str, Callable[..., Initial]] = {
+    "bounded-hyperplanes": bounded_hyperplanes,
     "gated": gated,
     "gaussians": gaussians,
     "graded-hyperplanes": graded_hyperplanes,
