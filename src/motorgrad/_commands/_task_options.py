@@ -4,15 +4,16 @@ import dataclasses
 import itertools
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-from motorgrad._commands._configuration import Arguments, parse_values
+from motorgrad._commands._configuration import Arguments, parse_values, pop_option
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED
-from motorgrad.tasks import TASKS, Task
+from motorgrad.tasks import TASKS, Task, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports
 
 
@@ -72,11 +73,18 @@ def changes_from_task(task: Task, agent: Agent, preset: str | None, steps: int) 
 
 
 def split_task(given: Arguments) -> tuple[str | None, Arguments]:
-    """The task's name, from the command line or from the file, and the other arguments.
+    """The task's name, from the command line or from a file, and the other arguments.
 
-    The file may be a run's own `config.toml`: its table `run` holds options.
+    The file of options may be a run's own `config.toml`: its table `run` holds options. `--task FILE` names the file of
+    a task alone.
     """
-    name, rest = None, given.rest
+    word, rest = pop_option("task", given.rest)
+    if word is not None:
+        check(not rest or rest[0].startswith("-"), "--task", word, f"left out, as the command names {rest[:1]}")
+        check("task" not in given.table, "--task", word, f"left out, as {given.file} has a task")
+        settings = settings_in(Path(word))
+        return settings.pop("name"), given._replace(rest=rest, table={**given.table, "task": settings})
+    name = None
     if rest and not rest[0].startswith("-"):
         name, *rest = rest
         if name not in TASKS and _is_environment(name):
@@ -85,7 +93,7 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     if given.file is None:
         return name, given._replace(rest=rest)
     try:
-        named, values = _task_in_file(given.table)
+        named, values = _task_in_file(given.table, given.file.absolute().parent)
         settings = values.get("task")
         if name is not None and named not in (None, name) and settings:
             raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but the command names {name!r}")
@@ -100,8 +108,8 @@ def _is_environment(word: str) -> bool:
     return re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
 
 
-def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
-    """The task's name in a file, and the options there."""
+def _task_in_file(table: dict[str, Any], folder: Path) -> tuple[str | None, dict[str, Any]]:
+    """The task's name in a file of a folder, and the options there."""
     values = dict(table)
     if isinstance(values.get("run"), dict):
         run = {key: value for key, value in values.pop("run").items() if key != "initial"}
@@ -113,6 +121,7 @@ def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     named, settings = task.get("name"), {key: value for key, value in task.items() if key != "name"}
     if named is not None:
         choice("task", named, TASKS)
+        settings = TASKS[named].in_folder(settings, folder)
     agent = values.get("agent")
     policy = agent.get("policy") if isinstance(agent, dict) else None
     if isinstance(policy, dict) and policy.get("kind") == "given":

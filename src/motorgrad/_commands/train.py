@@ -124,12 +124,19 @@ def run(arguments: list[str]) -> int:
     given = _arguments(arguments)
     about = given.table.get("run")
     from_policies = isinstance(about, dict) and "initial" in about
+    if (file := pop_option("task", given.rest)[0]) is not None:
+        given.table.setdefault("out", str(Path("runs") / Path(file).stem))
     name, given = split_task(given)
     if name is None:
         asked = set(arguments) & {"-h", "--help"}
-        check(asked or not arguments, "the first word", arguments[:1], "the task's name: motorgrad train TASK ...")
-        known = f"{', '.join(TASKS)}; or the id of a Gymnasium environment"
-        print(f"usage: motorgrad train TASK [options]\n\ntasks: {known}\n")
+        check(
+            asked or not arguments,
+            "the first word",
+            arguments[:1],
+            "the task's name: motorgrad train TASK ..., or --task FILE.toml",
+        )
+        print("usage: motorgrad train TASK [options]\n       motorgrad train --task FILE.toml [options]\n")
+        print(f"tasks: {', '.join(TASKS)}; or the id of a Gymnasium environment\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
         return 0 if asked else 2
     swept = given.table.get("sweep")

@@ -9,6 +9,7 @@ __all__ = ["Row", "speed_table"]
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """Measure the speed table, and yield its rows one by one. `quick` makes it small enough for a smoke test."""
+    from motorgrad.benchmarks._arm18 import reach18
     from motorgrad.benchmarks._bodies import (
         body_row,
         foreign_row,
@@ -44,6 +45,9 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
         yield row
         yield simulated_row(row, task)
+    row = body_row("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
+    yield row
+    yield simulated_row(row, reach18())
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
     yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")

@@ -4,7 +4,7 @@ A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes 
 many simulations, and `to_mjcf` writes a file for other programs.
 """
 
-from motorgrad.bodies._batch import BodyBatch, BodyState, start_pose
+from motorgrad.bodies._batch import BodyBatch, BodyState, start_key, start_pose
 from motorgrad.bodies._body import (
     Actuator,
     Body,
@@ -24,7 +24,7 @@ from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure
 from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
 from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
-from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors
+from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors, actuator_levels
 from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
@@ -78,6 +78,7 @@ __all__ = [
     "WithSensors",
     "Wrap",
     "WrappedBody",
+    "actuator_levels",
     "actuators_of",
     "add_muscles",
     "away_angle",
@@ -96,6 +97,7 @@ __all__ = [
     "path_points",
     "read_hexapod",
     "read_model",
+    "start_key",
     "start_pose",
     "tabulate_lift",
     "tension",

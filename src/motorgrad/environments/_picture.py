@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.bodies import group_places
+from motorgrad.bodies import actuator_levels, group_places
 from motorgrad.environments._rows import Rows
 from motorgrad.sim import Painter
 
@@ -109,9 +109,10 @@ class Picture:
         """The picture of a row, with its simulated time."""
         body = self._rows.body
         assert body is not None
-        position = body.unpack(body.packed[row]).position
+        state = body.unpack(body.packed[row])
         time = self._rows.decisions[row] * self._rows.period
-        return self._painter.paint(position, self._action[row][self._group_of], "", f"{time:.2f} s")
+        level = actuator_levels(body.model, self._action[row][self._group_of], state.activation)
+        return self._painter.paint(state.position, level, "", f"{time:.2f} s")
 
     def close(self) -> None:
         """Close the window and release graphics resources."""

@@ -2,7 +2,7 @@
 
 from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
-from motorgrad.tasks._composed import Composed, compose, load
+from motorgrad.tasks._composed import Composed, compose, load, settings_in
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
@@ -74,6 +74,7 @@ __all__ = [
     "observe",
     "outcome",
     "region_reward",
+    "settings_in",
     "spacing_error",
     "synergy_matrix",
     "terms",

@@ -44,6 +44,32 @@ from motorgrad.tasks.terms import (
 )
 from motorgrad.tasks.terms._term import Now, bound
 
+BATCH = 500  # decisions per update of the parameters
+UPDATES = 400  # updates after which annealing ends
+LEARNER: Mapping[str, Any] = {
+    "estimator": {
+        # generalised advantages: the trace's decay is the critic's discount times 0.95
+        "trace": {"kind": "exponential", "decay": 0.9215},
+        "baseline": {
+            "kind": "critic",
+            "features": {"squares": True},
+            "discount": 0.97,
+            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
+        },
+        "improve": BATCH,
+        "normalization": {"rate": 1 / (10 * BATCH)},
+    },
+    "metric": {
+        "kind": "fisher",
+        "rate": 1 / (20 * BATCH),
+        "initial": 0.05,
+        "damping": 0.01,
+        "kl": {"kind": "annealed", "start": 0.05, "end": 0.005, "steps": UPDATES},
+    },
+    "optimizer": {"learning_rate": 1.0},
+    "averaging": {"start": UPDATES - 50},
+}
+
 FIXED: Mapping[str, Any] = {"option": False}
 """Of fields that are too much for an option of the command line."""
 
@@ -156,7 +182,7 @@ class Composed(BodyTask):
     terminations: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     recorded: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     actions: Literal["graded", "binary"] = "graded"  # pyright: ignore[reportIncompatibleVariableOverride]
-    groups: tuple[str | tuple[str, ...], ...] | None = None
+    groups: tuple[str | tuple[str, ...], ...] | None = dataclasses.field(default=None, metadata=FIXED)
     scaling: Literal["running", "none"] = "running"
     action_period: float = 0.02
     time_limit: float | None = None
@@ -196,6 +222,11 @@ class Composed(BodyTask):
     @classmethod
     def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         return _absolute(settings, folder)
+
+    @property
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The learner of the hexapod's muscles in larger batches, with units for these actions."""
+        return {**LEARNER, "policy": "bounded-hyperplanes" if self.actions == "graded" else "hyperplanes"}
 
     @functools.cached_property
     def _bound(self) -> _Bindings:

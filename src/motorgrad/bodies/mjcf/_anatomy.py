@@ -174,6 +174,24 @@ class Anatomy:
         return names, np.array(places, int)
 
 
+def actuator_levels(model: Any, control: Any, activation: Any = None) -> Float[np.ndarray, "... nu"]:
+    """How active each actuator is, from 0 to 1, for display: its activation, or its control as a share of the greatest.
+
+    **Arguments:** `model`; `control` (..., nu) and `activation` (..., na), MuJoCo's `ctrl` and `act`. Without
+    activations, controls stand for them.
+    """
+    level = np.array(control, float)
+    if activation is not None and model.na:
+        last = model.actuator_actadr + model.actuator_actnum - 1
+        has_state = model.actuator_actadr >= 0
+        level[..., has_state] = np.asarray(activation)[..., last[has_state]]
+    else:
+        has_state = np.zeros(model.nu, bool)
+    most = np.abs(model.actuator_ctrlrange).max(axis=1)
+    bounded = (model.actuator_ctrllimited > 0) & (most > 0) & ~has_state
+    return np.clip(np.abs(np.where(bounded, level / np.where(bounded, most, 1), level)), 0, 1)
+
+
 @functools.lru_cache(maxsize=32)
 def _compiled(body: Body) -> mujoco.MjModel:
     return compile_spec(body.spec())

@@ -3,10 +3,7 @@
 import jax.numpy as jnp
 
 from motorgrad._tree import static
-from motorgrad.tasks.terms._term import Bound, Now, Observation, Scene
-
-Names = str | tuple[str, ...]
-"""A name, a pattern such as `flexor*`, or several of them."""
+from motorgrad.tasks.terms._term import Bound, Names, Now, Observation, Scene, by_name
 
 
 class JointPositions(Observation):
@@ -15,7 +12,7 @@ class JointPositions(Observation):
     **Arguments:** `joints`: names or patterns; `scale`.
     """
 
-    joints: Names = static("*")
+    joints: Names = by_name("*")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.positions(self.joints)
@@ -28,7 +25,7 @@ class JointVelocities(Observation):
     **Arguments:** `joints`: names or patterns; `scale`.
     """
 
-    joints: Names = static("*")
+    joints: Names = by_name("*")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.velocities(self.joints)
@@ -41,7 +38,7 @@ class OfActuators(Observation):
     **Arguments:** `actuators`: names or patterns; `scale`.
     """
 
-    actuators: Names = static("*")
+    actuators: Names = by_name("*")
 
     def of(self, scene: Scene, kind: str, word: str) -> Bound:
         """The readings of sensors of a kind, named by a word."""
@@ -89,7 +86,7 @@ class Activations(Observation):
     **Arguments:** `actuators`: names or patterns; `scale`.
     """
 
-    actuators: Names = static("*")
+    actuators: Names = by_name("*")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.activations(self.actuators)
@@ -102,7 +99,7 @@ class Positions(Observation):
     **Arguments:** `parts`: their names; `scale`.
     """
 
-    parts: Names = static(())
+    parts: Names = by_name(())
 
     def bind(self, scene: Scene) -> Bound:
         return _vectors(scene, self.parts, False)
@@ -114,7 +111,7 @@ class Velocities(Observation):
     **Arguments:** `parts`: their names; `scale`.
     """
 
-    parts: Names = static(())
+    parts: Names = by_name(())
 
     def bind(self, scene: Scene) -> Bound:
         return _vectors(scene, self.parts, True)
@@ -152,7 +149,7 @@ class SensorReadings(Observation):
     **Arguments:** `sensors`: names or patterns; `scale`.
     """
 
-    sensors: Names = static("*")
+    sensors: Names = by_name("*")
 
     def bind(self, scene: Scene) -> Bound:
         names = scene.named("sensor", self.sensors)
@@ -173,7 +170,7 @@ class Contacts(Observation):
     **Arguments:** `parts`: names of sites or bodies; `scale`.
     """
 
-    parts: Names = static(())
+    parts: Names = by_name(())
 
     def bind(self, scene: Scene) -> Bound:
         wanted = (self.parts,) if isinstance(self.parts, str) else self.parts
@@ -196,7 +193,7 @@ class PreviousAction(Observation):
     **Arguments:** `actuators`: names or patterns; `scale`.
     """
 
-    actuators: Names = static("*")
+    actuators: Names = by_name("*")
 
     def bind(self, scene: Scene) -> Bound:
         places = scene.groups(self.actuators)

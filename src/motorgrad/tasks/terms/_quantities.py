@@ -9,9 +9,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._tree import count, number, static
-from motorgrad.tasks.terms._observations import Names
-from motorgrad.tasks.terms._targets import Numbers
-from motorgrad.tasks.terms._term import Bound, Now, Quantity, Scene, norm
+from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scene, by_name, norm, vector
 
 
 class Distance(Quantity):
@@ -134,7 +132,7 @@ class Along(Quantity):
     """
 
     part: str = static("")
-    direction: tuple[float, float, float] = static((1.0, 0.0, 0.0))
+    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0))
     most: float | None = number(None, 0)
 
     def validate(self) -> None:
@@ -158,7 +156,7 @@ class Speed(Quantity):
     """
 
     part: str | None = static(None)
-    joints: Names = static("*")
+    joints: Names = by_name("*")
     _: KW_ONLY
     weight: float = number(-1.0)
 
@@ -177,8 +175,8 @@ class Outside(Quantity):
     """
 
     part: str = static("")
-    low: Numbers = static((-1.0, -1.0, -1.0))
-    high: Numbers = static((1.0, 1.0, 1.0))
+    low: Numbers = vector((-1.0, -1.0, -1.0))
+    high: Numbers = vector((1.0, 1.0, 1.0))
     _: KW_ONLY
     weight: float = number(-1.0)
     above: float | None = number(0.5)
@@ -205,7 +203,7 @@ class Effort(Quantity):
     """
 
     of: Literal["activation", "control"] = static("control")
-    actuators: Names = static("*")
+    actuators: Names = by_name("*")
     power: float = number(2.0, 0, open_low=True)
     root: bool = static(False)
     _: KW_ONLY
@@ -249,7 +247,7 @@ class Fatigue(Quantity):
     - `weight`: by default −1.
     """
 
-    actuators: Names = static("*")
+    actuators: Names = by_name("*")
     fatigue: float = number(0.00912, 0)
     recovery: float = number(0.00094, 0)
     rest: float = number(15.0, 1)

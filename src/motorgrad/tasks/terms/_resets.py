@@ -10,9 +10,8 @@ from scipy.special import ndtri
 
 from motorgrad._errors import check, unknown
 from motorgrad._tree import number, static
-from motorgrad.tasks.terms._observations import Names
-from motorgrad.tasks.terms._targets import Numbers, joint_ranges
-from motorgrad.tasks.terms._term import BoundReset, Pose, Reset, Scene
+from motorgrad.tasks.terms._targets import joint_ranges
+from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Pose, Reset, Scene, by_name, vector
 
 LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞
 
@@ -52,9 +51,9 @@ class RandomJoints(Reset):
     - `share`: of that range about its middle, from 0 to 1.
     """
 
-    joints: Names = static("*")
-    low: Numbers | None = static(None)
-    high: Numbers | None = static(None)
+    joints: Names = by_name("*")
+    low: Numbers | None = vector(None)
+    high: Numbers | None = vector(None)
     share: float = number(1.0, 0, 1)
 
     def bind(self, scene: Scene) -> BoundReset:
@@ -81,7 +80,7 @@ class Noise(Reset):
     m/s): standard deviations.
     """
 
-    joints: Names = static("*")
+    joints: Names = by_name("*")
     position: float = number(0.0, 0)
     velocity: float = number(0.0, 0)
 

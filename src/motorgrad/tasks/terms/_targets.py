@@ -15,9 +15,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._tree import static
-from motorgrad.tasks.terms._term import BoundTarget, Scene, Target
+from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
-Numbers = tuple[float, ...]
 REACHABLE = 2_048
 """Poses from which a place to reach is drawn."""
 MOST_REACHABLE = 16_384
@@ -40,11 +39,11 @@ class Reach(Target):
     - `name`: by which other terms refer to the target.
     """
 
-    parts: str | tuple[str, ...] = static("hand")
-    at: Numbers | None = static(None)
-    low: Numbers | None = static(None)
-    high: Numbers | None = static(None)
-    joints: str | tuple[str, ...] = static("*")
+    parts: Names = by_name("hand")
+    at: Numbers | None = vector(None)
+    low: Numbers | None = vector(None)
+    high: Numbers | None = vector(None)
+    joints: Names = by_name("*")
     reachable: bool = static(False)
 
     def bind(self, scene: Scene) -> BoundTarget:
@@ -78,10 +77,10 @@ class Pose(Target):
     - `name`: by which other terms refer to the target.
     """
 
-    joints: str | tuple[str, ...] = static("*")
-    at: Numbers | None = static(None)
-    low: Numbers | None = static(None)
-    high: Numbers | None = static(None)
+    joints: Names = by_name("*")
+    at: Numbers | None = vector(None)
+    low: Numbers | None = vector(None)
+    high: Numbers | None = vector(None)
 
     def bind(self, scene: Scene) -> BoundTarget:
         names, places = scene.positions(self.joints)
@@ -112,10 +111,10 @@ class Follow(Target):
     - `name`: by which other terms refer to the target.
     """
 
-    parts: str | tuple[str, ...] = static(())
-    joints: str | tuple[str, ...] = static(())
+    parts: Names = by_name(())
+    joints: Names = by_name(())
     file: str | None = static(None)
-    time: Numbers = static(())
+    time: Numbers = vector(())
     values: tuple[Numbers, ...] = static(())
     repeats: bool = static(False)
     random_start: bool = static(False)

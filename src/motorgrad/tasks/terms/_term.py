@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,6 +15,21 @@ from motorgrad._tree import Part, kind_of, number, static
 from motorgrad.bodies import Anatomy, Body, BodyState
 
 Scalar = Float[Array, ""]
+
+
+Names = str | tuple[str, ...]
+"""A name, a pattern such as `flexor*`, or several of them."""
+Numbers = tuple[float, ...]
+
+
+def by_name(default: Any = "*") -> Any:
+    """Declare a field that holds names, or patterns of names."""
+    return eqx.field(static=True, default=default, converter=lambda v: tuple(v) if isinstance(v, list) else v)
+
+
+def vector(default: Any = None) -> Any:
+    """Declare a field that holds a row of numbers, or none."""
+    return eqx.field(static=True, default=default, converter=lambda v: v if v is None else tuple(map(float, v)))
 
 
 class Now(NamedTuple):
