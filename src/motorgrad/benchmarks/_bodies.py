@@ -3,9 +3,11 @@
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
 
+import importlib.util
+import math
 import time
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
@@ -15,7 +17,7 @@ from mujoco.batch import Batch
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import BodyBatch, compile_model, group_places
-from motorgrad.tasks import BodyTask, Hopper, from_gymnasium
+from motorgrad.tasks import BodyTask, Hopper, from_gymnasium, myosuite
 from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
@@ -62,6 +64,35 @@ def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
     assert row.other is not None
     ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
     return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
+
+
+def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
+    """Learning in a task of MyoSuite, rebuilt, as `body_row`; and MyoSuite's own steps per second, against
+    `mujoco.mj_step` alone. Without MyoSuite a row that says so."""
+    if importlib.util.find_spec("myosuite") is None:
+        yield Row(
+            f"{env_id} (MyoSuite is not installed: extra myosuite)", math.nan, None, "physics steps/s", wanted=wanted
+        )
+        return
+    yield body_row(env_id, myosuite(env_id, actions="binary"), seeds, decisions, pairs, wanted)
+    theirs = gymnasium.make(env_id)
+    theirs.reset(seed=0)
+    inner: Any = theirs.unwrapped
+    data, controls = mujoco.MjData(inner.model), np.random.default_rng(0).uniform(size=(decisions, inner.model.nu))
+    actions = (2 * controls - 1).astype(np.float32)
+
+    def own() -> None:
+        for action in actions:
+            if any(theirs.step(action)[2:4]):
+                theirs.reset()
+
+    def bare() -> None:
+        for control in controls:
+            data.ctrl[:] = control
+            mujoco.mj_step(inner.model, data, inner.frame_skip)
+
+    steps = decisions * inner.frame_skip
+    yield in_turn("   MyoSuite's own step ÷ mj_step", "physics steps/s", steps, own, bare, pairs=pairs)
 
 
 HOPPER = "motorgrad/Hopper-v0"
