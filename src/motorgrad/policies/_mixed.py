@@ -39,11 +39,12 @@ class Mixed(Pools):
         check(vectors, "pools", kinds, "pools of binary or graded units")
 
     @property
-    def actions(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        kinds = [(pool.actions, pool.outputs) for pool in self.pools]
-        return tuple(
-            kind for own, count in kinds for kind in (own if isinstance(own, tuple) else itertools.repeat(own, count))
-        )
+    def actions(self) -> str | tuple[str, ...]:
+        """The kind of each number; only one if all are of it."""
+        kinds: list[str] = []
+        for pool in self.pools:
+            kinds += pool.actions if isinstance(pool.actions, tuple) else [pool.actions] * pool.outputs
+        return tuple(kinds) if len(set(kinds)) > 1 else kinds[0]
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
