@@ -214,7 +214,11 @@ def policy_form(policy: Any) -> Any:
     ]
     helps = descriptions(function)
     for name, hint in policy_settings(policy.kind).items():
-        entries.append((name, *_entry(hint, policy.settings.get(name, known[name].default), helps.get(name))))
+        value = policy.settings.get(name, known[name].default)
+        if isinstance(value, Part):
+            hint = part_form(value)
+            value = hint()
+        entries.append((name, *_entry(hint, value, helps.get(name))))
     doc = (inspect.getdoc(function) or "").partition("\n")[0]
     return dataclasses.make_dataclass("Policy", entries, bases=(_PartForm,), namespace={"__doc__": doc})
 

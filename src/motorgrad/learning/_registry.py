@@ -15,6 +15,7 @@ from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Tr
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
+from motorgrad.policies import FeatureMap
 
 KINDS.update(
     {
@@ -35,6 +36,7 @@ KINDS.update(
             "true-online-td": TrueOnlineTemporalDifference,
         },
         Estimator: {"estimator": Estimator},
+        FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
         Metric: {"fisher": FisherMetric},

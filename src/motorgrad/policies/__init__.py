@@ -3,6 +3,8 @@
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
+from motorgrad.policies._featured import Featured
+from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
@@ -28,6 +30,8 @@ __all__ = [
     "BoundedHyperplanes",
     "BoundedUnits",
     "Factored",
+    "FeatureMap",
+    "Featured",
     "FreeGaussians",
     "Gated",
     "GaussianUnits",

@@ -11,6 +11,8 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
     has_rows,
@@ -186,15 +188,21 @@ class Motoneurons(SigmoidUnits):
         return with_fields(self, gain=self.gain / factor)
 
 
-def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
+def hyperplanes(task: Any, units: int | None = None, features: FeatureMap = INPUTS) -> Hyperplanes | Featured:
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
     **Arguments:**
 
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
+    return featured(features, inputs, lambda count: zero_hyperplanes(count, outputs))
+
+
+def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
+    """Hyperplanes with zero weights."""
     return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
 
 

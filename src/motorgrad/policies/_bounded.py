@@ -11,6 +11,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.policies._densities import DENSITIES, Density
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
 from motorgrad.policies._policy import fixed, sizes
 
@@ -131,7 +133,8 @@ def bounded_hyperplanes(
     level: float = 0.0,
     deviation: float = 0.5,
     floor: float = 0.02,
-) -> BoundedHyperplanes:
+    features: FeatureMap = INPUTS,
+) -> BoundedHyperplanes | Featured:
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
 
@@ -145,9 +148,11 @@ def bounded_hyperplanes(
     - `level`: the most probable activation at the start, as a fraction of half the range from its middle.
     - `deviation`: the spread at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
-    return start_bounded(inputs, bounds_of(task, outputs), density, level, deviation, floor)
+    ranges = bounds_of(task, outputs)
+    return featured(features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor))
 
 
 def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:

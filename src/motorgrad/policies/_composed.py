@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product
-from motorgrad.policies._binary import hyperplanes as zero_hyperplanes
-from motorgrad.policies._local import LocalGaussians, input_ranges, lattice, tiles
+from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
+from motorgrad.policies._features import lattice
+from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
 from motorgrad.policies._policy import Composed, Policy, Regions, in_structure, sizes
 
 

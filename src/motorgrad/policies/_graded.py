@@ -14,6 +14,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._binary import single_input_units
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
     fixed,
@@ -246,8 +248,13 @@ def graded_motoneurons(
 
 
 def graded_hyperplanes(
-    task: Any, units: int | None = None, level: float = 0.0, deviation: float = 0.3, floor: float = 0.02
-) -> GradedHyperplanes:
+    task: Any,
+    units: int | None = None,
+    level: float = 0.0,
+    deviation: float = 0.3,
+    floor: float = 0.02,
+    features: FeatureMap = INPUTS,
+) -> GradedHyperplanes | Featured:
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
@@ -259,8 +266,14 @@ def graded_hyperplanes(
     - `level`: the mean activation at the start, for every observation.
     - `deviation`: the standard deviation of the noise at the start.
     - `floor`: the least standard deviation that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
+    return featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor))
+
+
+def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:
+    """Graded hyperplanes with zero slopes."""
     check(math.isfinite(level), "level", level, "a finite number")
     noise = log_deviations(outputs, deviation, floor)
     least = jnp.asarray(floor, noise.dtype)

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, entropy_of, hyperplanes
-from motorgrad.policies._graded import GradedUnits, check_floor, graded_hyperplanes, log_deviations, normal_of
+from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
+from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
 from motorgrad.policies._local import tiles
 from motorgrad.policies._policy import (
     Composed,
@@ -351,5 +351,5 @@ def primitives(
     check(whole and outputs % count == 0 and outputs > count, "count", count, f"a divisor of {outputs}, below it")
     check(inputs > count, "inputs", inputs, f"more than the {count} flags of primitives that can start")
     return Primitives(
-        hyperplanes(inputs - count, count), graded_hyperplanes(inputs - count, outputs - count, 0.0, deviation, floor)
+        zero_hyperplanes(inputs - count, count), start_graded(inputs - count, outputs - count, 0.0, deviation, floor)
     )

@@ -7,9 +7,11 @@ import equinox as eqx
 from jaxtyping import Array
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import hyperplanes
+from motorgrad.policies._binary import zero_hyperplanes
 from motorgrad.policies._bounded import Shape, bounds_of, start_bounded
 from motorgrad.policies._composed import Pools
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy, sizes
 
 
@@ -39,11 +41,12 @@ class Mixed(Pools):
         check(vectors, "pools", kinds, "pools of binary or graded units")
 
     @property
-    def actions(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        kinds = [(pool.actions, pool.outputs) for pool in self.pools]
-        return tuple(
-            kind for own, count in kinds for kind in (own if isinstance(own, tuple) else itertools.repeat(own, count))
-        )
+    def actions(self) -> str | tuple[str, ...]:
+        """The kind of each number; only one if all are of it."""
+        kinds: list[str] = []
+        for pool in self.pools:
+            kinds += pool.actions if isinstance(pool.actions, tuple) else [pool.actions] * pool.outputs
+        return tuple(kinds) if len(set(kinds)) > 1 else kinds[0]
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
@@ -57,7 +60,8 @@ def mixed(
     level: float = 0.0,
     deviation: float = 0.5,
     floor: float = 0.02,
-) -> Mixed:
+    features: FeatureMap = INPUTS,
+) -> Mixed | Featured:
     """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero slopes.
 
     **Arguments:**
@@ -69,6 +73,7 @@ def mixed(
     - `level`: the most probable graded activation at the start, as a fraction of half the range from its middle.
     - `deviation`: the spread of graded activations at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
     kinds = getattr(task, "actions", None)
@@ -76,13 +81,19 @@ def mixed(
         check(0 < binary < outputs, "binary", binary, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
         kinds = ("binary",) * binary + ("graded",) * (outputs - binary)
     check(len(kinds) == outputs, "units", outputs, f"{len(kinds)}, one for each action of the task")
-    ranges, start, pools = bounds_of(task, outputs), 0, []
-    for kind, run in itertools.groupby(kinds):
-        count = len(list(run))
-        own = ranges[start : start + count]
-        graded = kind == "graded"
-        pools.append(
-            start_bounded(inputs, own, density, level, deviation, floor) if graded else hyperplanes(inputs, count)
-        )
-        start += count
-    return Mixed(pools)
+    ranges = bounds_of(task, outputs)
+
+    def pools(inputs: int) -> Mixed:
+        start, found = 0, []
+        for kind, run in itertools.groupby(kinds):
+            own = ranges[start : start + len(list(run))]
+            graded = kind == "graded"
+            found.append(
+                start_bounded(inputs, own, density, level, deviation, floor)
+                if graded
+                else zero_hyperplanes(inputs, len(own))
+            )
+            start += len(own)
+        return Mixed(found)
+
+    return featured(features, inputs, pools)

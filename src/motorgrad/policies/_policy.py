@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check, shown, unknown
+from motorgrad.policies._features import FeatureMap
 
 
 def fixed(**keywords: Any) -> Any:
@@ -332,7 +333,7 @@ def describe(value: Any) -> Any:
     # {'kind': 'motorgrad.policies.Hyperplanes', 'weights': 'float32[1,2]', 'bias': 'float32[1]'}
     ```
     """
-    if isinstance(value, Policy):
+    if isinstance(value, Policy | FeatureMap):
         fields = {field.name: describe(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"kind": _kind(type(value)), **{name: field for name, field in fields.items() if field is not None}}
     if isinstance(value, tuple | list):
@@ -371,8 +372,9 @@ def _kind(cls: type) -> str:
     return ".".join([*parts, cls.__qualname__])
 
 
-def _kinds() -> dict[str, type[Policy]]:
-    found, pending = {}, [Policy]
+def _kinds() -> dict[str, type[Any]]:
+    found: dict[str, type[Any]] = {}
+    pending: list[type[Any]] = [Policy, FeatureMap]
     while pending:
         cls = pending.pop()
         found[_kind(cls)] = cls

@@ -12,7 +12,7 @@ from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._presets import PRESETS, STEPS
 from motorgrad._settings import as_hinted, build, table
-from motorgrad._tree import KINDS, check_rounded, parts_by_path
+from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Optax
 from motorgrad.tasks import Task, make
 
@@ -78,7 +78,7 @@ class NamedPolicy:
         check(isinstance(kind, str), f"{where}.kind", kind, "the name of an initial policy")
         kept = self.settings if kind == self.kind else {}
         try:
-            return NamedPolicy(self.task, kind, {**kept, **settings})
+            return NamedPolicy(self.task, kind, {**kept, **{n: _merged(kept.get(n), v) for n, v in settings.items()}})
         except ValueError as error:
             outer = where.removesuffix("policy") if str(error).startswith("policy.") else ""
             raise ValueError(f"{outer}{error}") from None
@@ -90,7 +90,13 @@ class NamedPolicy:
 
     def as_setting(self) -> dict[str, Any]:
         """The inverse of `with_setting`."""
-        return {"kind": self.kind, **self.settings}
+        plain = {name: table(value) if isinstance(value, Part) else value for name, value in self.settings.items()}
+        return {"kind": self.kind, **plain}
+
+
+def _merged(part: Any, value: Any) -> Any:
+    """A setting of a policy that is a part of its own, with the changes of a table."""
+    return {**table(part), **value} if isinstance(part, Part) and isinstance(value, Mapping) else value
 
 
 def policy_settings(kind: str) -> dict[str, Any]:
