@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._tree import numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
 from motorgrad.tasks import from_gymnasium
@@ -48,6 +49,26 @@ def test_foreign_environments_have_it_by_themselves_in_proportion_to_the_trainin
     run = mg.train(task, {"damping": 0.02}, steps=300, progress=False)
     wanted = mg.presets.natural(task, 300, damping=0.02)
     assert run.config["agent"] == agent_table(wanted)
+
+
+def test_the_learner_of_24_muscles_has_the_numbers_of_its_study():
+    numbers = numbers_of(mg.agent_for("hexapod").hyperparameters)
+    wanted = {
+        "estimator.trace.decay": 0.9215,
+        "estimator.baseline.discount": 0.97,
+        "estimator.baseline.fit.rate": 1 / 3200,
+        "estimator.normalization.rate": 1 / 1600,
+        "estimator.entropy.start": 0.05,
+        "metric.rate": 1 / 3200,
+        "metric.initial": 0.05,
+        "metric.damping": 0.01,
+        "metric.kl.start": 0.03,
+        "metric.kl.end": 0.003,
+        "optimizer.learning_rate": 1.0,
+    }
+    assert {path: numbers[path] for path in wanted} == wanted
+    agent: Any = mg.agent_for("hexapod")
+    assert (agent.estimator.improve, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
 
 
 def test_parts_are_changed_one_by_one():
