@@ -30,7 +30,7 @@ BELOW = {
     "environments": {"tasks", "sim"} | DYNAMICS,
     "experiments": {"training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
     "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
-    "benchmarks": {"environments", "lab", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
+    "benchmarks": {"environments", "lab", "presets", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},

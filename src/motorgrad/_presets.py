@@ -5,7 +5,14 @@ from typing import Any
 
 STEPS = 100_000
 """Decisions per seed of a training, unless said otherwise."""
-POLICIES = {"binary": "hyperplanes", "discrete": "softmax", "graded": "bounded-hyperplanes"}
+FEATURES = {"nonlinear": 64, "scale": 1.5}
+"""What policy and critic see beside their inputs."""
+POLICIES: dict[str, dict[str, Any]] = {
+    "binary": {"kind": "hyperplanes", "features": FEATURES},
+    "discrete": {"kind": "softmax", "features": FEATURES},
+    "graded": {"kind": "bounded-hyperplanes", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+    "mixed": {"kind": "mixed", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+}
 """The policy for a task's kind of actions."""
 
 
@@ -72,14 +79,14 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
     """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions."""
     batch = min(1000, max(100, steps // 100))
     return natural_actor_critic(
-        POLICIES[task.actions],
+        POLICIES.get(task.actions, POLICIES["mixed"]),
         batch=batch,
         updates=max(1, steps // batch),
         discount=0.99,
         memory=5,
-        features={"squares": True},
+        features={"squares": True, **FEATURES},
         kl=(0.05, 0.005),
-        entropy=None,
+        entropy=0.1,
     )
 
 

@@ -1,10 +1,13 @@
 """Presets: learners for any task that scale with the budget and can be changed part by part."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._tree import numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
 from motorgrad.tasks import from_gymnasium
@@ -13,7 +16,7 @@ from motorgrad.training import agent_table
 
 @pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 1000, 500)])
 def test_schedules_scale_with_the_budget(steps, batch, updates):
-    agent = mg.presets.natural("hopper", steps)
+    agent: Any = mg.presets.natural("hopper", steps)
     estimator, metric, critic = agent.estimator, agent.metric, agent.estimator.baseline
     assert isinstance(metric, FisherMetric)
     assert isinstance(critic, LinearCritic)
@@ -48,10 +51,30 @@ def test_foreign_environments_have_it_by_themselves_in_proportion_to_the_trainin
     assert run.config["agent"] == agent_table(wanted)
 
 
+def test_the_learner_of_24_muscles_has_the_numbers_of_its_study():
+    numbers = numbers_of(mg.agent_for("hexapod").hyperparameters)
+    wanted = {
+        "estimator.trace.decay": 0.9215,
+        "estimator.baseline.discount": 0.97,
+        "estimator.baseline.fit.rate": 1 / 3200,
+        "estimator.normalization.rate": 1 / 1600,
+        "estimator.entropy.start": 0.05,
+        "metric.rate": 1 / 3200,
+        "metric.initial": 0.05,
+        "metric.damping": 0.01,
+        "metric.kl.start": 0.03,
+        "metric.kl.end": 0.003,
+        "optimizer.learning_rate": 1.0,
+    }
+    assert {path: numbers[path] for path in wanted} == wanted
+    agent: Any = mg.agent_for("hexapod")
+    assert (agent.estimator.improve, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
+
+
 def test_parts_are_changed_one_by_one():
     task = mg.make("particle")
-    own = mg.presets.natural(task)
-    changed = mg.presets.natural(task, changes={"metric.damping": 0.5}, baseline="mean")
+    own: Any = mg.presets.natural(task)
+    changed: Any = mg.presets.natural(task, changes={"metric.damping": 0.5}, baseline="mean")
     assert (changed.metric.damping, type(changed.estimator.baseline)) == (0.5, MeanReward)
     assert jax.tree.leaves(changed.metric.kl) == jax.tree.leaves(own.metric.kl)
     with pytest.raises(ValueError, match="unknown setting of agent 'dampin': did you mean 'damping'"):
@@ -80,6 +103,9 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
     for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 300", 'kind = "fisher"'):
         assert words in said
     assert main(["train", "hopper", "--preset", "naturel"]) == 2
+    capsys.readouterr()
+    assert main(["train", "CartPol-v1"]) == 2
+    assert "env_id = 'CartPol-v1'" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -208,7 +208,8 @@ def test_a_run_on_mujoco_goes_on_bit_for_bit_and_unpickles_nothing(name, tmp_pat
     task = from_gymnasium(name)
     assert task.no_resume is None
     monkeypatch.setattr("motorgrad.tasks.gymnasium._batch.deserialize", None)
-    settings = {"seeds": 2, "window": 50, "progress": False}
+    agent = mg.agent_for(task, policy="bounded-hyperplanes", estimator="olgarb", metric="none", learning_rate=0.01)
+    settings = {"agent": agent, "seeds": 2, "window": 50, "progress": False}
     whole = mg.train(task, **settings, steps=240, out=tmp_path / "whole")
     mg.train(task, **settings, steps=130, out=tmp_path / "parts")
     state = final_state(tmp_path / "parts")

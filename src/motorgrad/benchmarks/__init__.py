@@ -14,6 +14,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         body_row,
         foreign_row,
         learning_rows,
+        shared_row,
         simulated_row,
         single_row,
         suite_rows,
@@ -37,7 +38,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     )
     from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
-    from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper
+    from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
     pairs = 2 if quick else 7
     yield body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
@@ -65,6 +66,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
+    for name, task in (("Pendulum-v1", from_gymnasium("Pendulum-v1")), ("hopper", Hopper())):
+        yield shared_row(name, task, 16, 20 if quick else 500, pairs)
     for name in ("hopper", "hexapod"):
         yield watched_row(name, 0.5 if quick else 5.0, 1 if quick else pairs, "≥ 0.9")
     for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):

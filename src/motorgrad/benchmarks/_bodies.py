@@ -17,7 +17,10 @@ from mujoco.batch import Batch
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import BodyBatch, compile_model, group_places
-from motorgrad.tasks import BodyTask, Hopper, from_gymnasium, myosuite
+from motorgrad.learning import Adam, Agent, olpomdp
+from motorgrad.policies import softmax
+from motorgrad.presets import natural
+from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
 from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
@@ -148,7 +151,8 @@ def single_row(decisions: int, pairs: int) -> Row:
 def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
     """Decisions per second of learning in CartPole, against stepping the bare environments at random."""
     task = from_gymnasium("CartPole-v1")
-    learner = stepper_for(task, agent_for(task), range(seeds))
+    agent = Agent(softmax(task), olpomdp(0.99), Adam(0.003))
+    learner = stepper_for(task, agent, range(seeds))
     learner.advance(decisions)  # compiles
     bare = [gymnasium.make("CartPole-v1") for _ in range(seeds)]
     for seed, environment in enumerate(bare):
@@ -163,6 +167,19 @@ def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
 
     name = f"CartPole-v1, learning ÷ bare environments, {seeds} seeds"
     return in_turn(name, "decisions/s", decisions * seeds, lambda: learner.advance(decisions), other, pairs=pairs)
+
+
+def shared_row(name: str, task: HostTask, envs: int, decisions: int, pairs: int) -> Row:
+    """Decisions per second of one learner fed by several environments, against as many learners, each with its own."""
+    agent = natural(task, envs * decisions)
+    shared, single = stepper_for(task, agent, [0], envs=envs), stepper_for(task, agent, range(envs))
+    for stepper, each in ((shared, envs * decisions), (single, decisions)):
+        stepper.advance(each)  # compiles
+    name = f"{name}, one natural learner of {envs} environments ÷ {envs} learners of one"
+    amount = envs * decisions
+    return in_turn(
+        name, "decisions/s", amount, lambda: shared.advance(amount), lambda: single.advance(decisions), pairs=pairs
+    )
 
 
 HEIGHT = 0.3  # metres
