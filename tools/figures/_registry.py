@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from tools.figures import (
     bodies,
+    composed,
     critics,
     estimators,
     foreign,
@@ -76,6 +77,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-orbit": particle.orbit_learning,
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
+    "task-composed": composed.learning,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,

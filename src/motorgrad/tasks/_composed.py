@@ -27,6 +27,7 @@ from motorgrad.tasks.gymnasium._gymnasium import add_observation, standardised
 from motorgrad.tasks.terms import (
     Bound,
     BoundReset,
+    Closeness,
     Distance,
     Effort,
     JointPositions,
@@ -44,16 +45,17 @@ from motorgrad.tasks.terms import (
 )
 from motorgrad.tasks.terms._term import Now, bound
 
-BATCH = 500  # decisions per update of the parameters
-UPDATES = 400  # updates after which annealing ends
+BATCH = 160  # decisions per update of the parameters
+UPDATES = 375  # updates after which annealing ends: 60,000 decisions
+DISCOUNT = 0.9  # a muscle moves a limb within some tenths of a second
 LEARNER: Mapping[str, Any] = {
     "estimator": {
         # generalised advantages: the trace's decay is the critic's discount times 0.95
-        "trace": {"kind": "exponential", "decay": 0.9215},
+        "trace": {"kind": "exponential", "decay": 0.95 * DISCOUNT},
         "baseline": {
             "kind": "critic",
             "features": {"squares": True},
-            "discount": 0.97,
+            "discount": DISCOUNT,
             "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
         },
         "improve": BATCH,
@@ -69,6 +71,8 @@ LEARNER: Mapping[str, Any] = {
     "optimizer": {"learning_rate": 1.0},
     "averaging": {"start": UPDATES - 50},
 }
+ENTROPY: Mapping[str, Any] = {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES}
+"""Of units that are on or off."""
 
 FIXED: Mapping[str, Any] = {"option": False}
 """Of fields that are too much for an option of the command line."""
@@ -225,8 +229,10 @@ class Composed(BodyTask):
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The learner of the hexapod's muscles in larger batches, with units for these actions."""
-        return {**LEARNER, "policy": "bounded-hyperplanes" if self.actions == "graded" else "hyperplanes"}
+        """Natural gradients with a critic, as for the hexapod's muscles, on units for these actions."""
+        if self.actions == "graded":
+            return {**LEARNER, "policy": "bounded-hyperplanes"}
+        return {**LEARNER, "policy": "hyperplanes", "estimator": {**LEARNER["estimator"], "entropy": ENTROPY}}
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
@@ -589,9 +595,9 @@ def _reach() -> dict[str, Any]:
     return {
         "body": Mjcf(),
         "observations": (JointPositions(), JointVelocities(), TargetPosition(), TargetError()),
-        "rewards": (Distance(), Effort(weight=-0.1)),
-        "targets": (Reach("hand"),),
-        "resets": (RandomJoints(share=0.8),),
+        "rewards": (Distance(), Closeness(width=0.05), Effort(weight=-0.05)),
+        "targets": (Reach("hand", low=(0.0, 0.25, 0.0), high=(0.3, 0.45, 0.0)),),
+        "resets": (RandomJoints(share=0.5),),
         "recorded": (Distance(), Within(tolerance=0.03, name="solved")),
         "time_limit": 2.0,
     }
