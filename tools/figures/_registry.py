@@ -15,6 +15,7 @@ from tools.figures import (
     hexapod_steps,
     hexapod_tasks,
     hopper,
+    myosuite,
     particle,
     parts,
     recruitment,
@@ -56,6 +57,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle": particle.layouts,
     "task-particle-orbit": particle.orbit,
     "task-particle-navigation": particle.navigation,
+    "myosuite": myosuite.learning,
 }
 """Figures of formulas and numbers."""
 
