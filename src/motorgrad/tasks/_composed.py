@@ -60,6 +60,8 @@ LEARNER: Mapping[str, Any] = {
         },
         "improve": BATCH,
         "normalization": {"rate": 1 / (10 * BATCH)},
+        # without it graded units soon stop exploring
+        "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES},
     },
     "metric": {
         "kind": "fisher",
@@ -71,9 +73,6 @@ LEARNER: Mapping[str, Any] = {
     "optimizer": {"learning_rate": 1.0},
     "averaging": {"start": UPDATES - 50},
 }
-ENTROPY: Mapping[str, Any] = {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES}
-"""Of units that are on or off."""
-
 FIXED: Mapping[str, Any] = {"option": False}
 """Of fields that are too much for an option of the command line."""
 
@@ -224,9 +223,8 @@ class Composed(BodyTask):
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Natural gradients with a critic, as for the hexapod's muscles, on units for these actions."""
-        if self.actions == "graded":
-            return {**LEARNER, "policy": "bounded-hyperplanes"}
-        return {**LEARNER, "policy": "hyperplanes", "estimator": {**LEARNER["estimator"], "entropy": ENTROPY}}
+        graded = {"kind": "bounded-hyperplanes", "deviation": 1.0}
+        return {**LEARNER, "policy": graded if self.actions == "graded" else "hyperplanes"}
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
