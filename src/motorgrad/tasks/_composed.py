@@ -342,16 +342,17 @@ class Composed(BodyTask):
     def freeze(self, memory: ComposedMemory) -> ComposedMemory:
         return memory._replace(frozen=jnp.ones((), bool))
 
-    def start(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
+    def begin(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
         parts = self._bound
         if not parts.reset:
             return {}
         place = sum(target.uniforms for target in parts.scene.targets.values())
-        pose = tuple(np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
+        position, velocity = (np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
         for each in parts.reset:
-            pose = each.apply(*pose, np.asarray(uniforms[:, place : place + each.uniforms], float))
+            chance = np.asarray(uniforms[:, place : place + each.uniforms], float)
+            position, velocity = each.apply(position, velocity, chance)
             place += each.uniforms
-        return {"position": pose[0], "velocity": pose[1]}
+        return {"position": position, "velocity": velocity}
 
     def reward(
         self, memory: ComposedMemory, state: BodyState, action: Float[Array, " units"]
@@ -495,7 +496,7 @@ def compose(
     )
 
 
-def body_of(value: Any) -> Body:
+def body_of(value: Any) -> Any:
     """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
     if isinstance(value, str) and value in BODIES:
         return BODIES[value]()

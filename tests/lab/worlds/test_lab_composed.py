@@ -38,7 +38,7 @@ def test_a_block_begins_and_ends_episodes_as_the_task_says():
         drawn = np.asarray(draw_span(seed, name, 0, task.init_uniforms))
         for tick, numbers in ((0, first), (4, drawn[3])):
             batch = task.batch([0], threads=1)
-            batch.reset(None, **task.start(numbers[None]))
+            batch.reset(None, **task.begin(numbers[None]))
             state = batch.unpack(batch.packed[0])
             wanted = task.observe(task.init(jnp.asarray(numbers)), state, jnp.zeros(0))[1]
             np.testing.assert_allclose(seen[row, tick], wanted, atol=1e-6)

@@ -90,7 +90,7 @@ class EnvironmentBatch:
             packed[broken, :size] = self._before[broken, :size]
             packed[broken, size:] = (0.0, 0.0, 0.0, 0.0, 1.0)
 
-    def reset(self, rows: Any = None, **start: Any) -> None:
+    def reset(self, rows: Any = None) -> None:
         """Start a new episode; an environment's random numbers continue."""
         for row in range(len(self.seeds)) if rows is None else rows:
             self._begin(int(row), None)
