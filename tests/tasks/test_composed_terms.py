@@ -24,7 +24,7 @@ def carried(made, control):
     """The memory and state of one seed after decisions, and the rewards."""
     batch = made.batch([0], threads=1)
     start = np.asarray(jax.random.uniform(jax.random.key(0), (made.init_uniforms,)))
-    if given := made.start(start[None]):
+    if given := made.begin(start[None]):
         batch.reset(None, **given)
     memory, rewards, ended = made.init(jnp.asarray(start)), [], []
     memory, _ = made.observe(memory, batch.unpack(batch.packed[0]), jnp.zeros(0))
@@ -204,22 +204,22 @@ def test_trajectories_from_numbers_and_files(tmp_path):
 def test_episodes_begin_where_the_resets_say():
     made = task(reset=[terms.Keyframe(("high",)), terms.Noise(("shoulder",), position=0.1, velocity=0.2)])
     uniforms = np.random.default_rng(2).random((400, made.init_uniforms))
-    start = made.start(uniforms)
+    start = made.begin(uniforms)
     assert start["position"][:, 8] == pytest.approx(0.9)
     assert start["position"][:, 7].mean() == pytest.approx(-0.3, abs=0.02)
     assert start["position"][:, 7].std() == pytest.approx(0.1, rel=0.1)
     assert start["velocity"][:, 6].std() == pytest.approx(0.2, rel=0.1)
     assert not start["velocity"][:, :6].any()
     made = task(reset=[terms.RandomJoints(("elbow", "shoulder"), share=0.5), terms.Noise("elbow", position=9.0)])
-    start = made.start(np.random.default_rng(3).random((400, made.init_uniforms)))["position"]
+    start = made.begin(np.random.default_rng(3).random((400, made.init_uniforms)))["position"]
     assert np.abs(start[:, 7]).max() <= 0.5
     assert np.abs(start[:, 7]).max() > 0.45
     assert {start[:, 8].min(), start[:, 8].max()} == {0.0, 2.0}  # noise stays in the range
     assert start[:, :7] == pytest.approx(np.tile(BODY.model.key_qpos[0, :7], (400, 1)))
     both = task(reset=["keyframe"])
-    drawn = both.start(np.random.default_rng(4).random((50, both.init_uniforms)))["position"][:, 7]
+    drawn = both.begin(np.random.default_rng(4).random((50, both.init_uniforms)))["position"][:, 7]
     assert set(np.round(drawn, 3)) == {0.3, -0.3}
-    assert task().start(np.zeros((3, 0))) == {}
+    assert task().begin(np.zeros((3, 0))) == {}
 
 
 def test_terms_end_episodes(control):

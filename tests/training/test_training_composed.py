@@ -25,7 +25,7 @@ def test_every_episode_of_every_seed_begins_where_the_task_says():
         *(np.array(draw_block(np.array([3, 7]), "memory", 0, TASK.init_uniforms))[decision].T for decision in (5, 10)),
     ]
     for decision, numbers in zip((0, 5, 10), uniforms, strict=True):
-        start = TASK.start(numbers)
+        start = TASK.begin(numbers)
         np.testing.assert_array_equal(seen[decision][:, :2], start["position"].astype(np.float32))
         assert not seen[decision][:, 2:4].any()
     assert len({tuple(row) for decision in (0, 5, 10) for row in seen[decision][:, :2]}) == 6

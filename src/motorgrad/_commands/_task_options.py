@@ -83,7 +83,8 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
         check(not rest or rest[0].startswith("-"), "--task", word, f"left out, as the command names {rest[:1]}")
         check("task" not in given.table, "--task", word, f"left out, as {given.file} has a task")
         settings = settings_in(Path(word))
-        return settings.pop("name"), given._replace(rest=rest, table={**given.table, "task": settings})
+        name, table = settings.pop("name"), {**given.table, "task": settings}
+        return name, given._replace(file=given.file or Path(word), rest=rest, table=table)
     name = None
     if rest and not rest[0].startswith("-"):
         name, *rest = rest

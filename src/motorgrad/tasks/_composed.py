@@ -60,6 +60,8 @@ LEARNER: Mapping[str, Any] = {
         },
         "improve": BATCH,
         "normalization": {"rate": 1 / (10 * BATCH)},
+        # without it graded units soon stop exploring
+        "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES},
     },
     "metric": {
         "kind": "fisher",
@@ -71,9 +73,6 @@ LEARNER: Mapping[str, Any] = {
     "optimizer": {"learning_rate": 1.0},
     "averaging": {"start": UPDATES - 50},
 }
-ENTROPY: Mapping[str, Any] = {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES}
-"""Of units that are on or off."""
-
 FIXED: Mapping[str, Any] = {"option": False}
 """Of fields that are too much for an option of the command line."""
 
@@ -230,9 +229,8 @@ class Composed(BodyTask):
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Natural gradients with a critic, as for the hexapod's muscles, on units for these actions."""
-        if self.actions == "graded":
-            return {**LEARNER, "policy": "bounded-hyperplanes"}
-        return {**LEARNER, "policy": "hyperplanes", "estimator": {**LEARNER["estimator"], "entropy": ENTROPY}}
+        graded = {"kind": "bounded-hyperplanes", "deviation": 1.0}
+        return {**LEARNER, "policy": graded if self.actions == "graded" else "hyperplanes"}
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
@@ -364,16 +362,17 @@ class Composed(BodyTask):
     def freeze(self, memory: ComposedMemory) -> ComposedMemory:
         return memory._replace(frozen=jnp.ones((), bool))
 
-    def start(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
+    def begin(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
         parts = self._bound
         if not parts.reset:
             return {}
         place = sum(target.uniforms for target in parts.scene.targets.values())
-        pose = tuple(np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
+        position, velocity = (np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
         for each in parts.reset:
-            pose = each.apply(*pose, np.asarray(uniforms[:, place : place + each.uniforms], float))
+            chance = np.asarray(uniforms[:, place : place + each.uniforms], float)
+            position, velocity = each.apply(position, velocity, chance)
             place += each.uniforms
-        return {"position": pose[0], "velocity": pose[1]}
+        return {"position": position, "velocity": velocity}
 
     def reward(
         self, memory: ComposedMemory, state: BodyState, action: Float[Array, " units"]
@@ -519,7 +518,7 @@ def compose(
     )
 
 
-def body_of(value: Any) -> Body:
+def body_of(value: Any) -> Any:
     """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
     if isinstance(value, str) and value in BODIES:
         return BODIES[value]()

@@ -197,7 +197,7 @@ def on_planet(task: T, planet: Planet) -> T:
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
     assert isinstance(task, BodyTask)
     kind: Any = type(task)
-    level = kind.batch is BodyTask.batch and kind.start is BodyTask.start
+    level = kind.batch is BodyTask.batch and kind.begin is BodyTask.begin
     check(
         level, "task", task.name, "a task on level ground that begins in the body's own pose, to be moved to a planet"
     )

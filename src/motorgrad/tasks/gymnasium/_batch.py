@@ -102,7 +102,7 @@ class EnvironmentBatch:
             packed[broken, size:-1] = 0.0
             packed[broken, -1] = 1.0
 
-    def reset(self, rows: Any = None, **start: Any) -> None:
+    def reset(self, rows: Any = None) -> None:
         """Start a new episode; an environment's random numbers continue."""
         for row in range(len(self.seeds)) if rows is None else rows:
             self._begin(int(row), None)

@@ -210,9 +210,10 @@ def _drawing(size: int, at: Any, low: Any, high: Any) -> tuple[int, Any]:
     if at is not None:
         check(low is None and high is None, "low, high", (low, high), "left out where `at` is given")
         return 0, lambda uniforms: jnp.asarray(at, jnp.float32)
-    both = low is not None and high is not None and all(a <= b for a, b in zip(low, high, strict=True))
-    check(both, "low, high", (low, high), "both given, low <= high")
-    least, size_of = jnp.asarray(low, jnp.float32), jnp.asarray(np.subtract(high, low), jnp.float32)
+    check(low is not None and high is not None, "low, high", (low, high), "both given")
+    corners = np.array((low, high), np.float32)
+    check((corners[0] <= corners[1]).all(), "low, high", (low, high), "low <= high")
+    least, size_of = jnp.asarray(corners[0]), jnp.asarray(corners[1] - corners[0])
     return size, lambda uniforms: least + uniforms * size_of
 
 

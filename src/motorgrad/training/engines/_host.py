@@ -308,7 +308,7 @@ class HostStepper(Stepper):
         self._block, self._drawn = -1, np.empty(0)
         first = sum(self.program.sizes[name] for name in ("policy", "observe"))
         self._for_memory = self._chance[:, first : first + task.init_uniforms]
-        if task.init_uniforms and (start := task.start(self.program.first_numbers(self.seeds))):
+        if task.init_uniforms and (start := task.begin(self.program.first_numbers(self.seeds))):
             self.batch.reset(None, **start)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
@@ -331,7 +331,7 @@ class HostStepper(Stepper):
                 ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 rows = np.flatnonzero(ended)
-                self.batch.reset(rows, **self.task.start(self._for_memory[rows]))
+                self.batch.reset(rows, **self.task.begin(self._for_memory[rows]))
                 self._cycles, self._out = program.again(self._cycles, self._input(), ended, self._out)
 
     @property

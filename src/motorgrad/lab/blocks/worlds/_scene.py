@@ -142,7 +142,7 @@ class TaskHost(Host):
     def __init__(self, task: HostTask, batch: HostBatch, compiled: Functions, numbers: np.ndarray):
         self.task, self.batch, self._compiled = task, batch, compiled
         init = self.task.init_uniforms
-        if init and (start := task.start(numbers[:, :init])):
+        if init and (start := task.begin(numbers[:, :init])):
             batch.reset(None, **start)
         self._scene = _to_numpy(compiled.begin(batch.packed.copy(), numbers))
 
@@ -156,7 +156,7 @@ class TaskHost(Host):
         scene, ended = _to_numpy(self._compiled.advance(self._scene, action, self.batch.packed.copy(), numbers))
         if ended.any():
             rows, look = np.flatnonzero(ended), self.task.uniforms
-            self.batch.reset(rows, **self.task.start(numbers[rows, look : look + self.task.init_uniforms]))
+            self.batch.reset(rows, **self.task.begin(numbers[rows, look : look + self.task.init_uniforms]))
             scene = _to_numpy(self._compiled.restart(scene, self.batch.packed.copy(), ended, numbers))
         self._scene = scene
 
