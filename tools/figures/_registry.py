@@ -76,6 +76,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-orbit": particle.orbit_learning,
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
+    "foreign-natural": foreign.preset,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,
