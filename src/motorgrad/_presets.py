@@ -84,7 +84,7 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
         updates=max(1, steps // batch),
         discount=0.99,
         memory=5,
-        features={"squares": True, **FEATURES},
+        features={"squares": True, **FEATURES, "nonlinear": 128},
         kl=(0.05, 0.005),
         entropy=0.1,
     )

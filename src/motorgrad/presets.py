@@ -18,7 +18,7 @@ def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | N
     divided by their running root mean square; of the natural gradient of each unit, which is followed as far as a limit
     on the Kullback-Leibler divergence allows; and of the average of the last parameters. The policy is that of the
     task's own learner; or it goes with the task's actions: softmax for discrete ones, hyperplanes for binary and
-    squashed normal units for graded ones. These and the critic see 64 fixed random features beside their inputs.
+    squashed normal units for graded ones. These see 64 fixed random features beside their inputs, and the critic 128.
 
     What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, from 100 to 1,000
     decisions; the limit on the divergence falls from 0.05 to 0.005 nats over the training, and the worth of entropy

@@ -61,7 +61,7 @@ def played(task, env_id, episodes, seed=0):
     for _ in range(episodes):
         uniforms = rng.random(task.init_uniforms, np.float32)
         memory = task.init(uniforms)
-        batch.reset(row, **task.start(uniforms[None]))
+        batch.reset(row, **task.begin(uniforms[None]))
         theirs.reset()
         begin(theirs, batch, memory.drawn["target"])
         memory, first = look(memory, batch.packed[0])
@@ -136,7 +136,7 @@ def test_places_to_reach_are_reachable_and_differ(suite):
 def test_episodes_begin_as_in_myosuite(suite):
     def starts(env_id):
         task = mg.tasks.myosuite(env_id)
-        return task.start(np.random.default_rng(0).random((1000, task.init_uniforms), np.float32))["position"]
+        return task.begin(np.random.default_rng(0).random((1000, task.init_uniforms), np.float32))["position"]
 
     np.testing.assert_array_equal(starts(FINGER), np.tile(environment(FINGER)._init_qpos, (1000, 1)))
     drawn, (low, high) = starts(ELBOW), environment(ELBOW).model.jnt_range[0]
