@@ -30,7 +30,7 @@ PAGE = ROOT / "docs" / "myosuite.md"
 TASKS = {"elbow": ("myoElbowPose1D6MRandom-v0", 20_000), "finger": ("myoFingerPoseRandom-v0", 500_000)}
 """Tasks by short name, with their budgets of decisions."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
-UPDATES, MEMORY = 125, 10  # steps of the parameters in a small budget; batches that critic and metric remember
+UPDATES, MEMORY = 125, 10  # steps of the parameters in a budget; batches that critic and metric remember
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
 MODES: tuple[Mode, ...] = ("mode", "sample")
@@ -70,7 +70,7 @@ PUBLISHED = {
 
 def natural(steps: int) -> dict[str, Any]:
     """What is changed in the preset, in proportion to the budget. The same numbers serve all tasks."""
-    batch = min(1000, max(100, steps // UPDATES))
+    batch = max(100, steps // UPDATES)
     rate, updates = 1 / (MEMORY * batch), steps // batch
     return {
         "policy": {"kind": "hyperplanes", "features": {"nonlinear": 128, "scale": 1.0}},
@@ -227,7 +227,8 @@ def main(arguments: list[str] | None = None) -> None:
         else (lambda: learn_peer(given.task, given.learner, steps, seeds[0], given.threads))
     )
     made = {"task": given.task, "env_id": TASKS[given.task][0], "learner": given.learner, "steps": steps}
-    made |= {"seeds": seeds, "episodes": EPISODES, "machine": provenance(), **work()}
+    machine = {key: value for key, value in provenance().items() if key != "command"}
+    made |= {"seeds": seeds, "episodes": EPISODES, "machine": machine, **work()}
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / f"myosuite-{given.task}-{given.learner}.json"
     path.write_text(json.dumps(made, default=_plain, indent=1) + "\n", encoding="utf-8")
