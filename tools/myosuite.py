@@ -30,7 +30,7 @@ PAGE = ROOT / "docs" / "myosuite.md"
 TASKS = {"elbow": ("myoElbowPose1D6MRandom-v0", 20_000), "finger": ("myoFingerPoseRandom-v0", 500_000)}
 """Tasks by short name, with their budgets of decisions."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
-UPDATES, MEMORY = 125, 10  # steps of the parameters in a budget; batches that critic and metric remember
+UPDATES, MEMORY = 100, 10  # steps of the parameters in a budget; batches that critic and metric remember
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
 MODES: tuple[Mode, ...] = ("mode", "sample")
@@ -80,7 +80,7 @@ def natural(steps: int) -> dict[str, Any]:
         "estimator.baseline.fit": {"rate": rate, "interval": batch},
         "estimator.improve": batch,
         "estimator.normalization.rate": 1 / (10 * batch),
-        "estimator.entropy": None,
+        "estimator.entropy": {"kind": "annealed", "start": 0.05, "end": 0.0, "steps": updates},
         "metric": {"rate": rate, "damping": 0.03, "kl": {"start": 0.1, "end": 0.005, "steps": updates}},
         "averaging.start": updates - updates // 8,
     }

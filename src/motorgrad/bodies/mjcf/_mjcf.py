@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import hashlib
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -178,7 +179,9 @@ class Mjcf:
 
 @functools.lru_cache(maxsize=32)
 def _of_myosuite(env_id: str) -> Mjcf:
-    return Mjcf(environment(env_id)._mj_spec)
+    with warnings.catch_warnings():  # MuJoCo warns of parts that MyoSuite attached without a prefix
+        warnings.simplefilter("ignore")
+        return Mjcf(environment(env_id)._mj_spec)
 
 
 def _checksum(body: Mjcf | None) -> str:
