@@ -77,7 +77,7 @@ def test_graded_units_act_within_the_bounds_of_the_space(told, density):
     low, high = np.float32([-0.4, 0.0]), np.float32([0.4, 3.0])
     task = from_gymnasium(told(action=spaces.Box(low, high)))
     assert task.action_range == tuple(zip(low.tolist(), high.tolist(), strict=True))
-    assert task.learner["policy"] == "bounded-hyperplanes"
+    assert task.learner["policy"]["kind"] == "bounded-hyperplanes"
     policy = mg.policies.bounded_hyperplanes(task, density=density, deviation=3.0)
     drawn = jax.vmap(lambda u: policy.sample(jnp.ones(policy.inputs), u))(jnp.asarray([[0.0, 1 - 2**-24], [0.5, 0.5]]))
     assert (np.asarray(drawn) >= low).all()

@@ -102,6 +102,14 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
     said = capsys.readouterr().out
     for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 300", 'kind = "fisher"'):
         assert words in said
+    # the options of the policy of graded actions, which the task's default environment does not have
+    words = "train Pendulum-v1 --agent.policy.deviation 0.7 --agent.policy.features.nonlinear 32 --check"
+    with pytest.raises(SystemExit) as done:
+        main(words.split())
+    assert done.value.code == 0
+    said = capsys.readouterr().out
+    assert "deviation = 0.7" in said
+    assert "nonlinear = 32" in said
     assert main(["train", "hopper", "--preset", "naturel"]) == 2
     capsys.readouterr()
     assert main(["train", "CartPol-v1"]) == 2

@@ -34,10 +34,9 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     task = blank
     settings = {key: value for key, value in given.table.items() if key == "task"}
     try:
-        if any(argument.startswith("--task") for argument in rest):
-            agent, left = _apply_kinds(agent_for(blank, **about), rest)
-            whole = _with_fields(base, name, does, blank, agent)
-            draft = given._replace(table=settings, rest=left)
+        if of_task := _options_of_task(rest):
+            whole = _with_fields(base, name, does, blank, agent_for(blank, **about))
+            draft = given._replace(table=settings, rest=of_task)
             settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
         task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
         agent = agent_for(task, given.table.get("agent"), **about)
@@ -49,6 +48,15 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     agent, rest = _apply_kinds(agent, rest)
     table = {key: value for key, value in given.table.items() if key != "agent"}
     return _with_fields(base, name, does, task, agent), given._replace(table=table, rest=rest)
+
+
+def _options_of_task(rest: list[str]) -> list[str]:
+    """The options of the task with their values. The learner's own options depend on the task."""
+    found, within = [], False
+    for word in rest:
+        within = word.startswith("--task") if word.startswith("--") or word == "-h" else within
+        found += [word] if within else []
+    return found
 
 
 def _peek(option: str, given: Arguments, kind: type) -> Any:

@@ -68,6 +68,12 @@ class Pools(Composed):
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
         return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
 
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        parts = zip(self.pools, _shares(self.pools, actions.T), strict=True)
+        return tuple(matrix for pool, part in parts for matrix in pool.fisher_sum(observations, part.T, weights))
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Self, TypeVar
 
 import equinox as eqx
+import jax
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
@@ -74,6 +75,11 @@ class Featured(Composed):
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         return self.pool.fisher(self.features.expanded(observation), action)
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        return self.pool.fisher_sum(jax.vmap(self.features.expanded)(observations), actions, weights)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.pool.entropy(self.features.expanded(observation))

@@ -19,10 +19,13 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
     fixed,
+    has_rows,
     in_structure,
     outer,
+    outer_sum,
     per_unit,
     sizes,
+    trainable,
     unit_rows,
     with_fields,
 )
@@ -104,7 +107,8 @@ class GradedUnits(Policy):
     def _information(self, observation: Float[Array, " inputs"]) -> tuple[Any, Any, Any]:
         r"""The Fisher information of each unit's $m$ and $\log s$, as the factor of its Cholesky decomposition: its
         entries $mm$, $sm$ and $ss$."""
-        return 1 / self.deviation, jnp.zeros_like(self.log_deviation), math.sqrt(2)
+        none = jnp.zeros_like(self.log_deviation)
+        return 1 / self.deviation, none, jnp.full_like(none, math.sqrt(2))
 
     def _log_deviation_slope(self) -> Float[Array, " units"]:
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
@@ -121,15 +125,40 @@ class GradedUnits(Policy):
 
         Normal units have no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
-        gradient, own = self.mean_gradient(observation), self._log_deviation_slope()
-        location, cross, spread = self._information(observation)
-        slopes = {name: per_unit(location, slope) * slope for name, slope in gradient.items()}
-        (mean,) = self.blocks(in_structure(self, **slopes, log_deviation=cross * own))
-        others = {name: jnp.zeros_like(slope) for name, slope in slopes.items()}
-        (noise,) = self.blocks(in_structure(self, **others, log_deviation=spread * own))
-        if mean.shape[0] != self.outputs:
+        if not has_rows(self):
             return super().fisher(observation, action)
-        return (outer(mean) + outer(noise),)
+        location, cross, spread = self._information(observation)
+        return (outer(self._mean_row(observation, location, cross)) + outer(self._noise_row(spread)),)
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        own = type(self).fisher is GradedUnits.fisher and has_rows(self)
+        if not own:
+            return super().fisher_sum(observations, actions, weights)
+        location, cross, spread = jax.vmap(self._information)(observations)
+        root = jnp.sqrt(weights)[:, None]
+        mean = jax.vmap(self._mean_row)(observations, root * location, root * cross)
+        # The other row has a single entry, at the same place in all decisions: the squares add up.
+        noise = self._noise_row(jnp.sqrt(jnp.sum(jnp.square(root * spread), axis=0)))
+        return (outer_sum(mean) + outer(noise),)
+
+    def _mean_row(
+        self, observation: Float[Array, " inputs"], location: Any, cross: Any
+    ) -> Float[Array, "units parameters"]:
+        r"""The first of the two rows of each unit whose outer products add up to its Fisher matrix: of $m$, and of
+        $\log s$ as far as they go together."""
+        slopes = self.mean_gradient(observation)
+        parts = {name: per_unit(location, slope) * slope for name, slope in slopes.items()}
+        (row,) = self.blocks(in_structure(self, **parts, log_deviation=cross * self._log_deviation_slope()))
+        return row
+
+    def _noise_row(self, spread: Any) -> Float[Array, "units parameters"]:
+        r"""The second: what remains of $\log s$."""
+        parameters = trainable(self)
+        zeros = jax.tree.map(jnp.zeros_like, parameters)
+        (row,) = self.blocks(with_fields(zeros, log_deviation=spread * self._log_deviation_slope()))
+        return row
 
     def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
         return with_fields(self, log_deviation=self.log_deviation + jnp.log(factor))
