@@ -136,8 +136,8 @@ class Composed(BodyTask):
                     object.__setattr__(self, name, value)
         object.__setattr__(self, "body", body_of(self.body))
         check_fields(self)
-        check(self.observations, "observe", self.observations, "at least one term")
-        check(self.rewards, "reward", self.rewards, "at least one term")
+        check(self.observations, "observations", self.observations, "at least one term, given as `observe`")
+        check(self.rewards, "rewards", self.rewards, "at least one term, given as `reward`")
         self.check_times()
         names = self.reports
         for name in names:

@@ -1,5 +1,8 @@
 """What composed tasks are made from beside their terms: bodies from settings, units that drive actuators, a learner."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
