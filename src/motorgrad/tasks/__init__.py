@@ -2,7 +2,7 @@
 
 from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
-from motorgrad.tasks._composed import Composed, compose, load, settings_in
+from motorgrad.tasks._composed import Composed, compose
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
@@ -18,7 +18,7 @@ from motorgrad.tasks._particle import (
     region_reward,
 )
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
-from motorgrad.tasks._registry import TASKS, make
+from motorgrad.tasks._registry import TASKS, load, make, settings_in
 from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium

@@ -1,7 +1,4 @@
-"""Tasks that are composed of terms rather than written: in Python, or in one TOML file."""
-
-# pyright: reportAttributeAccessIssue=false
-# (MuJoCo's compiled modules carry no type information.)
+"""Tasks that are composed of terms rather than written."""
 
 import dataclasses
 import functools
@@ -11,68 +8,21 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check, choice, unknown
-from motorgrad._files import read_toml
+from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
-from motorgrad._settings import build, check_fields, table
+from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
-from motorgrad.bodies import BODIES, BUNDLED, Body, BodyState, Mjcf, start_pose
+from motorgrad.bodies import Body, BodyState, start_pose
+from motorgrad.tasks._composing import LEARNER, Drive, body_of, body_table, drive_of, reach, with_absolute_paths
 from motorgrad.tasks._host_task import BodyTask
-from motorgrad.tasks._task import Flag, Reading, Scalar, Task
+from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.gymnasium._gymnasium import add_observation, standardised
-from motorgrad.tasks.terms import (
-    Bound,
-    BoundReset,
-    Closeness,
-    Distance,
-    Effort,
-    JointPositions,
-    JointVelocities,
-    Observation,
-    Quantity,
-    RandomJoints,
-    Reach,
-    Reset,
-    Scene,
-    Target,
-    TargetError,
-    TargetPosition,
-    Within,
-)
+from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Target
 from motorgrad.tasks.terms._term import Now, bound
 
-BATCH = 160  # decisions per update of the parameters
-UPDATES = 375  # updates after which annealing ends: 60,000 decisions
-DISCOUNT = 0.9  # a muscle moves a limb within some tenths of a second
-LEARNER: Mapping[str, Any] = {
-    "estimator": {
-        # generalised advantages: the trace's decay is the critic's discount times 0.95
-        "trace": {"kind": "exponential", "decay": 0.95 * DISCOUNT},
-        "baseline": {
-            "kind": "critic",
-            "features": {"squares": True},
-            "discount": DISCOUNT,
-            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
-        },
-        "improve": BATCH,
-        "normalization": {"rate": 1 / (10 * BATCH)},
-        # without it graded units soon stop exploring
-        "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES},
-    },
-    "metric": {
-        "kind": "fisher",
-        "rate": 1 / (20 * BATCH),
-        "initial": 0.05,
-        "damping": 0.01,
-        "kl": {"kind": "annealed", "start": 0.05, "end": 0.005, "steps": UPDATES},
-    },
-    "optimizer": {"learning_rate": 1.0},
-    "averaging": {"start": UPDATES - 50},
-}
 FIXED: Mapping[str, Any] = {"option": False}
 """Of fields that are too much for an option of the command line."""
 
@@ -109,14 +59,6 @@ class _Bindings(NamedTuple):
     reset: tuple[BoundReset, ...]
     remembering: tuple[Bound, ...]
     """Those that remember something, whose memories are in this order."""
-
-
-def _body_table(body: Any) -> dict[str, Any]:
-    """A body as a table with its kind, unless it is an `Mjcf`."""
-    if isinstance(body, Mjcf):
-        return table(body)
-    names = [name for name, kind in BODIES.items() if kind is type(body)]
-    return {"kind": names[0] if names else f"{type(body).__module__}.{type(body).__qualname__}", **table(body)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +119,7 @@ class Composed(BodyTask):
         "readings": "recorded",
     }
 
-    body: Any = dataclasses.field(default=None, metadata={**FIXED, "plain": _body_table})
+    body: Any = dataclasses.field(default=None, metadata={**FIXED, "plain": body_table})
     observations: tuple[Observation | Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     rewards: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     targets: tuple[Target, ...] = dataclasses.field(default=(), metadata=FIXED)
@@ -193,13 +135,13 @@ class Composed(BodyTask):
 
     def __post_init__(self) -> None:
         if self.body is None:
-            for name, value in _reach().items():
+            for name, value in reach().items():
                 if getattr(self, name) in ((), None):
                     object.__setattr__(self, name, value)
         object.__setattr__(self, "body", body_of(self.body))
         check_fields(self)
-        check(self.observations, "observe", self.observations, "at least one term")
-        check(self.rewards, "reward", self.rewards, "at least one term")
+        check(self.observations, "observations", self.observations, "at least one term, given as `observe`")
+        check(self.rewards, "rewards", self.rewards, "at least one term, given as `reward`")
         self.check_times()
         whole = self.commands == "controls" or self.groups is None
         check(whole, "groups", self.groups, "left out with the commands 'sigmoid'")
@@ -224,7 +166,7 @@ class Composed(BodyTask):
 
     @classmethod
     def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        return _absolute(settings, folder)
+        return with_absolute_paths(settings, folder)
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -263,8 +205,8 @@ class Composed(BodyTask):
     # -- actions
 
     @functools.cached_property
-    def _drive(self) -> "_Drive":
-        return _drive(Scene(self.body, self.action_period), self.groups, self.actions == "binary")
+    def _drive(self) -> Drive:
+        return drive_of(Scene(self.body, self.action_period), self.groups, self.actions == "binary")
 
     @property
     def action_size(self) -> int:
@@ -424,52 +366,6 @@ class Composed(BodyTask):
         return look
 
 
-class _Drive(NamedTuple):
-    """How units drive groups of actuators.
-
-    `names` and `range` of the units; `matrix` from units to groups; the `rest` and the `limits` of each group; whether
-    it is `plain`, so that each group has its own unit and range.
-    """
-
-    names: tuple[str, ...]
-    range: Float[np.ndarray, "units 2"]
-    matrix: Float[np.ndarray, "units groups"]
-    rest: Float[np.ndarray, " groups"]
-    limits: Float[np.ndarray, "groups 2"]
-    plain: bool
-
-
-def _drive(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binary: bool) -> _Drive:
-    limits = scene.control_range.astype(np.float32)
-    rest = np.clip(np.zeros(len(limits), np.float32), *limits.T)
-    if groups is None:
-        driven = {name: np.array([place]) for place, name in enumerate(scene.body.groups)}
-    else:
-        check(groups, "groups", groups, "at least one unit")
-        named = [(each,) if isinstance(each, str) else each for each in groups]
-        driven = {" + ".join(each): scene.groups(each) for each in named}
-        check(len(driven) == len(named), "groups", groups, "all different")
-    check(driven, "actuators of the body", (), "at least one, or nothing can act")
-    names, ranges, rows = [], [], []
-    for name, places in driven.items():
-        row = np.zeros(len(limits), np.float32)
-        if not binary:
-            same = np.ptp(limits[places], axis=0).max() == 0
-            check(same, f"groups: ranges of {name}", limits[places].tolist(), "the same for all actuators of one unit")
-            row[places] = 1.0
-            names, ranges, rows = [*names, name], [*ranges, limits[places[0]]], [*rows, row]
-            continue
-        for end, suffix in ((1, ""), (0, " backwards")):
-            row = np.zeros(len(limits), np.float32)
-            row[places] = limits[places, end] - rest[places]
-            if row.any():
-                names, ranges, rows = [*names, name + suffix], [*ranges, (0.0, 1.0)], [*rows, row]
-    matrix = np.stack(rows)
-    plain = groups is None and not binary
-    base = rest if binary else np.where(matrix.any(axis=0), 0, rest).astype(np.float32)
-    return _Drive(tuple(names), np.array(ranges, np.float32), matrix, base, limits, plain)
-
-
 def compose(
     body: Any,
     *,
@@ -518,85 +414,6 @@ def compose(
     )
 
 
-def body_of(value: Any) -> Any:
-    """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
-    if isinstance(value, str) and value in BODIES:
-        return BODIES[value]()
-    if isinstance(value, str | Path | mujoco.MjSpec):
-        return Mjcf(value)  # type: ignore[arg-type]
-    if isinstance(value, Mapping):
-        settings = dict(value)
-        kind = settings.pop("kind", "mjcf")
-        if kind not in BODIES:
-            raise unknown("kind of body", kind, BODIES)
-        return build(BODIES[kind], settings, "body")
-    check(hasattr(value, "spec") and hasattr(value, "groups"), "body", value, "a body, or the path of an MJCF file")
-    return value
-
-
-def load(path: Path | str) -> Task:
-    """The task that a TOML file describes: a composed one, or the one that its `name` says.
-
-    Paths in the file are meant from where the file is.
-
-    **Raises:** `ValueError` that names the file.
-
-    ```py
-    task = mg.tasks.load("reach.toml")
-    ```
-    """
-    from motorgrad.tasks._registry import make  # which loads this module
-
-    path = Path(path)
-    settings = settings_in(path)
-    try:
-        return make(settings.pop("name"), **settings)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def settings_in(path: Path) -> dict[str, Any]:
-    """The settings of the task in a file, with its name."""
-    from motorgrad.tasks._registry import TASKS
-
-    settings = read_toml(path)
-    try:
-        name = settings.setdefault("name", Composed.name)
-        choice("name", name, TASKS)
-        return {"name": name, **TASKS[name].in_folder(settings, path.absolute().parent)}
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _absolute(settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Settings whose paths are meant from a folder. They are those of a model, and files of terms."""
-
-    def walk(value: Any, key: str = "") -> Any:
-        if isinstance(value, Mapping):
-            return {name: walk(item, name) for name, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [walk(item) for item in value]
-        named = isinstance(value, str) and key in ("body", "source", "file")
-        if not named or "<" in value or value in BUNDLED or (key == "body" and value in BODIES):
-            return value
-        return str(folder / value)
-
-    return walk(settings)
-
-
 def _label(term: Any) -> str:
     """The name of a quantity as a reading."""
     return term.name or kind_of(term)
-
-
-def _reach() -> dict[str, Any]:
-    """The task without a body: the arm that comes with the library reaches."""
-    return {
-        "body": Mjcf(),
-        "observations": (JointPositions(), JointVelocities(), TargetPosition(), TargetError()),
-        "rewards": (Distance(), Closeness(width=0.05), Effort(weight=-0.05)),
-        "targets": (Reach("hand", low=(0.0, 0.25, 0.0), high=(0.3, 0.45, 0.0)),),
-        "resets": (RandomJoints(share=0.5),),
-        "recorded": (Distance(), Within(tolerance=0.03, name="solved")),
-        "time_limit": 2.0,
-    }

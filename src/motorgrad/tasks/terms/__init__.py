@@ -4,8 +4,7 @@ A term is a small frozen class under `Observation`, `Target`, `Quantity` or `Res
 which gives it its name in TOML. `motorgrad.tasks.compose` puts terms together.
 """
 
-from motorgrad._errors import check
-from motorgrad._tree import KINDS, Part
+from motorgrad._tree import KINDS, register
 from motorgrad.tasks.terms._observations import (
     Activations,
     Clock,
@@ -88,26 +87,6 @@ KINDS.update(
         Target: {"follow": Follow, "pose": Pose, "reach": Reach},
     }
 )
-
-
-def register(base: type[Part], name: str, term: type[Part]) -> None:
-    """Give a term of your own a name, by which TOML files and saved runs know it.
-
-    **Arguments:** the `base` class that it derives from: `Observation`, `Target`, `Quantity` or `Reset`; the `name`;
-    the class.
-
-    **Raises:** `ValueError` for another base, a name that is taken, or a class that does not derive from `base`.
-
-    ```python
-    mg.tasks.terms.register(mg.tasks.terms.Quantity, "my-term", MyTerm)
-    ```
-    """
-    bases = (Observation, Target, Quantity, Reset)
-    check(base in bases, "base", base, f"one of {', '.join(each.__name__ for each in bases)}")
-    check(isinstance(term, type) and issubclass(term, base), "term", term, f"a class that derives from {base.__name__}")
-    taken = KINDS[base].get(name, term)
-    check(taken is term, "name", name, f"another name: it is that of {getattr(taken, '__name__', taken)}")
-    KINDS[base][name] = term
 
 
 __all__ = [

@@ -9,7 +9,9 @@ from motorgrad.tasks.terms._term import Bound, Names, Now, Observation, Scene, b
 class JointPositions(Observation):
     """Positions of joints, in rad or m; of free and ball joints all numbers.
 
-    **Arguments:** `joints`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `joints`: names or patterns of joints.
     """
 
     joints: Names = by_name("*")
@@ -22,7 +24,9 @@ class JointPositions(Observation):
 class JointVelocities(Observation):
     """Velocities of joints, in rad/s or m/s.
 
-    **Arguments:** `joints`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `joints`: names or patterns of joints.
     """
 
     joints: Names = by_name("*")
@@ -35,7 +39,9 @@ class JointVelocities(Observation):
 class OfActuators(Observation):
     """What a sensor says of each actuator.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     actuators: Names = by_name("*")
@@ -53,7 +59,9 @@ class OfActuators(Observation):
 class MuscleLengths(OfActuators):
     """Lengths of muscles, in m; of any actuator the length of what it drives.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     def bind(self, scene: Scene) -> Bound:
@@ -63,7 +71,9 @@ class MuscleLengths(OfActuators):
 class MuscleVelocities(OfActuators):
     """Velocities at which muscles lengthen, in m/s.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     def bind(self, scene: Scene) -> Bound:
@@ -73,7 +83,9 @@ class MuscleVelocities(OfActuators):
 class MuscleForces(OfActuators):
     """Forces of actuators, in N; negative for a muscle that pulls. They are those of the last physics step.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     def bind(self, scene: Scene) -> Bound:
@@ -83,7 +95,9 @@ class MuscleForces(OfActuators):
 class Activations(Observation):
     """Activations of muscles, and of other actuators with a state.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     actuators: Names = by_name("*")
@@ -96,7 +110,9 @@ class Activations(Observation):
 class Positions(Observation):
     """Positions in the world of sites, bodies or geoms, in m.
 
-    **Arguments:** `parts`: their names; `scale`.
+    **Arguments:**
+
+    - `parts`: names of sites, bodies or geoms.
     """
 
     parts: Names = by_name(())
@@ -108,7 +124,9 @@ class Positions(Observation):
 class Velocities(Observation):
     """Velocities in the world of sites, bodies or geoms, in m/s.
 
-    **Arguments:** `parts`: their names; `scale`.
+    **Arguments:**
+
+    - `parts`: names of sites, bodies or geoms.
     """
 
     parts: Names = by_name(())
@@ -120,7 +138,9 @@ class Velocities(Observation):
 class TargetPosition(Observation):
     """Where a target is now.
 
-    **Arguments:** `target`: its name; `scale`.
+    **Arguments:**
+
+    - `target`: name of the target.
     """
 
     target: str = static("target")
@@ -133,7 +153,9 @@ class TargetPosition(Observation):
 class TargetError(Observation):
     """From where the body is to where a target is: for each number of the target, wanted − actual.
 
-    **Arguments:** `target`: its name; `scale`.
+    **Arguments:**
+
+    - `target`: name of the target.
     """
 
     target: str = static("target")
@@ -146,7 +168,9 @@ class TargetError(Observation):
 class SensorReadings(Observation):
     """Readings of the model's own sensors.
 
-    **Arguments:** `sensors`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `sensors`: names or patterns of sensors.
     """
 
     sensors: Names = by_name("*")
@@ -167,7 +191,9 @@ class Contacts(Observation):
     """The force (N) with which sites are touched, or bodies are in contact with anything: normal forces within the
     volume of a site, the size of the whole force on a body.
 
-    **Arguments:** `parts`: names of sites or bodies; `scale`.
+    **Arguments:**
+
+    - `parts`: names of sites or bodies.
     """
 
     parts: Names = by_name(())
@@ -190,7 +216,9 @@ class Contacts(Observation):
 class PreviousAction(Observation):
     """The controls of the last decision; 0 at the start of an episode.
 
-    **Arguments:** `actuators`: names or patterns; `scale`.
+    **Arguments:**
+
+    - `actuators`: names or patterns of actuators.
     """
 
     actuators: Names = by_name("*")
@@ -203,7 +231,9 @@ class PreviousAction(Observation):
 class Clock(Observation):
     """The time since the start of the episode, in s; with a `period`, its sine and cosine.
 
-    **Arguments:** `period` (s): of the sine and cosine; 0 for the time itself; `scale`.
+    **Arguments:**
+
+    - `period` (s): of the sine and cosine; 0 for the time itself.
     """
 
     period: float = static(0.0)

@@ -15,7 +15,11 @@ from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Sc
 class Distance(Quantity):
     """How far the body is from a target: the length of the error, in m or rad, to a power.
 
-    **Arguments:** `target`: its name; `power`; `weight`, by default −1.
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `power`: to which the length is raised.
+    - `weight`: in the reward, by default −1.
     """
 
     target: str = static("target")
@@ -31,7 +35,11 @@ class Distance(Quantity):
 class Closeness(Quantity):
     r"""How close the body is to a target, $e^{-d^2/2w^2}$ of the distance $d$: 1 there, 0 far away.
 
-    **Arguments:** `target`: its name; `width` (m or rad): $w$; `weight`, by default 1.
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `width` (m or rad): $w$, where it has fallen to 0.61.
+    - `weight`: in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -45,7 +53,11 @@ class Closeness(Quantity):
 class Within(Quantity):
     """Whether the body is within a tolerance of a target, 1 or 0: a bonus in the reward, the solved share as a reading.
 
-    **Arguments:** `target`: its name; `tolerance` (m or rad); `weight`, by default 1.
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `tolerance` (m or rad): distance below which it counts.
+    - `weight`: in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -59,8 +71,12 @@ class Within(Quantity):
 class Beyond(Quantity):
     """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward.
 
-    **Arguments:** `target`: its name; `limit` (m or rad); `after` (s): in an episode, before which it is 0; `weight`,
-    by default −1.
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `limit` (m or rad): distance above which it counts.
+    - `after` (s): time in an episode from which it counts.
+    - `weight`: in the reward, by default −1.
     """
 
     target: str = static("target")
@@ -78,8 +94,12 @@ class Success(Quantity):
     """Whether the body was within a tolerance of a target at more than so many decisions of the episode, 1 or 0. As a
     reading it is recorded at the end of each episode.
 
-    **Arguments:** `target`: its name; `tolerance` (m or rad); `decisions`: after how many it succeeds; `weight`, by
-    default 1.
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `tolerance` (m or rad): distance below which it counts.
+    - `decisions`: after how many it succeeds.
+    - `weight`: in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -100,7 +120,10 @@ class Success(Quantity):
 class Height(Quantity):
     """The height of a site, body or geom, in m.
 
-    **Arguments:** `part`: its name; `weight`, by default 1.
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `weight`: in the reward, by default 1.
     """
 
     part: str = static("")
@@ -113,7 +136,11 @@ class Height(Quantity):
 class Upright(Quantity):
     """The cosine of the angle between an axis of a site, body or geom and the vertical: 1 upright, −1 upside down.
 
-    **Arguments:** `part`: its name; `axis`: of the part, `"x"`, `"y"` or `"z"`; `weight`, by default 1.
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `axis`: of the part, `"x"`, `"y"` or `"z"`.
+    - `weight`: in the reward, by default 1.
     """
 
     part: str = static("")
@@ -127,8 +154,12 @@ class Upright(Quantity):
 class Along(Quantity):
     """The velocity of a site, body or geom along a direction of the world, in m/s.
 
-    **Arguments:** `part`: its name; `direction`: any length; `most` (m/s): a higher velocity counts as this one;
-    `weight`, by default 1.
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `direction`: in the world; its length does not matter.
+    - `most` (m/s): a higher velocity counts as this one.
+    - `weight`: in the reward, by default 1.
     """
 
     part: str = static("")
@@ -152,7 +183,11 @@ class Along(Quantity):
 class Speed(Quantity):
     """The speed of a site, body or geom in m/s; without one, the root of the mean square velocity of the joints.
 
-    **Arguments:** `part`: its name, or none; `joints`: names or patterns; `weight`, by default −1.
+    **Arguments:**
+
+    - `part`: name of a site, body or geom, or none.
+    - `joints`: names or patterns of joints.
+    - `weight`: in the reward, by default −1.
     """
 
     part: str | None = static(None)
@@ -171,7 +206,12 @@ class Speed(Quantity):
 class Outside(Quantity):
     """Whether a site, body or geom is outside a box, 1 or 0. As a termination, it needs no limit.
 
-    **Arguments:** `part`: its name; `low`, `high` (m): corners of the box; `weight`, by default −1.
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `low` (m): the lowest corner of the box.
+    - `high` (m): the highest corner of the box.
+    - `weight`: in the reward, by default −1.
     """
 
     part: str = static("")
@@ -196,7 +236,7 @@ class Effort(Quantity):
     **Arguments:**
 
     - `of`: `"activation"`, or `"control"`, which every actuator has.
-    - `actuators`: names or patterns.
+    - `actuators`: names or patterns of actuators.
     - `power`: 2 for the mean square.
     - `root`: whether to take the length of the vector instead, divided by the number of actuators.
     - `weight`: by default −1.
@@ -242,7 +282,10 @@ class Fatigue(Quantity):
     **Arguments:**
 
     - `actuators`: names or patterns of the muscles.
-    - `fatigue` (1/s): $F$; `recovery` (1/s): $R$; `rest`: $r$; `rise` (1/s): $L_D = L_R$.
+    - `fatigue` (1/s): $F$, at which active fibres tire.
+    - `recovery` (1/s): $R$, at which tired fibres recover.
+    - `rest`: $r$, how much faster they recover at rest.
+    - `rise` (1/s): $L_D = L_R$, at which fibres follow the load.
     - `hurry`: the factor by which fatigue and recovery are faster than in life, for short episodes.
     - `weight`: by default −1.
     """
@@ -283,7 +326,9 @@ class Fatigue(Quantity):
 class Alive(Quantity):
     """1 at every decision.
 
-    **Arguments:** `weight`, by default 1.
+    **Arguments:**
+
+    - `weight`: in the reward, by default 1.
     """
 
     def bind(self, scene: Scene) -> Bound:

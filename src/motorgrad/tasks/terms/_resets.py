@@ -19,7 +19,9 @@ LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −
 class Keyframe(Reset):
     """Begin in a keyframe of the model, or in one of several, drawn for each episode.
 
-    **Arguments:** `names`: of the keyframes; by default all.
+    **Arguments:**
+
+    - `names`: names of the keyframes; by default all.
     """
 
     names: tuple[str, ...] = static(())
@@ -47,7 +49,8 @@ class RandomJoints(Reset):
     **Arguments:**
 
     - `joints`: names or patterns, of hinges and slides.
-    - `low`, `high` (rad or m): between which they are drawn uniformly; by default the joints' own ranges.
+    - `low` (rad or m): least positions; by default those of the joints' own ranges.
+    - `high` (rad or m): greatest positions, between which they are drawn uniformly.
     - `share`: of that range about its middle, from 0 to 1.
     """
 
@@ -76,8 +79,11 @@ class RandomJoints(Reset):
 class Noise(Reset):
     """Add normal noise to the positions and velocities of joints. Positions stay in the joints' ranges.
 
-    **Arguments:** `joints`: names or patterns, of hinges and slides; `position` (rad or m) and `velocity` (rad/s or
-    m/s): standard deviations.
+    **Arguments:**
+
+    - `joints`: names or patterns, of hinges and slides.
+    - `position` (rad or m): standard deviation of the noise of positions.
+    - `velocity` (rad/s or m/s): standard deviation of the noise of velocities.
     """
 
     joints: Names = by_name("*")

@@ -32,8 +32,9 @@ class Reach(Target):
 
     - `parts`: a name, or several.
     - `at` (m): a fixed place; three numbers for each part.
-    - `low`, `high` (m): corners of the box from which it is drawn uniformly. Without `at` or a box, it is where the
-      parts are in a pose whose `joints` are drawn uniformly in their ranges, so that it can be reached.
+    - `low` (m): the lowest corner of the box from which it is drawn uniformly.
+    - `high` (m): the highest corner. Without `at` or a box, the place is where the parts are in a pose whose `joints`
+      are drawn uniformly in their ranges, so that it can be reached.
     - `reachable`: whether a place in the box is where the parts are in such a pose.
     - `joints`: names or patterns of the joints of such poses.
     - `name`: by which other terms refer to the target.
@@ -73,7 +74,8 @@ class Pose(Target):
 
     - `joints`: names or patterns, of hinges and slides.
     - `at` (rad or m): fixed positions, one for each joint.
-    - `low`, `high` (rad or m): ranges from which they are drawn uniformly; by default the joints' own ranges.
+    - `low` (rad or m): least positions; by default those of the joints' own ranges.
+    - `high` (rad or m): greatest positions, between which they are drawn uniformly.
     - `name`: by which other terms refer to the target.
     """
 

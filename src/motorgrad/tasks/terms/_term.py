@@ -119,7 +119,9 @@ class Scene(Anatomy):
 class Observation(Part):
     """A term that observes numbers.
 
-    **Arguments:** `scale`: the factor of the observed numbers.
+    **Arguments:**
+
+    - `scale`: the factor of the observed numbers.
     """
 
     _: KW_ONLY
@@ -133,7 +135,9 @@ class Observation(Part):
 class Target(Part):
     """A target: where something should be, drawn anew for each episode and seed, or moving.
 
-    **Arguments:** `name`: by which other terms refer to it.
+    **Arguments:**
+
+    - `name`: by which other terms refer to it.
     """
 
     _: KW_ONLY
@@ -150,8 +154,9 @@ class Quantity(Part):
 
     **Arguments:**
 
-    - `weight`: in the reward.
-    - `above`, `below`: as a termination, the limit beyond which the episode ends.
+    - `weight`: the factor in the reward.
+    - `above`: as a termination, the limit above which the episode ends.
+    - `below`: as a termination, the limit below which the episode ends.
     - `name`: of the reading, by default that of the kind.
     - `at_end`: whether it is recorded at the end of an episode only.
     """
