@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
@@ -235,15 +235,17 @@ class Composed(BodyTask):
         control = action if drive.plain else drive.rest + action @ drive.matrix
         return control if drive.plain else jnp.clip(control, *drive.limits.T)
 
+    @functools.cached_property
+    def _muscles(self) -> Bool[np.ndarray, " groups"]:
+        return self._bound.scene.muscles
+
     def _commanded(self, action: Any) -> Any:
         """The controls for numbers in [−1, 1], or for units that are on or off."""
         command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
-        model, limits = self._bound.scene.model, self._drive.limits
-        muscles = np.array(model.actuator_dyntype) == int(mujoco.mjtDyn.mjDYN_MUSCLE)
-        if not muscles.any():
-            low, high = limits.T
+        if not self._muscles.any():
+            low, high = self._drive.limits.T
             return (low + high) / 2 + command * (high - low) / 2
-        return jnp.where(muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
+        return jnp.where(self._muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
 
     # -- observations
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from motorgrad._errors import unknown
 from motorgrad.bodies._body import Body, WrappedBody, actuators_of, group_places
@@ -133,6 +133,14 @@ class Anatomy:
                 found[place] = model.actuator_ctrlrange[i]
             elif model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
                 found[place] = (0.0, 1.0)
+        return found
+
+    @property
+    def muscles(self) -> Bool[np.ndarray, " groups"]:
+        """Whether each group has MuJoCo's dynamics of muscles."""
+        model, found = self.model, np.zeros(len(self.body.groups), bool)
+        for each, place in zip(actuators_of(self.body), group_places(self.body), strict=True):
+            found[place] = int(model.actuator(each.name).dyntype[0]) == int(mujoco.mjtDyn.mjDYN_MUSCLE)
         return found
 
     def sensor(self, kind: str, of: str, target: str, *whole: int) -> str:
