@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from tools.figures import (
     bodies,
+    composed,
     critics,
     estimators,
     foreign,
@@ -14,6 +15,7 @@ from tools.figures import (
     hexapod_steps,
     hexapod_tasks,
     hopper,
+    myosuite,
     particle,
     parts,
     recruitment,
@@ -55,6 +57,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle": particle.layouts,
     "task-particle-orbit": particle.orbit,
     "task-particle-navigation": particle.navigation,
+    "myosuite": myosuite.learning,
 }
 """Figures of formulas and numbers."""
 
@@ -76,6 +79,8 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-orbit": particle.orbit_learning,
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
+    "task-composed": composed.learning,
+    "foreign-natural": foreign.preset,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,
