@@ -204,8 +204,8 @@ def test_bodies_are_stepped_in_one_batch():
 def test_a_run_is_saved_resumed_and_evaluated(drift, task, agent, tmp_path):
     words = f"train gymnasium --task.env-id {drift} --agent.improve 20 --envs 4 --steps 400 --seeds 2".split()
     assert main([*words, "--out", str(tmp_path / "whole")]) == 0
-    short = [word if word != "400" else "200" for word in words]
-    assert main([*short, "--window", "4", "--out", str(tmp_path / "parts")]) == 0
+    learner = mg.agent_for(task, improve=20, steps=400)  # with the schedules of the whole
+    mg.train(task, learner, 200, 2, tmp_path / "parts", window=4, envs=4, progress=False)
     mg.resume(tmp_path / "parts", 400, progress=False)
     whole, parts = mg.load(tmp_path / "whole"), mg.load(tmp_path / "parts")
     same(whole.policies, parts.policies)
@@ -213,7 +213,7 @@ def test_a_run_is_saved_resumed_and_evaluated(drift, task, agent, tmp_path):
     assert whole.memory.mean.mean.shape == (2, 2)
     assert np.isfinite(mg.evaluate(whole, 60).readings["return"]).all()
     with pytest.raises(RunDirectoryError, match=r"run\.envs was 4 and is now 2"):
-        mg.train(task, {"improve": 20}, 400, 2, tmp_path / "whole", envs=2, progress=False)
+        mg.train(task, learner, 400, 2, tmp_path / "whole", envs=2, progress=False)
 
 
 @pytest.mark.parametrize(
