@@ -43,6 +43,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
     "body-hexapod": hexapod.body,
+    "body-mjcf": composed.arm,
     "hexapod-muscles": hexapod.muscles,
     "hexapod-controller": hexapod.controller,
     "terrain": hexapod.terrain,

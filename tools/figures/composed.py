@@ -1,4 +1,4 @@
-"""Figures of a composed task: an arm that learns to reach."""
+"""Figures of foreign bodies and composed tasks: arms, and one that learns to reach."""
 
 from typing import Any
 
@@ -6,6 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import motorgrad as mg
+from motorgrad.benchmarks._arm18 import arm18
+from motorgrad.sim import draw
 from motorgrad.tasks import Composed, terms
 from tools.figures._style import BLUE, FAINT, GREEN, band, panels
 from tools.figures._work import Work
@@ -50,4 +52,22 @@ def learning(work: Work) -> Figure:
     right.plot(0, 0, "s", color="0.2", markersize=5)
     right.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title="12 movements of 2 s of the first seed")
     assert np.isfinite(hand).all()
+    return figure
+
+
+def arm() -> Figure:
+    """The arm of six muscles, from above, and one of 18, from the side."""
+    figure, axes = panels(3, height=2.5)
+    flat, large = mg.bodies.Mjcf("arm6").model, arm18().model
+    none, flexors = np.zeros(flat.nu), np.array([1.0, 0.0] * 3)
+    for panel, pose, active, title in (
+        (axes[0], (0.2, 0.4), none, "six muscles, at rest"),
+        (axes[1], (1.2, 1.6), flexors, "its flexors active"),
+    ):
+        draw(panel, flat, np.array(pose), active, elevation=-90.0, linewidth=1.6, ground=False)
+        panel.set_title(title)
+    draw(axes[2], large, np.array((0.9, 0.3, 0.0, 1.2, 0.0)), np.eye(large.nu)[8], linewidth=1.2, ground=False)
+    axes[2].set_title("18 muscles, made in Python")
+    for panel in axes:
+        panel.set_axis_off()
     return figure
