@@ -48,7 +48,7 @@ class Reach(Target):
     reachable: bool = static(False)
 
     def bind(self, scene: Scene) -> BoundTarget:
-        parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+        parts = scene.parts(self.parts)
         points = [scene.point(name) for name in parts]
         names = tuple(f"{name} {axis}" for name in parts for axis in "xyz") if len(parts) > 1 else tuple("xyz")
         size = len(names)
@@ -145,7 +145,7 @@ class Follow(Target):
             labels, places = scene.positions(self.joints)
             names, actual = tuple(labels), lambda state: state.position[places]
         else:
-            parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+            parts = scene.parts(self.parts)
             points = [scene.point(name) for name in parts]
             names = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
             actual = lambda state: jnp.concatenate([point(state) for point in points])  # noqa: E731
