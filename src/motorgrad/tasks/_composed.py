@@ -1,4 +1,4 @@
-"""Tasks that are composed of terms rather than written."""
+"""Tasks composed of terms."""
 
 import dataclasses
 import functools
@@ -33,7 +33,7 @@ from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Rese
 from motorgrad.tasks.terms._term import Now, bound
 
 FIXED: Mapping[str, Any] = {"option": False}
-"""Of fields that are too much for an option of the command line."""
+"""Metadata of fields that have no option on the command line, only in files and in Python."""
 
 
 class ComposedMemory(NamedTuple):
@@ -72,11 +72,11 @@ class _Bindings(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Composed(BodyTask):
-    """A task on any body, composed of terms: what is observed, aimed at, rewarded and recorded, where episodes begin
-    and end.
+    """A task on any body, composed of terms that say what is observed, aimed at, rewarded and recorded, and how
+    episodes start and end.
 
     Each term is an instance of a class in `motorgrad.tasks.terms`, its name, or a table with its `kind` and settings.
-    Without a body, it is the reach of a two-joint arm with six muscles for places that it can reach.
+    Without a body, a two-joint arm with six muscles reaches for targets.
 
     **Arguments:**
 
@@ -85,7 +85,7 @@ class Composed(BodyTask):
     - `observations`: what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`.
     - `rewards`: what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`.
     - `targets`: what other terms refer to (`Target`).
-    - `resets`: where episodes begin (`Reset`), by default in the body's keyframe. Short name: `reset`.
+    - `resets`: in which state episodes start (`Reset`), by default in the body's keyframe. Short name: `reset`.
     - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
     - `recorded`: what is recorded (`Quantity`). Short name: `readings`.
     - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
@@ -96,9 +96,9 @@ class Composed(BodyTask):
       their standard deviation, clipped to ±5; `"none"` leaves them as the terms have them.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
-    - `commands`: what the actions of units are: `"controls"` in the actuators' ranges; or, as in MyoSuite, `"sigmoid"`:
-      numbers a in [−1, 1], of which a muscle has the control 1 / (1 + exp(−5 (a − 0.5))), another actuator a itself, or
-      the corresponding one in its range where the body has no muscle. A unit that is off has −1.
+    - `commands`: what an action means. `"controls"`: controls in the actuators' ranges. `"sigmoid"`, as in MyoSuite:
+      numbers a in [−1, 1]. A muscle then has the control 1 / (1 + exp(−5 (a − 0.5))) and any other actuator a itself;
+      on a body without muscles, −1 to 1 stand for the ends of each actuator's range. A binary unit gives −1 or 1.
 
     **Raises:** `ValueError` for a name that does not exist, with the nearest one, for a model that MuJoCo refuses, and
     for settings that do not go together.

@@ -1,4 +1,4 @@
-"""The parts of a body by name: where their numbers are, and sensors for what MuJoCo does not say unasked."""
+"""The parts of a body by name: where their numbers are, and sensors for what MuJoCo computes only on request."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -66,7 +66,8 @@ class WithSensors(WrappedBody):
 class Anatomy:
     """The parts of a body by name.
 
-    A name may be a pattern such as `flexor*`, or several. What matches nothing is a `ValueError` with the nearest name.
+    A name may be a pattern such as `flexor*`, or several. A name that matches nothing raises a `ValueError` with the
+    nearest one.
 
     **Arguments:** `body`: a body.
 

@@ -37,7 +37,7 @@ class JointVelocities(Observation):
 
 
 class OfActuators(Observation):
-    """What a sensor says of each actuator.
+    """A sensor reading of each actuator.
 
     **Arguments:**
 
@@ -93,7 +93,7 @@ class MuscleForces(OfActuators):
 
 
 class Activations(Observation):
-    """Activations of muscles, and of other actuators with a state.
+    """Activations of muscles and of other actuators that have an activation state.
 
     **Arguments:**
 
@@ -136,7 +136,7 @@ class Velocities(Observation):
 
 
 class TargetPosition(Observation):
-    """Where a target is now.
+    """The current position of a target.
 
     **Arguments:**
 
@@ -151,7 +151,7 @@ class TargetPosition(Observation):
 
 
 class TargetError(Observation):
-    """From where the body is to where a target is: for each number of the target, wanted − actual.
+    """The vector from the body to a target: for each number of the target, wanted − actual.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Numbers that say how things are: of them composed tasks make rewards, ends of episodes and readings."""
+"""Numbers from which composed tasks make rewards, terminations and readings."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY
@@ -95,14 +95,14 @@ class Beyond(Quantity):
 
 
 class Success(Quantity):
-    """Whether the body was within a tolerance of a target at more than so many decisions of the episode, 1 or 0. As a
-    reading it is recorded at the end of each episode.
+    """Whether the body was within a tolerance of a target at more than a number of decisions of the episode, 1 or 0. As
+    a reading it is recorded at the end of each episode.
 
     **Arguments:**
 
     - `target`: name of the target.
     - `tolerance` (m or rad): distance below which it counts.
-    - `decisions`: after how many it succeeds.
+    - `decisions`: the number that must be exceeded.
     - `weight`: in the reward, by default 1.
     """
 
@@ -239,7 +239,7 @@ class Effort(Quantity):
 
     **Arguments:**
 
-    - `of`: `"activation"`, or `"control"`, which every actuator has.
+    - `of`: `"control"`, which every actuator has, or `"activation"`.
     - `actuators`: names or patterns of actuators.
     - `power`: 2 for the mean square.
     - `root`: whether to take the length of the vector instead, divided by the number of actuators.

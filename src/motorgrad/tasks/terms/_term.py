@@ -82,7 +82,7 @@ class BoundTarget(NamedTuple):
     actual: Callable[[BodyState], Array]
 
     def error(self, now: Now, name: str) -> Array:
-        """From where the body is to where the target is."""
+        """The vector from the body to the target."""
         return self.wanted(now.drawn[name], now.time) - self.actual(now.state)
 
 
@@ -155,8 +155,8 @@ class Target(Part):
 
 
 class Quantity(Part):
-    """A number that says how things are at a decision. In the rewards of a task, it is multiplied by its weight; among
-    the terminations, it ends the episode beyond a limit; among the readings, it is recorded; it can be observed, too.
+    """A number that describes the state after a decision. In the reward it is multiplied by its weight. As a
+    termination it ends the episode beyond a limit. As a reading it is recorded. It can be observed, too.
 
     **Arguments:**
 
@@ -164,7 +164,7 @@ class Quantity(Part):
     - `above`: as a termination, the limit above which the episode ends.
     - `below`: as a termination, the limit below which the episode ends.
     - `name`: of the reading, by default that of the kind.
-    - `at_end`: whether it is recorded at the end of an episode only.
+    - `at_end`: whether it is recorded only at the end of an episode.
     """
 
     _: KW_ONLY
