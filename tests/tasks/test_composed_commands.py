@@ -46,10 +46,9 @@ def test_commands_of_muscles_pass_a_sigmoid_and_motors_beside_them_take_the_comm
     action = np.array([0.3, -0.4], np.float32)
     np.testing.assert_allclose(task.control(action), [0.3, 1 / (1 + np.exp(-5 * (-0.4 - 0.5)))], rtol=1e-6)
     on_off = commanded(MUSCLE, actions="binary")
-    assert on_off.action_range[-1] == (0.0, 1.0)
-    np.testing.assert_allclose(
-        on_off.control(np.array([[0, 0], [1, 1]], np.float32))[:, -1], 1 / (1 + np.exp([7.5, -2.5])), rtol=1e-5
-    )
+    assert (on_off.action_names, on_off.action_range) == (("a", "b"), ((0.0, 1.0),) * 2)
+    found = on_off.control(np.array([[0, 0], [1, 1]], np.float32))
+    np.testing.assert_allclose(found, np.transpose([[-1, 1], 1 / (1 + np.exp([7.5, -2.5]))]), rtol=1e-5)
 
 
 def test_commands_and_groups_do_not_go_together():

@@ -5,12 +5,18 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
-from composed_examples import BODY, moved, task
+from composed_examples import BODY, MODEL, moved, task
 from scipy.integrate import solve_ivp
 
+from motorgrad._settings import build, table
 from motorgrad._tree import KINDS
+from motorgrad.bodies import Mjcf
+from motorgrad.learning import Agent
+from motorgrad.policies import bounded_hyperplanes
 from motorgrad.tasks import terms
 from motorgrad.tasks.terms._quantities import Compartments
+from motorgrad.tasks.terms._term import norm
+from motorgrad.training.engines import stepper_for
 
 DECISIONS = 12
 
@@ -121,17 +127,18 @@ def test_success_counts_the_decisions_within(control):
     assert not made.readings(memory, state)["success"][1]
 
 
-def test_fatigue_follows_its_differential_equations():
+@pytest.mark.parametrize("rest", [0.0, 0.1])
+def test_fatigue_follows_its_differential_equations(rest):
     term = terms.Fatigue(fatigue=0.5, recovery=0.05, rest=15, rise=10)
 
     def load(t):
-        return 0.7 if t < 4 else 0.1
+        return 0.7 if t < 4 else rest
 
     def rate(t, state):
         active, fatigued = state
         gap = load(t) - active
         drive = 10 * (min(gap, 1 - active - fatigued) if gap > 0 else gap)
-        back = 0.05 * (1 if gap > 0 else 15)
+        back = 0.05 * (1 if load(t) > 0.01 else 15)
         return drive - 0.5 * active, 0.5 * active - back * fatigued
 
     precise = {"max_step": 1e-3, "rtol": 1e-8}
@@ -142,9 +149,21 @@ def test_fatigue_follows_its_differential_equations():
     for step in range(400):
         state = after(state, jnp.array([load(step * 0.02)]))
         if step == 199:
-            np.testing.assert_allclose([state.active[0], state.fatigued[0]], first, rtol=0.02)
-    np.testing.assert_allclose([state.active[0], state.fatigued[0]], wanted, rtol=0.02)
-    assert value(terms.Fatigue("lift", hurry=100), np.ones((30, 3)) * (1, 0, 0)) < -0.01
+            np.testing.assert_allclose([state.active[0], state.fatigued[0]], first, rtol=0.02, atol=1e-6)
+    np.testing.assert_allclose([state.active[0], state.fatigued[0]], wanted, rtol=0.02, atol=1e-6)
+
+
+def test_fatigue_is_that_of_the_commanded_muscles():
+    def tired(actuators, control):
+        bound = terms.Fatigue(actuators, speedup=100).bind(terms.Scene(BODY, 0.02))
+        now = terms.Now(None, jnp.array(control), jnp.zeros(()), {}, bound.init())
+        for _ in range(5):
+            now = now._replace(memory=bound.step(now))
+        return float(bound.read(now))
+
+    assert tired("lift", [1.0, 0.0, 0.0]) > 0.01
+    assert tired(("lift", "bend"), [1.0, -1.0, 0.0]) == pytest.approx(tired("lift", [1.0, 0.0, 0.0]))
+    assert tired("hold", [1.0, 0.0, 0.0]) == 0
 
 
 def test_targets_are_drawn_for_each_episode_and_seed():
@@ -222,6 +241,15 @@ def test_episodes_begin_where_the_resets_say():
     assert task().begin(np.zeros((3, 0))) == {}
 
 
+def test_a_keyframe_gives_the_activations_too_and_needs_no_random_number():
+    body = Mjcf(MODEL.replace(".3 .2", '.3 .2" act=".7'), start="high")
+    made = task(body=body, reset=[terms.Keyframe(("low",))], observe=["joint-positions", "activations"])
+    assert made.init_uniforms == 0
+    run = stepper_for(made, Agent(bounded_hyperplanes(made)), [0, 1], threads=1)
+    assert run.batch.packed[:, 7] == pytest.approx(0.3)
+    assert run.batch.unpack(run.batch.packed).activation == pytest.approx(0.7)
+
+
 def test_terms_end_episodes(control):
     for term, wanted in (
         (terms.Height("hand", below=5.0), True),
@@ -235,6 +263,57 @@ def test_terms_end_episodes(control):
     assert not task().episodic
     with pytest.raises(ValueError, match="terminate: distance = 'no limit': must be above or below a limit"):
         task(terminate=["distance"], targets=["reach"])
+
+
+@pytest.fixture
+def registry():
+    """The registered terms, put back afterwards."""
+    before = {base: dict(kinds) for base, kinds in KINDS.items()}
+    yield
+    for base, kinds in before.items():
+        KINDS[base].clear()
+        KINDS[base].update(kinds)
+
+
+def test_a_term_of_ones_own_is_one_function_and_one_line(registry, control):
+    @terms.register(terms.Quantity, "apart")
+    def apart(scene, first: str, second: str, factor: float = 1.0):
+        one, two = scene.point(first), scene.point(second)
+        return lambda now: factor * norm(one(now.state) - two(now.state))
+
+    @terms.register(terms.Observation, "middle")
+    def middle(scene, part: str = "mid"):
+        point = scene.point(part)
+        return terms.Bound(lambda now: point(now.state), ("x", "y", "z"))
+
+    @terms.register(terms.Reset, "bent")
+    def bent(scene, angle: float):
+        place = scene.positions("elbow")[1]
+
+        def apply(start, uniforms):
+            start.position[:, place] = angle
+            return start
+
+        return terms.BoundReset(0, apply)
+
+    made = task(
+        observe=["middle", {"kind": "apart", "first": "hand", "second": "mid"}],
+        reward=[apart("hand", "mid", 2.0, weight=-1.0)],
+        reset=[bent(0.4)],
+    )
+    _, _, seen, rewards, _ = carried(made, control)
+    assert made.observation_names == ("x", "y", "z", "apart")
+    assert rewards[-1] == pytest.approx(-2 * seen[3])
+    assert made.begin(np.zeros((1, 0)))["position"][0, 8] == pytest.approx(0.4)
+    assert build(type(made), table(made), "task") == made
+    with pytest.raises(ValueError, match=r"rewards\[0\] 'frist': did you mean 'first'"):
+        task(reward=[{"kind": "apart", "frist": "hand", "second": "mid"}])
+    with pytest.raises(ValueError, match=r"rewards\[0\].*second"):
+        task(reward=[{"kind": "apart", "first": "hand"}])
+    with pytest.raises(ValueError, match="name = 'apart': must be another name"):
+        terms.register(terms.Quantity, "apart", lambda scene: None)
+    with pytest.raises(ValueError, match=r"base = .*: must be one of Observation, Target, Quantity, Reset"):
+        terms.register(terms.Bound, "apart", apart)
 
 
 def test_every_term_has_a_page_of_arguments():
@@ -266,7 +345,12 @@ def test_every_term_has_a_page_of_arguments():
         ({"groups": ["lft"]}, "unknown actuator 'lft': did you mean 'lift'"),
         ({"groups": [("lift", "bend")]}, r"the same for all actuators of one unit"),
         ({"action_period": 0.003}, "action_period"),
-        ({"body": "arn6"}, "unknown model 'arn6': did you mean 'arm6'"),
+        ({"body": "arn6"}, "unknown body 'arn6': did you mean 'arm6'"),
+        ({"body": "hoper"}, "unknown body 'hoper': did you mean 'hopper'"),
+        ({"observe": ["positions"]}, "observe: positions: parts = .*: must be the name of a site, body or geom"),
+        ({"observe": ["contacts"]}, "observe: contacts: parts = .*: must be the name of a site, body or geom"),
+        ({"reward": ["height"]}, "reward: height: part = '': must be the name of a site, body or geom"),
+        ({"observe": [{"kind": "clock", "period": -1.0}]}, r"period = -1.0: must be a finite number of at least 0"),
     ],
 )
 def test_what_does_not_exist_is_refused_with_the_nearest_name(changes, told):

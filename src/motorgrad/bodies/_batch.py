@@ -179,32 +179,32 @@ class BodyBatch:
         self.reset(rows)
         self._flag[rows] = 1.0
 
-    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None) -> None:
+    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None, activation: Any = None) -> None:
         """Put simulations into the start pose, or into another.
 
         **Arguments:**
 
         - `rows`: which seeds, as an integer or boolean array; None for all. Their rows of `packed` are updated, with
           flag 0; `diverged` is kept.
-        - `position` (rows, nq), `velocity` (rows, nv): the generalised coordinates of each, in the order of `rows`; by
-          default those of the start pose.
+        - `position` (rows, nq), `velocity` (rows, nv), `activation` (rows, na): the state of each, in the order of
+          `rows`; by default that of the start pose.
 
         **Raises:** `ValueError` for rows that do not exist, and for arrays of another shape.
         """
         rows, order = _rows(np.arange(self.seeds) if rows is None else rows, self.seeds)
         if not rows.size:
             return
-        chosen = {"qpos": position, "qvel": velocity}
-        if position is None and velocity is None:
+        given = {"qpos": position, "qvel": velocity, "act": activation}
+        chosen = {name: np.asarray(values, float) for name, values in given.items() if values is not None}
+        if not chosen:
             self._batch.reset(rows, self._start)
         else:
             self._batch.reset(rows, self._start, mujoco.mjtStage.mjSTAGE_NONE)
             for name, values in chosen.items():
-                if values is not None:
-                    target, given = self._batch.bind(name), np.asarray(values, float)
-                    wanted = (len(order), target.shape[1])
-                    check(given.shape == wanted, f"{name}.shape", given.shape, f"(rows, {name}) = {wanted}")
-                    target[rows] = given[order]
+                target = self._batch.bind(name)
+                wanted = (len(order), target.shape[1])
+                check(values.shape == wanted, f"{name}.shape", values.shape, f"(rows, {name}) = {wanted}")
+                target[rows] = values[order]
             self._batch.forward(rows)
         self._bad[rows] = 0
         for target, source in self._copies:
@@ -304,12 +304,12 @@ def start_key(body: Body, model: mujoco.MjModel) -> int:
     return names.index(start)
 
 
-def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The generalised positions and velocities with which a body starts."""
+def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The generalised positions and velocities, and the activations, with which a body starts."""
     key = start_key(body, model)
     if key < 0:
-        return np.array(model.qpos0), np.zeros(model.nv)
-    return np.array(model.key_qpos[key]), np.array(model.key_qvel[key])
+        return np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.na)
+    return np.array(model.key_qpos[key]), np.array(model.key_qvel[key]), np.array(model.key_act[key])
 
 
 def _rows(rows: Any, seeds: int) -> tuple[np.ndarray, np.ndarray]:

@@ -56,9 +56,9 @@ class FisherMetric(Metric):
       broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of the parameter's,
       and bounds the step along parameters on which the actions hardly depend.
     - `initial`: at least 0, in the same units.
-    - `interval` (decisions): 1, or how many decisions the matrix takes in together, each with its own weight. This is
-      quicker, the more so the more parameters a unit has; a step of the parameters takes in those that wait. They enter
-      with the policy of that moment, so that nothing else changes for a learner that improves once a batch.
+    - `interval` (decisions): how many decisions the matrix takes in at once, each with its own weight. More are faster
+      for units with many parameters. A step of the parameters first takes in the decisions that wait. They enter with
+      the policy of that moment, so the result is the same for a learner that improves once a batch.
     - `kl` (nats): none, or how far one step of the parameters may change the policy, all units together. A step
       $\Delta$ of larger $\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler divergence of the old
       policy from the new, is shortened to it after the optimizer. A number of at least 0, or one that is `Annealed`.

@@ -28,9 +28,8 @@ class FeatureMap(Part):
     | `"grid"` | the same | nothing: $\mu_k$ are spread evenly over [−1, 1] in every input |
 
     Fourier features approximate the kernel of the radial ones (Rahimi & Recht, 2007); for these, see Broomhead & Lowe
-    (1988). The random numbers are
-    those of NumPy's `RandomState`, which never change: the settings say all that there is to know of a map, and it
-    needs no storing.
+    (1988). The random numbers come from NumPy's `RandomState`, whose streams never change. So the settings define the
+    map completely, and a run stores nothing else of it.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Tasks that are composed of terms rather than written."""
+"""Tasks composed of terms."""
 
 import dataclasses
 import functools
@@ -16,15 +16,24 @@ from motorgrad._running import RunningMean, running_mean
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
-from motorgrad.tasks._composing import LEARNER, Drive, body_of, body_table, drive_of, reach, with_absolute_paths
+from motorgrad.tasks._composing import (
+    LEARNER,
+    POLICIES,
+    Drive,
+    body_of,
+    body_table,
+    drive_of,
+    reach,
+    with_absolute_paths,
+)
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.gymnasium._gymnasium import add_observation, standardised
-from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Target
+from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Start, Target
 from motorgrad.tasks.terms._term import Now, bound
 
 FIXED: Mapping[str, Any] = {"option": False}
-"""Of fields that are too much for an option of the command line."""
+"""Metadata of fields that have no option on the command line, only in files and in Python."""
 
 
 class ComposedMemory(NamedTuple):
@@ -63,11 +72,11 @@ class _Bindings(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Composed(BodyTask):
-    """A task on any body, composed of terms: what is observed, aimed at, rewarded and recorded, where episodes begin
-    and end.
+    """A task on any body, composed of terms that say what is observed, aimed at, rewarded and recorded, and how
+    episodes start and end.
 
     Each term is an instance of a class in `motorgrad.tasks.terms`, its name, or a table with its `kind` and settings.
-    Without a body, it is the reach of a two-joint arm with six muscles for places that it can reach.
+    Without a body, a two-joint arm with six muscles reaches for targets.
 
     **Arguments:**
 
@@ -76,7 +85,7 @@ class Composed(BodyTask):
     - `observations`: what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`.
     - `rewards`: what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`.
     - `targets`: what other terms refer to (`Target`).
-    - `resets`: where episodes begin (`Reset`), by default in the body's keyframe. Short name: `reset`.
+    - `resets`: in which state episodes start (`Reset`), by default in the body's keyframe. Short name: `reset`.
     - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
     - `recorded`: what is recorded (`Quantity`). Short name: `readings`.
     - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
@@ -87,9 +96,9 @@ class Composed(BodyTask):
       their standard deviation, clipped to ±5; `"none"` leaves them as the terms have them.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
-    - `commands`: what the actions of units are: `"controls"` in the actuators' ranges; or, as in MyoSuite, `"sigmoid"`:
-      numbers a in [−1, 1], of which a muscle has the control 1 / (1 + exp(−5 (a − 0.5))), another actuator a itself, or
-      the corresponding one in its range where the body has no muscle. A unit that is off has −1.
+    - `commands`: what an action means. `"controls"`: controls in the actuators' ranges. `"sigmoid"`, as in MyoSuite:
+      numbers a in [−1, 1]. A muscle then has the control 1 / (1 + exp(−5 (a − 0.5))) and any other actuator a itself;
+      on a body without muscles, −1 to 1 stand for the ends of each actuator's range. A binary unit gives −1 or 1.
 
     **Raises:** `ValueError` for a name that does not exist, with the nearest one, for a model that MuJoCo refuses, and
     for settings that do not go together.
@@ -170,9 +179,8 @@ class Composed(BodyTask):
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Natural gradients with a critic, as for the hexapod's muscles, on units for these actions."""
-        graded = {"kind": "bounded-hyperplanes", "deviation": 1.0}
-        return {**LEARNER, "policy": graded if self.actions == "graded" else "hyperplanes"}
+        """The natural actor-critic with units for these actions."""
+        return LEARNER | {"policy": POLICIES[self.actions]}
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
@@ -206,7 +214,8 @@ class Composed(BodyTask):
 
     @functools.cached_property
     def _drive(self) -> Drive:
-        return drive_of(Scene(self.body, self.action_period), self.groups, self.actions == "binary")
+        opposed = self.actions == "binary" and self.commands == "controls"  # a command has two signs by itself
+        return drive_of(Scene(self.body, self.action_period), self.groups, opposed)
 
     @property
     def action_size(self) -> int:
@@ -219,21 +228,21 @@ class Composed(BodyTask):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        if self.commands == "sigmoid" and self.actions == "graded":
-            return ((-1.0, 1.0),) * self.action_size
+        if self.commands == "sigmoid":
+            return ((-1.0 if self.actions == "graded" else 0.0, 1.0),) * self.action_size
         return tuple((float(low), float(high)) for low, high in self._drive.range)
 
     def control(self, action: Any, memory: Any = None) -> Any:
         """The control of each group of actuators, within its range."""
         del memory
-        drive = self._drive
         if self.commands == "sigmoid":
             return self._commanded(action)
+        drive = self._drive
         if self.actions == "graded":
-            low, high = jnp.asarray(drive.range, jnp.float32).T
-            action = jnp.clip(action, low, high)
-        control = action if drive.plain else drive.rest + action @ drive.matrix
-        return control if drive.plain else jnp.clip(control, *drive.limits.T)
+            action = jnp.clip(action, *jnp.asarray(drive.range, jnp.float32).T)
+        if drive.plain:
+            return action
+        return jnp.clip(drive.rest + action @ drive.matrix, *drive.limits.T)
 
     @functools.cached_property
     def _muscles(self) -> Bool[np.ndarray, " groups"]:
@@ -311,12 +320,11 @@ class Composed(BodyTask):
         if not parts.reset:
             return {}
         place = sum(target.uniforms for target in parts.scene.targets.values())
-        position, velocity = (np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
+        start = Start(*(np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model)))
         for each in parts.reset:
-            chance = np.asarray(uniforms[:, place : place + each.uniforms], float)
-            position, velocity = each.apply(position, velocity, chance)
+            start = each.apply(start, np.asarray(uniforms[:, place : place + each.uniforms], float))
             place += each.uniforms
-        return {"position": position, "velocity": velocity}
+        return {name: values for name, values in start._asdict().items() if values.shape[1]}
 
     def reward(
         self, memory: ComposedMemory, state: BodyState, action: Float[Array, " units"]

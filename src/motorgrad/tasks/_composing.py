@@ -1,8 +1,9 @@
-"""What composed tasks are made from beside their terms: bodies from settings, units that drive actuators, a learner."""
+"""What composed tasks need beside their terms: bodies from settings, units that drive actuators, and a learner."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
+from motorgrad._presets import natural_actor_critic
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES, BUNDLED, Mjcf
 from motorgrad.tasks.terms import (
@@ -31,31 +33,22 @@ from motorgrad.tasks.terms import (
 BATCH = 160  # decisions per update of the parameters
 UPDATES = 375  # updates after which annealing ends: 60,000 decisions
 DISCOUNT = 0.9  # a muscle moves a limb within some tenths of a second
-LEARNER: Mapping[str, Any] = {
-    "estimator": {
-        # generalised advantages: the trace's decay is the critic's discount times 0.95
-        "trace": {"kind": "exponential", "decay": 0.95 * DISCOUNT},
-        "baseline": {
-            "kind": "critic",
-            "features": {"squares": True},
-            "discount": DISCOUNT,
-            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
-        },
-        "improve": BATCH,
-        "normalization": {"rate": 1 / (10 * BATCH)},
-        # without it graded units soon stop exploring
-        "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES},
-    },
-    "metric": {
-        "kind": "fisher",
-        "rate": 1 / (20 * BATCH),
-        "initial": 0.05,
-        "damping": 0.01,
-        "kl": {"kind": "annealed", "start": 0.05, "end": 0.005, "steps": UPDATES},
-    },
-    "optimizer": {"learning_rate": 1.0},
-    "averaging": {"start": UPDATES - 50},
+POLICIES: Mapping[str, Any] = {
+    "binary": "hyperplanes",
+    "graded": {"kind": "bounded-hyperplanes", "deviation": 1.0},
 }
+"""The policy for each kind of actions."""
+LEARNER: dict[str, Any] = natural_actor_critic(
+    POLICIES["graded"],
+    batch=BATCH,
+    updates=UPDATES,
+    discount=DISCOUNT,
+    memory=20,
+    features={"squares": True},
+    kl=(0.05, 0.005),
+    entropy=0.02,  # without it graded units soon stop exploring
+) | {"averaging": {"start": UPDATES - 50}}
+"""The natural actor-critic for muscles that move a limb."""
 
 
 class Drive(NamedTuple):
@@ -109,6 +102,8 @@ def body_of(value: Any) -> Any:
     """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
     if isinstance(value, str) and value in BODIES:
         return BODIES[value]()
+    if isinstance(value, str) and re.fullmatch(r"[\w-]+", value) and value not in BUNDLED:
+        raise unknown("body", value, [*BODIES, *BUNDLED, "or the path of an MJCF file"])
     if isinstance(value, str | Path | mujoco.MjSpec):
         return Mjcf(value)  # type: ignore[arg-type]
     if isinstance(value, Mapping):
@@ -138,7 +133,7 @@ def with_absolute_paths(settings: Mapping[str, Any], folder: Path) -> dict[str, 
         if isinstance(value, list | tuple):
             return [walk(item) for item in value]
         named = isinstance(value, str) and key in ("body", "source", "file")
-        if not named or "<" in value or value in BUNDLED or (key == "body" and value in BODIES):
+        if not named or "<" in value or not Path(value).suffix:  # a document, or the name of a body
             return value
         return str(folder / value)
 

@@ -10,7 +10,8 @@ import pyarrow as pa
 
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
-from motorgrad.training._run import Records, Run, load
+from motorgrad.training._load import load
+from motorgrad.training._run import Records, Run
 from motorgrad.training.engines import BodyStepper, stepper_for
 
 FRESH = 1_000_000_000

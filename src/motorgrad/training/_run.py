@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Policy, rebuild, split, trainable
+from motorgrad.policies import Policy, split
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._agents import agent_from_table
@@ -27,13 +26,9 @@ from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import Record
 from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves
 from motorgrad.training.store import (
-    RunDirectory,
     RunDirectoryError,
-    RunWarning,
     fill_tree,
     name_of,
-    release_changes,
-    versions,
 )
 
 if TYPE_CHECKING:
@@ -324,95 +319,6 @@ def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
         return agent_from_table(task, settings, where)
     except ValueError as error:
         raise RunDirectoryError(f"{error}: train(task, agent, out=...)") from None
-
-
-def load(path: Path | str, task: Task | None = None, *, trust: bool = False, allow_changed: bool = False) -> Run:
-    """Load the run in a directory. Reading takes no lock, so the run may still be training.
-
-    **Arguments:**
-
-    - `path`: the run directory.
-    - `task`: for a run of a task that is not in the registry.
-    - `trust`: whether the run's `task` may import a module that its configuration names. Loading itself runs no code
-      of the directory.
-    - `allow_changed`: whether the settings in `config.toml` may differ from those with which the run was made. They are
-      then used.
-
-    It warns (`RunWarning`) of damaged files, and loads what is whole. It warns, too, where another release of motorgrad
-    or MuJoCo made the run.
-
-    **Raises:** `RunDirectoryError` where there is no run or no whole checkpoint, and where a setting in `config.toml`
-    was changed.
-    """
-    directory = RunDirectory(path)
-    found = directory.latest()
-    config = directory.config(found and found[1], allow_changed)
-    if found is None:
-        raise RunDirectoryError(f"{path} has no whole checkpoint yet")
-    arrays, about = found
-    if (learner := directory.learner()) is None:
-        raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; training on restores it")
-    directory.check_rest(about)
-    if not allow_changed and (changes := release_changes(about["versions"], versions(), ("motorgrad", "mujoco"))):
-        warnings.warn(f"{path}: {'; '.join(changes)}: what it computes may differ", RunWarning, stacklevel=2)
-    shapes = rebuild(learner["structure"])
-    policies, initial = _filled(shapes, arrays, "kept."), _filled(shapes, directory.initial())
-    metrics = directory.metrics(about)
-    mean = "cycle.agent.gradient.mean."
-    estimate = _filled(trainable(shapes), arrays, mean) if any(name.startswith(mean) for name in arrays) else None
-    return Run(
-        config,
-        about["decision"],
-        pa.table({}) if metrics is None else metrics,
-        policies,
-        initial,
-        estimate,
-        Path(path),
-        task,
-        trust,
-        memory_in(arrays),
-    )
-
-
-def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any]:
-    """The configuration of the run in a directory, compared with that of its newest checkpoint.
-
-    **Raises:** `RunDirectoryError` where there is no run, or a setting in `config.toml` was changed, unless
-    `allow_changed`.
-    """
-    directory = RunDirectory(path)
-    found = directory.latest() if directory.is_run else None
-    return directory.config(found and found[1], allow_changed)
-
-
-def given_initial(path: Path | str) -> Policy | None:
-    """The `initial` policies that a stored run was given, seeds leading; `None` without any, or without a run.
-
-    **Raises** `RunDirectoryError` where they are missing.
-    """
-    directory = RunDirectory(path)
-    found = directory.latest() if directory.is_run else None
-    run = found[1]["config"]["run"] if found else directory.read_config()["run"] if directory.is_run else {}
-    if "initial" not in run:
-        return None
-    learner = directory.learner() if directory.has_initial_policies else None
-    if learner is None:
-        lost = "checkpoint/initial.policies is missing: give the initial policies again, train(..., initial=...)"
-        raise RunDirectoryError(f"{path}: {lost}")
-    stored = _filled(rebuild(learner["structure"]), directory.initial())
-    # in a sweep the seeds of every setting begin from the same policies
-    return jax.tree.map(lambda leaf: leaf[: len(run["seeds"])], stored)
-
-
-def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") -> Policy:
-    """Stored arrays by name in the structure of a policy."""
-    return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
-
-
-def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state that are the task's memory, by their paths within it."""
-    place = "cycle.memory"
-    return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}
 
 
 class Records:

@@ -20,7 +20,8 @@ from motorgrad.policies import Policy, describe
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
-from motorgrad.training._run import Records, Run, given_initial, memory_in, saved_agent, saved_config, saved_task
+from motorgrad.training._load import given_initial, memory_in, saved_config
+from motorgrad.training._run import Records, Run, saved_agent, saved_task
 from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
 from motorgrad.training._sweep import numbers_by_lane
 from motorgrad.training._trust import check_pickles

@@ -1,4 +1,4 @@
-"""The parts of a body by name: where their numbers are, and sensors for what MuJoCo does not say unasked."""
+"""The parts of a body by name: where their numbers are, and sensors for what MuJoCo computes only on request."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from motorgrad._errors import unknown
+from motorgrad._errors import check, unknown
 from motorgrad.bodies._body import Body, WrappedBody, actuators_of, group_places
 from motorgrad.bodies.mjcf._mjcf import Mjcf
 from motorgrad.bodies.models._read import compile_spec
@@ -66,7 +66,8 @@ class WithSensors(WrappedBody):
 class Anatomy:
     """The parts of a body by name.
 
-    A name may be a pattern such as `flexor*`, or several. What matches nothing is a `ValueError` with the nearest name.
+    A name may be a pattern such as `flexor*`, or several. A name that matches nothing raises a `ValueError` with the
+    nearest one.
 
     **Arguments:** `body`: a body.
 
@@ -151,6 +152,7 @@ class Anatomy:
 
     def place(self, name: str) -> tuple[str, str]:
         """The kind of the site, body or geom of this name, as sensors have it, and the name."""
+        check(name, "part", name, "the name of a site, body or geom")
         for kind in _PLACED:
             if name in self._names(kind):
                 return ("XBODY" if kind == "body" else kind.upper()), name

@@ -1,10 +1,10 @@
 """The terms of composed tasks: what is observed, aimed at, rewarded and recorded, where episodes begin and end.
 
-A term is a small frozen class under `Observation`, `Target`, `Quantity` or `Reset`, and a line of the registry below,
-which gives it its name in TOML. `motorgrad.tasks.compose` puts terms together.
+A term is a small frozen class under `Observation`, `Target`, `Quantity` or `Reset`. The registry below gives it its
+name in TOML; `register` adds terms of your own. `motorgrad.tasks.compose` puts terms together.
 """
 
-from motorgrad._tree import KINDS, register
+from motorgrad._tree import KINDS
 from motorgrad.tasks.terms._observations import (
     Activations,
     Clock,
@@ -47,7 +47,9 @@ from motorgrad.tasks.terms._term import (
     Quantity,
     Reset,
     Scene,
+    Start,
     Target,
+    register,
 )
 
 KINDS.update(
@@ -125,6 +127,7 @@ __all__ = [
     "Scene",
     "SensorReadings",
     "Speed",
+    "Start",
     "Success",
     "Target",
     "TargetError",

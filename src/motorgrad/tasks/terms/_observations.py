@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from motorgrad._tree import static
+from motorgrad._tree import number, static
 from motorgrad.tasks.terms._term import Bound, Names, Now, Observation, Scene, by_name
 
 
@@ -37,7 +37,7 @@ class JointVelocities(Observation):
 
 
 class OfActuators(Observation):
-    """What a sensor says of each actuator.
+    """A sensor reading of each actuator.
 
     **Arguments:**
 
@@ -93,7 +93,7 @@ class MuscleForces(OfActuators):
 
 
 class Activations(Observation):
-    """Activations of muscles, and of other actuators with a state.
+    """Activations of muscles and of other actuators that have an activation state.
 
     **Arguments:**
 
@@ -136,7 +136,7 @@ class Velocities(Observation):
 
 
 class TargetPosition(Observation):
-    """Where a target is now.
+    """The current position of a target.
 
     **Arguments:**
 
@@ -151,7 +151,7 @@ class TargetPosition(Observation):
 
 
 class TargetError(Observation):
-    """From where the body is to where a target is: for each number of the target, wanted − actual.
+    """The vector from the body to a target: for each number of the target, wanted − actual.
 
     **Arguments:**
 
@@ -199,8 +199,7 @@ class Contacts(Observation):
     parts: Names = by_name(())
 
     def bind(self, scene: Scene) -> Bound:
-        wanted = (self.parts,) if isinstance(self.parts, str) else self.parts
-        sensors = []
+        wanted, sensors = scene.parts(self.parts), []
         for name in wanted:
             kind, _ = scene.place(name)
             if kind == "SITE":
@@ -236,7 +235,7 @@ class Clock(Observation):
     - `period` (s): of the sine and cosine; 0 for the time itself.
     """
 
-    period: float = static(0.0)
+    period: float = number(0.0, 0)
 
     def bind(self, scene: Scene) -> Bound:
         if not self.period:
@@ -250,7 +249,7 @@ class Clock(Observation):
 
 
 def _vectors(scene: Scene, parts: Names, moving: bool) -> Bound:
-    names = (parts,) if isinstance(parts, str) else parts
+    names = scene.parts(parts)
     read = [(scene.motion if moving else scene.point)(name) for name in names]
     word = " velocity" if moving else ""
     labels = tuple(f"{name}{word} {axis}" for name in names for axis in "xyz")

@@ -1,5 +1,6 @@
-"""Numbers that say how things are: of them composed tasks make rewards, ends of episodes and readings."""
+"""Numbers from which composed tasks make rewards, terminations and readings."""
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY
 from typing import Literal, NamedTuple
 
@@ -9,7 +10,10 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._tree import count, number, static
-from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scene, by_name, norm, vector
+from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scalar, Scene, by_name, norm, vector
+
+REST = 0.01
+"""A load up to which a muscle rests."""
 
 
 class Distance(Quantity):
@@ -91,14 +95,14 @@ class Beyond(Quantity):
 
 
 class Success(Quantity):
-    """Whether the body was within a tolerance of a target at more than so many decisions of the episode, 1 or 0. As a
-    reading it is recorded at the end of each episode.
+    """Whether the body was within a tolerance of a target at more than a number of decisions of the episode, 1 or 0. As
+    a reading it is recorded at the end of each episode.
 
     **Arguments:**
 
     - `target`: name of the target.
     - `tolerance` (m or rad): distance below which it counts.
-    - `decisions`: after how many it succeeds.
+    - `decisions`: the number that must be exceeded.
     - `weight`: in the reward, by default 1.
     """
 
@@ -235,11 +239,11 @@ class Effort(Quantity):
 
     **Arguments:**
 
-    - `of`: `"activation"`, or `"control"`, which every actuator has.
+    - `of`: `"control"`, which every actuator has, or `"activation"`.
     - `actuators`: names or patterns of actuators.
     - `power`: 2 for the mean square.
     - `root`: whether to take the length of the vector instead, divided by the number of actuators.
-    - `weight`: by default −1.
+    - `weight`: in the reward, by default −1.
     """
 
     of: Literal["activation", "control"] = static("control")
@@ -250,44 +254,47 @@ class Effort(Quantity):
     weight: float = number(-1.0)
 
     def bind(self, scene: Scene) -> Bound:
-        places = scene.groups(self.actuators) if self.of == "control" else scene.activations(self.actuators)[1]
-        most = np.maximum(np.abs(scene.control_range).max(axis=1), 1e-9)[places] if self.of == "control" else 1.0
-
-        def read(now: Now) -> Array:
-            level = (now.control if self.of == "control" else now.state.activation)[places] / most
-            return norm(level) / len(places) if self.root else jnp.mean(jnp.abs(level) ** self.power)
-
-        return Bound(read)
+        if self.of == "control":
+            levels, count = _control_shares(scene, self.actuators)
+        else:
+            places = scene.activations(self.actuators)[1]
+            levels, count = lambda now: jnp.abs(now.state.activation[places]), len(places)
+        if self.root:
+            return Bound(lambda now: norm(levels(now)) / count)
+        return Bound(lambda now: jnp.mean(levels(now) ** self.power))
 
 
 class Compartments(NamedTuple):
-    """The shares of each muscle's fibres that are `active` and `fatigued`; the others rest."""
+    """The shares of each muscle's motor units that are `active` and `fatigued`; the others rest."""
 
     active: Float[Array, " muscles"]
     fatigued: Float[Array, " muscles"]
 
 
 class Fatigue(Quantity):
-    r"""The mean share of muscle fibres that are fatigued, by the model of three compartments.
+    r"""The mean share of fatigued motor units, by the three-compartment model. It does not weaken the muscles.
 
-    Of each muscle, the shares $M_A$ are active, $M_F$ fatigued and $M_R = 1 - M_A - M_F$ at rest. With the wanted load
-    $T$, the control of the muscle,
+    Of the motor units of each muscle, the share $M_A$ is active, $M_F$ fatigued, and $M_R = 1 - M_A - M_F$ resting. The
+    target load $T$ is the muscle's control as a share of its greatest:
 
     $$\dot M_A = C - F M_A, \qquad \dot M_F = F M_A - R' M_F,$$
 
-    where $C = L_D \min(T - M_A, M_R)$ below the load, $C = L_R (T - M_A)$ above it, and $R' = r R$ where $M_A \ge T$,
-    else $R$. Sources: Xia & Frey Law (2008), J. Biomech. 41:3046; the factor $r$ of recovery at rest from Looft,
-    Herkert & Frey Law (2018), J. Biomech. 77:16. The defaults $F$ and $R$ are those of the elbow.
+    where $C = L_D \min(T - M_A, M_R)$ below the load and $C = L_R (T - M_A)$ above it. At rest, that is for
+    $T \le 0.01$, $R' = r R$, otherwise $R' = R$.
+
+    Sources: the model, with $L_D = L_R = 10$, from Xia & Frey Law (2008), J. Biomech. 41:3046; $F$ and $R$ of the elbow
+    from Frey-Law, Looft & Heitsman (2012), J. Biomech. 45:1803, Table 1; $r$ from Looft, Herkert & Frey-Law (2018),
+    J. Biomech. 77:16. A control of nearly 0 counts as rest, as in MyoSuite, because graded units never reach 0.
 
     **Arguments:**
 
     - `actuators`: names or patterns of the muscles.
-    - `fatigue` (1/s): $F$, at which active fibres tire.
-    - `recovery` (1/s): $R$, at which tired fibres recover.
+    - `fatigue` (1/s): $F$, the rate at which active units tire.
+    - `recovery` (1/s): $R$, the rate at which fatigued units recover.
     - `rest`: $r$, how much faster they recover at rest.
-    - `rise` (1/s): $L_D = L_R$, at which fibres follow the load.
-    - `hurry`: the factor by which fatigue and recovery are faster than in life, for short episodes.
-    - `weight`: by default −1.
+    - `rise` (1/s): $L_D = L_R$, the rate at which active units follow the load.
+    - `speedup`: the factor by which both fatigue and recovery are faster than in life, for short episodes.
+    - `weight`: in the reward, by default −1.
     """
 
     actuators: Names = by_name("*")
@@ -295,30 +302,29 @@ class Fatigue(Quantity):
     recovery: float = number(0.00094, 0)
     rest: float = number(15.0, 1)
     rise: float = number(10.0, 0, open_low=True)
-    hurry: float = number(1.0, 0, open_low=True)
+    speedup: float = number(1.0, 0, open_low=True)
     _: KW_ONLY
     weight: float = number(-1.0)
 
     def bind(self, scene: Scene) -> Bound:
-        places = scene.groups(self.actuators)
-        nothing = jnp.zeros(len(places))
+        load, count = _control_shares(scene, self.actuators)
+        nothing = jnp.zeros(count)
         return Bound(
             lambda now: jnp.mean(now.memory.fatigued),
             init=lambda: Compartments(nothing, nothing),
-            step=lambda now: self.after(now.memory, jnp.clip(now.control[places], 0, 1), scene.period),
+            step=lambda now: self.after(now.memory, load(now), scene.period),
         )
 
     def after(self, state: Compartments, load: Array, seconds: float) -> Compartments:
         """The compartments after some seconds under a load."""
-        fast = max(self.rise, self.hurry * max(self.fatigue, self.rest * self.recovery))
-        parts = max(1, int(np.ceil(10 * seconds * fast)))
+        fast = max(self.rise, self.speedup * max(self.fatigue, self.rest * self.recovery))
+        parts = max(1, int(np.ceil(10 * seconds * fast)))  # Euler's method, ten steps in the shortest time constant
         step = seconds / parts
+        recovery = self.speedup * self.recovery * jnp.where(load <= REST, self.rest, 1.0)
         for _ in range(parts):
             active, fatigued = state
-            lacks = active < load
-            drive = self.rise * jnp.where(lacks, jnp.minimum(load - active, 1 - active - fatigued), load - active)
-            tires = self.hurry * self.fatigue * active
-            recovers = self.hurry * self.recovery * jnp.where(lacks, 1.0, self.rest) * fatigued
+            drive = self.rise * jnp.minimum(load - active, 1 - active - fatigued)
+            tires, recovers = self.speedup * self.fatigue * active, recovery * fatigued
             state = Compartments(active + step * (drive - tires), fatigued + step * (tires - recovers))
         return state
 
@@ -336,6 +342,13 @@ class Alive(Quantity):
         return Bound(lambda now: jnp.ones(()))
 
 
-def _distance(scene: Scene, name: str):
+def _control_shares(scene: Scene, actuators: Names) -> tuple[Callable[[Now], Array], int]:
+    """The size of each of these actuators' controls as a share of its greatest, and how many there are."""
+    places = scene.groups(actuators)
+    most = np.maximum(np.abs(scene.control_range).max(axis=1), 1e-9)[places]
+    return lambda now: jnp.abs(now.control[places]) / most, len(places)
+
+
+def _distance(scene: Scene, name: str) -> Callable[[Now], Scalar]:
     target = scene.target(name)
     return lambda now: norm(target.error(now, name))

@@ -11,13 +11,14 @@ from scipy.special import ndtri
 from motorgrad._errors import check, unknown
 from motorgrad._tree import number, static
 from motorgrad.tasks.terms._targets import joint_ranges
-from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Pose, Reset, Scene, by_name, vector
+from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene, Start, by_name, vector
 
 LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞
 
 
 class Keyframe(Reset):
-    """Begin in a keyframe of the model, or in one of several, drawn for each episode.
+    """Start in a keyframe of the model, with its positions, velocities and activations, or in one of several, drawn for
+    each episode.
 
     **Arguments:**
 
@@ -34,24 +35,25 @@ class Keyframe(Reset):
                 raise unknown("keyframe", name, known)
         check(known, "keyframes of the model", known, "at least one")
         which = [known.index(name) for name in self.names] or list(range(len(known)))
-        positions, velocities = np.array(model.key_qpos)[which], np.array(model.key_qvel)[which]
+        keys = Start(*(np.array(each)[which] for each in (model.key_qpos, model.key_qvel, model.key_act)))
 
-        def apply(position: np.ndarray, velocity: np.ndarray, uniforms: np.ndarray) -> Pose:
-            chosen = np.zeros(len(position), int) if len(which) == 1 else _floor(uniforms[:, 0], len(which))
-            return positions[chosen], velocities[chosen]
+        def apply(start: Start, uniforms: np.ndarray) -> Start:
+            share = uniforms[:, 0] if len(which) > 1 else np.zeros(len(start.position))
+            chosen = np.minimum((share * len(which)).astype(int), len(which) - 1)
+            return Start(*(each[chosen] for each in keys))
 
         return BoundReset(int(len(which) > 1), apply)
 
 
 class RandomJoints(Reset):
-    """Begin with joints at random positions.
+    """Start with joints at random positions.
 
     **Arguments:**
 
     - `joints`: names or patterns, of hinges and slides.
     - `low` (rad or m): least positions; by default those of the joints' own ranges.
     - `high` (rad or m): greatest positions, between which they are drawn uniformly.
-    - `share`: of that range about its middle, from 0 to 1.
+    - `share`: from 0 to 1, the part of that range, about its middle, in which they are drawn.
     """
 
     joints: Names = by_name("*")
@@ -69,9 +71,9 @@ class RandomJoints(Reset):
         check((low <= high).all(), "low, high", ends, "low <= high")
         middle, half = (low + high) / 2, self.share * (high - low) / 2
 
-        def apply(position: np.ndarray, velocity: np.ndarray, uniforms: np.ndarray) -> Pose:
-            position[:, places] = middle + (2 * uniforms - 1) * half
-            return position, velocity
+        def apply(start: Start, uniforms: np.ndarray) -> Start:
+            start.position[:, places] = middle + (2 * uniforms - 1) * half
+            return start
 
         return BoundReset(len(names), apply)
 
@@ -100,14 +102,10 @@ class Noise(Reset):
         low, high = np.where(limited[:, None], np.array(model.jnt_range)[joints], (-np.inf, np.inf)).T
         deviation, fast = self.position, self.velocity
 
-        def apply(position: np.ndarray, velocity: np.ndarray, uniforms: np.ndarray) -> Pose:
+        def apply(start: Start, uniforms: np.ndarray) -> Start:
             normal = ndtri(np.maximum(uniforms, LEAST))
-            position[:, places] = np.clip(position[:, places] + deviation * normal[:, :size], low, high)
-            velocity[:, speeds] += fast * normal[:, size:]
-            return position, velocity
+            start.position[:, places] = np.clip(start.position[:, places] + deviation * normal[:, :size], low, high)
+            start.velocity[:, speeds] += fast * normal[:, size:]
+            return start
 
         return BoundReset(2 * size, apply)
-
-
-def _floor(uniforms: np.ndarray, count: int) -> np.ndarray:
-    return np.minimum((uniforms * count).astype(int), count - 1)

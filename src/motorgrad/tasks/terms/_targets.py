@@ -35,7 +35,7 @@ class Reach(Target):
     - `low` (m): the lowest corner of the box from which it is drawn uniformly.
     - `high` (m): the highest corner. Without `at` or a box, the place is where the parts are in a pose whose `joints`
       are drawn uniformly in their ranges, so that it can be reached.
-    - `reachable`: whether a place in the box is where the parts are in such a pose.
+    - `reachable`: whether places in the box are drawn only from those that such poses reach.
     - `joints`: names or patterns of the joints of such poses.
     - `name`: by which other terms refer to the target.
     """
@@ -48,7 +48,7 @@ class Reach(Target):
     reachable: bool = static(False)
 
     def bind(self, scene: Scene) -> BoundTarget:
-        parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+        parts = scene.parts(self.parts)
         points = [scene.point(name) for name in parts]
         names = tuple(f"{name} {axis}" for name in parts for axis in "xyz") if len(parts) > 1 else tuple("xyz")
         size = len(names)
@@ -94,8 +94,8 @@ class Pose(Target):
 
 
 class Follow(Target):
-    """A trajectory that sites or joints should follow. Between its moments it is straight; after its end it stays, or
-    begins again.
+    """A trajectory that sites or joints should follow, interpolated linearly between its moments. After its end it
+    stays there, or starts again.
 
     It is given as `time` and `values`, or read once from a `file`: an NPZ file with arrays `time` and `values`, or a
     CSV file whose first column is the time in s, with or without a line of titles. A run keeps the numbers, and does
@@ -108,8 +108,8 @@ class Follow(Target):
     - `file`: a path ending in .npz or .csv.
     - `time` (s): increasing, from 0.
     - `values`: for each moment the numbers of all parts or joints, as one list after the other.
-    - `repeats`: whether it begins again at its end.
-    - `random_start`: whether each episode begins at a random moment of it.
+    - `repeats`: whether it starts again at its end.
+    - `random_start`: whether each episode starts at a random moment of it.
     - `name`: by which other terms refer to the target.
     """
 
@@ -145,7 +145,7 @@ class Follow(Target):
             labels, places = scene.positions(self.joints)
             names, actual = tuple(labels), lambda state: state.position[places]
         else:
-            parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+            parts = scene.parts(self.parts)
             points = [scene.point(name) for name in parts]
             names = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
             actual = lambda state: jnp.concatenate([point(state) for point in points])  # noqa: E731

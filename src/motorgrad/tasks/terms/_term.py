@@ -1,6 +1,8 @@
 """What a term of a composed task is, and what it sees."""
 
 import abc
+import inspect
+import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
@@ -10,13 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from motorgrad import _tree
 from motorgrad._errors import check, unknown
 from motorgrad._tree import Part, kind_of, number, static
 from motorgrad.bodies import Anatomy, Body, BodyState
 
 Scalar = Float[Array, ""]
-
-
 Names = str | tuple[str, ...]
 """A name, a pattern such as `flexor*`, or several of them."""
 Numbers = tuple[float, ...]
@@ -81,7 +82,7 @@ class BoundTarget(NamedTuple):
     actual: Callable[[BodyState], Array]
 
     def error(self, now: Now, name: str) -> Array:
-        """From where the body is to where the target is."""
+        """The vector from the body to the target."""
         return self.wanted(now.drawn[name], now.time) - self.actual(now.state)
 
 
@@ -104,6 +105,11 @@ class Scene(Anatomy):
         if name not in self.targets:
             raise unknown("target", name, self.targets)
         return self.targets[name]
+
+    def parts(self, names: Names) -> tuple[str, ...]:
+        """The names of sites, bodies or geoms, at least one."""
+        check(names, "parts", names, "the name of a site, body or geom, or several")
+        return (names,) if isinstance(names, str) else names
 
     def point(self, name: str) -> Callable[[BodyState], Float[Array, " 3"]]:
         """The position (m) of a site, body or geom, as a function of the state."""
@@ -149,8 +155,8 @@ class Target(Part):
 
 
 class Quantity(Part):
-    """A number that says how things are at a decision. In the rewards of a task, it is multiplied by its weight; among
-    the terminations, it ends the episode beyond a limit; among the readings, it is recorded; it can be observed, too.
+    """A number that describes the state after a decision. In the reward it is multiplied by its weight. As a
+    termination it ends the episode beyond a limit. As a reading it is recorded. It can be observed, too.
 
     **Arguments:**
 
@@ -158,7 +164,7 @@ class Quantity(Part):
     - `above`: as a termination, the limit above which the episode ends.
     - `below`: as a termination, the limit below which the episode ends.
     - `name`: of the reading, by default that of the kind.
-    - `at_end`: whether it is recorded at the end of an episode only.
+    - `at_end`: whether it is recorded only at the end of an episode.
     """
 
     _: KW_ONLY
@@ -174,27 +180,81 @@ class Quantity(Part):
 
 
 class Reset(Part):
-    """A term that chooses where the body begins an episode. Terms change positions and velocities one after the
-    other."""
+    """A term that chooses the state in which an episode starts. Each term changes what the one before it has chosen."""
 
     @abc.abstractmethod
     def bind(self, scene: Scene) -> "BoundReset":
         """The term for a body."""
 
 
-Pose = tuple[Float[np.ndarray, "rows nq"], Float[np.ndarray, "rows nv"]]
-"""Positions and velocities of some rows."""
+class Start(NamedTuple):
+    """The state in which some rows start, in NumPy: positions, velocities and activations."""
+
+    position: Float[np.ndarray, "rows nq"]
+    velocity: Float[np.ndarray, "rows nv"]
+    activation: Float[np.ndarray, "rows na"]
 
 
 class BoundReset(NamedTuple):
     """A reset of a certain body.
 
     - `uniforms`: numbers from U[0, 1) that `apply` consumes, for each row.
-    - `apply(position, velocity, uniforms)`: the positions and velocities to begin with, in NumPy, rows leading.
+    - `apply(start, uniforms)`: the state to start in, from that of the terms before.
     """
 
     uniforms: int
-    apply: Callable[[np.ndarray, np.ndarray, np.ndarray], Pose]
+    apply: Callable[[Start, np.ndarray], Start]
+
+
+def register(base: type[Part], name: str, term: Any = None) -> Any:
+    """Give a term of your own a name, by which Python, options, TOML files and saved runs know it.
+
+    The term is a class that derives from `base`, or a function that takes the place of its `bind`: its first argument
+    is the `Scene`, the others are the settings of the term, with their types and defaults. It returns a function of
+    `Now`, or a `Bound`, `BoundTarget` or `BoundReset`.
+
+    **Arguments:**
+
+    - `base`: `Observation`, `Target`, `Quantity` or `Reset`.
+    - `name`: of the term.
+    - `term`: the class or function. Left out, what follows is decorated.
+
+    **Returns** the class of the term.
+
+    **Raises:** `ValueError` for another base, and for a name that is taken.
+
+    ```python
+    @terms.register(terms.Quantity, "apart")
+    def apart(scene, first: str, second: str):
+        one, two = scene.point(first), scene.point(second)
+        return lambda now: jnp.linalg.norm(one(now.state) - two(now.state))
+    ```
+    """
+    if term is None:
+        return lambda term: register(base, name, term)
+    known = (Observation, Target, Quantity, Reset)
+    check(base in known, "base", base, f"one of {', '.join(each.__name__ for each in known)}")
+    made = _made_of(base, term) if inspect.isfunction(term) else term
+    _tree.register(base, name, made)
+    return made
+
+
+def _made_of(base: type[Part], function: Callable[..., Any]) -> type[Part]:
+    """The class of a term that a function binds."""
+    _, *settings = inspect.signature(function).parameters.values()
+    hints, fields = typing.get_type_hints(function), {}
+    for each in settings:
+        given = {} if each.default is each.empty else {"default": each.default}
+        fields[each.name] = number(**given) if hints.get(each.name) is float else eqx.field(static=True, **given)
+
+    def bind(self: Part, scene: Scene) -> Any:
+        found = function(scene, **{each: getattr(self, each) for each in fields})
+        return Bound(found) if inspect.isfunction(found) else found
+
+    about = {"__module__": function.__module__, "__qualname__": function.__qualname__, "__doc__": function.__doc__}
+    types = {each: hints.get(each, Any) for each in fields}
+    kind: Any = type(base)
+    return kind(function.__name__, (base,), {**about, "__annotations__": types, **fields, "bind": bind})
 
 
 def bound(what: str, term: Any, scene: Scene) -> Any:

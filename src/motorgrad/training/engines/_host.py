@@ -308,7 +308,7 @@ class HostStepper(Stepper):
         self._block, self._drawn = -1, np.empty(0)
         first = sum(self.program.sizes[name] for name in ("policy", "observe"))
         self._for_memory = self._chance[:, first : first + task.init_uniforms]
-        if task.init_uniforms and (start := task.begin(self.program.first_numbers(self.seeds))):
+        if start := task.begin(self.program.first_numbers(self.seeds)):
             self.batch.reset(None, **start)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""

@@ -142,7 +142,7 @@ class TaskHost(Host):
     def __init__(self, task: HostTask, batch: HostBatch, compiled: Functions, numbers: np.ndarray):
         self.task, self.batch, self._compiled = task, batch, compiled
         init = self.task.init_uniforms
-        if init and (start := task.begin(numbers[:, :init])):
+        if start := task.begin(numbers[:, :init]):
             batch.reset(None, **start)
         self._scene = _to_numpy(compiled.begin(batch.packed.copy(), numbers))
 
