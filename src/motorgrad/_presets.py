@@ -1,5 +1,6 @@
 """Learners that are described once, as tables of settings, for tasks of ours and for those of others."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -86,6 +87,9 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
     # half an episode ahead: what comes later hardly depends on the decision, but adds its noise
     horizon = min(100.0, max(10.0, (task.longest_episode or 200) / 2))
     products = task.observation_size <= MOST_PRODUCTS
+    # the divergences and the entropies of independent units add
+    units = 1 if task.actions == "discrete" else task.action_size
+    kl = 0.05 * math.sqrt(units)
     return natural_actor_critic(
         POLICIES.get(task.actions, POLICIES["mixed"]),
         batch=batch,
@@ -95,8 +99,8 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
         memory=10,
         features={"squares": True, "products": products, "actions": True, **FEATURES},
         damping=0.03,
-        kl=(0.05, 0.005),
-        entropy=0.3,
+        kl=(kl, 0.1 * kl),
+        entropy=0.3 / units,
     )
 
 
