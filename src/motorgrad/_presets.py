@@ -5,8 +5,10 @@ from typing import Any
 
 STEPS = 100_000
 """Decisions per seed of a training, unless said otherwise."""
-FEATURES = {"nonlinear": 64, "scale": 1.5}
+FEATURES = {"nonlinear": 128}
 """What policy and critic see beside their inputs."""
+MOST_PRODUCTS = 40
+"""Inputs up to which the critic sees the products of all pairs: they are 820 then."""
 POLICIES: dict[str, dict[str, Any]] = {
     "binary": {"kind": "hyperplanes", "features": FEATURES},
     "discrete": {"kind": "softmax", "features": FEATURES},
@@ -22,10 +24,12 @@ def natural_actor_critic(
     batch: int,
     updates: int,
     discount: float,
+    decay: float,
     memory: float,
     features: Mapping[str, Any],
+    damping: float,
     kl: tuple[float, float],
-    entropy: float | None,
+    entropy: float,
 ) -> dict[str, Any]:
     r"""The natural actor-critic as a table: generalised advantages from a least-squares critic, normalised, and steps
     along the natural gradient that change the policy by a given divergence, which is annealed.
@@ -36,17 +40,18 @@ def natural_actor_critic(
     - `batch` (decisions): from one step of the parameters to the next.
     - `updates` (steps of the parameters): after which annealing ends; the last eighth is averaged.
     - `discount`: of the critic.
+    - `decay`: of the trace: the discount times the lambda of generalised advantages.
     - `memory` (batches): of the critic's and the Fisher matrix's means.
     - `features`: what the critic sees.
+    - `damping`: of the Fisher matrix.
     - `kl` (nats): how far the first and the last step may change the policy.
-    - `entropy`: what a nat of entropy is worth at the start, in usual advantages; 0 at the end. None for nothing.
+    - `entropy`: what a nat of entropy is worth at the start, in usual advantages; 0 at the end.
     """
     rate = 1 / (memory * batch)
     return {
         "policy": policy,
         "estimator": {
-            # generalised advantages: the trace's decay is the critic's discount times 0.95
-            "trace": {"kind": "exponential", "decay": discount * 0.95},
+            "trace": {"kind": "exponential", "decay": decay},
             "baseline": {
                 "kind": "critic",
                 "features": features,
@@ -55,13 +60,13 @@ def natural_actor_critic(
             },
             "improve": batch,
             "normalization": {"rate": 1 / (10 * batch)},
-            "entropy": None if entropy is None else annealed(entropy, 0.0, updates),
+            "entropy": annealed(entropy, 0.0, updates),
         },
         "metric": {
             "kind": "fisher",
             "rate": rate,
             "initial": 0.05,
-            "damping": 0.01,
+            "damping": damping,
             "kl": annealed(*kl, updates),
         },
         # the step's length is that of the KL limit: the natural gradient of a batch this small is longer
@@ -77,16 +82,21 @@ def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
 
 def natural(task: Any, steps: int) -> dict[str, Any]:
     """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions."""
-    batch = min(1000, max(100, steps // 100))
+    batch = max(100, steps // 100)
+    # half an episode ahead: what comes later hardly depends on the decision, but adds its noise
+    horizon = min(100.0, max(10.0, (task.longest_episode or 200) / 2))
+    products = task.observation_size <= MOST_PRODUCTS
     return natural_actor_critic(
         POLICIES.get(task.actions, POLICIES["mixed"]),
         batch=batch,
         updates=max(1, steps // batch),
-        discount=0.99,
-        memory=5,
-        features={"squares": True, **FEATURES, "nonlinear": 128},
+        discount=1 - 1 / horizon,
+        decay=1 - 6 / horizon,
+        memory=10,
+        features={"squares": True, "products": products, "actions": True, **FEATURES},
+        damping=0.03,
         kl=(0.05, 0.005),
-        entropy=0.1,
+        entropy=0.3,
     )
 
 

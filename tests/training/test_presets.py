@@ -14,7 +14,7 @@ from motorgrad.tasks import from_gymnasium
 from motorgrad.training import agent_table
 
 
-@pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 1000, 500)])
+@pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 5000, 100)])
 def test_schedules_scale_with_the_budget(steps, batch, updates):
     agent: Any = mg.presets.natural("hopper", steps)
     estimator, metric, critic = agent.estimator, agent.metric, agent.estimator.baseline
@@ -24,8 +24,25 @@ def test_schedules_scale_with_the_budget(steps, batch, updates):
     assert (estimator.improve, critic.fit.interval) == (batch, batch)
     assert (metric.kl.steps, agent.averaging.start) == (updates, updates - updates // 8)
     np.testing.assert_allclose(
-        [metric.rate, critic.fit.rate, estimator.normalization.rate], [0.2, 0.2, 0.1] / np.array(batch)
+        [metric.rate, critic.fit.rate, estimator.normalization.rate], [0.1, 0.1, 0.1] / np.array(batch)
     )
+
+
+@pytest.mark.parametrize(
+    ("task", "discount", "decay"),
+    [
+        (mg.make("particle"), 0.99, 0.94),  # no limit
+        (mg.make("three-state", time_limit=100), 0.98, 0.88),
+        (mg.make("three-state", time_limit=1), 0.9, 0.4),
+        (from_gymnasium("Pendulum-v1"), 0.99, 0.94),
+        (from_gymnasium("Pendulum-v1", repeat=2), 0.98, 0.88),
+        (from_gymnasium("Pendulum-v1", max_episode_steps=100), 0.98, 0.88),
+    ],
+)
+def test_the_horizon_is_half_an_episode(task, discount, decay):
+    numbers = numbers_of(mg.presets.natural(task).hyperparameters)
+    found = [numbers["estimator.baseline.discount"], numbers["estimator.trace.decay"]]
+    np.testing.assert_allclose(found, [discount, decay])
 
 
 @pytest.mark.parametrize(
@@ -100,7 +117,7 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
         main(["train", "--config", str(config), "--agent.baseline.discount", "0.9", "--check"])
     assert done.value.code == 0
     said = capsys.readouterr().out
-    for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 300", 'kind = "fisher"'):
+    for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 100", 'kind = "fisher"'):
         assert words in said
     # the options of the policy of graded actions, which the task's default environment does not have
     words = "train Pendulum-v1 --agent.policy.deviation 0.7 --agent.policy.features.nonlinear 32 --check"

@@ -43,8 +43,10 @@ LEARNER: dict[str, Any] = natural_actor_critic(
     batch=BATCH,
     updates=UPDATES,
     discount=DISCOUNT,
+    decay=0.95 * DISCOUNT,
     memory=20,
     features={"squares": True},
+    damping=0.01,
     kl=(0.05, 0.005),
     entropy=0.02,  # without it graded units soon stop exploring
 ) | {"averaging": {"start": UPDATES - 50}}

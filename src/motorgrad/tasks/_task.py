@@ -108,6 +108,11 @@ class Task(abc.ABC):
         return None
 
     @property
+    def longest_episode(self) -> int | None:
+        """Number of decisions after which an episode ends at the latest, whoever ends it; `None` if that is unknown."""
+        return self.episode_limit
+
+    @property
     def has_episodes(self) -> bool:
         """Whether episodes end, by the task or by its limit."""
         return self.episodic or self.episode_limit is not None

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
@@ -64,6 +65,7 @@ class _Facts(NamedTuple):
     scaling: ObservationScaling
     code: ActionCode
     period: float
+    longest: int | None
     info: tuple[str, ...]
     """The keys of `info` that are read, that of success first where there is one."""
     succeeds: bool
@@ -136,13 +138,14 @@ class Gymnasium(HostTask):
             scaling = observation_scaling(environment.observation_space, self.scaling, self.env_id)
             code = action_code(environment.action_space, self.code, self.env_id)
             step: Any = getattr(environment.unwrapped, "dt", None)
+            limit = environment.spec.max_episode_steps if environment.spec else None
             info = self._info(environment)
         finally:
             environment.close()
         timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
-        return _Facts(
-            scaling, code, self.repeat * float(step) if timed else 1.0, info, any(key in SUCCESS for key in info)
-        )
+        period = self.repeat * float(step) if timed else 1.0
+        longest = None if limit is None else math.ceil(limit / self.repeat)
+        return _Facts(scaling, code, period, longest, info, any(key in SUCCESS for key in info))
 
     def _info(self, environment: "gymnasium.Env") -> tuple[str, ...]:
         """The keys of `info` to be read, that of success first. **Raises** `ValueError` for one that is not there."""
@@ -200,6 +203,10 @@ class Gymnasium(HostTask):
     def period(self) -> float:
         """Simulated seconds per decision if the environment declares the duration of a step (`dt`), else 1."""
         return self._facts.period
+
+    @property
+    def longest_episode(self) -> int | None:
+        return self._facts.longest
 
     @property
     def no_resume(self) -> str | None:

@@ -43,8 +43,10 @@ MUSCLE_LEARNER: Mapping[str, Any] = natural_actor_critic(
     batch=BATCH,
     updates=UPDATES,
     discount=0.97,
+    decay=0.97 * 0.95,
     memory=20,
     features={"squares": True, "actions": True},
+    damping=0.01,
     kl=(0.03, 0.003),
     entropy=0.05,
 )
