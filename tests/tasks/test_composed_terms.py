@@ -250,6 +250,22 @@ def test_a_keyframe_gives_the_activations_too_and_needs_no_random_number():
     assert run.batch.unpack(run.batch.packed).activation == pytest.approx(0.7)
 
 
+@pytest.mark.slow
+@pytest.mark.ci
+def test_every_environment_of_a_learner_starts_in_its_own_state():
+    made = task(
+        reset=[terms.RandomJoints(("shoulder", "elbow"))],
+        targets=[terms.Pose("elbow")],
+        observe=["target", terms.JointPositions("elbow")],
+    )
+    run = stepper_for(made, Agent(bounded_hyperplanes(made)), [0, 1], threads=1, envs=3)
+    starts = run.batch.unpack(run.batch.packed).position[:, 8]
+    assert len(np.unique(starts)) == 6
+    seen = np.array(run.program.unpack(run._cycles).observation).reshape(6, 2)
+    np.testing.assert_allclose(seen[:, 1], starts, rtol=1e-6)  # what is observed first is where it starts
+    assert len(np.unique(seen[:, 0])) == 6
+
+
 def test_terms_end_episodes(control):
     for term, wanted in (
         (terms.Height("hand", below=5.0), True),

@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad._tree import Part, count, static
 
 Kind = Literal["tanh", "fourier", "radial", "grid"]
-KINDS = ("tanh", "fourier", "radial", "grid")
 
 
 class FeatureMap(Part):
@@ -55,7 +54,6 @@ class FeatureMap(Part):
     seed: int = count(0, 0)
 
     def validate(self) -> None:
-        choice("shape", self.shape, KINDS)
         check(0 < self.scale < math.inf, "scale", self.scale, "a number above 0")
 
     @property

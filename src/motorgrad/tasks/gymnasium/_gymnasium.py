@@ -93,10 +93,10 @@ class Gymnasium(HostTask):
       default of the action space; see `docs/foreign-environments.md`.
     - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
       a time limit). If every step has the same reward, only the ends inform an average reward.
-    - `info`: further keys of the `info` dictionary of a step that are read: each is a single number or a flag, whose
-      mean over steps is recorded under its name. One of `solved`, `success` and `is_success` says which of them means
-      success, where the environment reports several.
-    - `success_steps` (steps): on how many of its steps, at least, a successful episode must be solved.
+    - `info`: further keys of a step's `info` dictionary to read, each a single number or a flag. The mean over steps is
+      recorded under the key's name. Where the environment reports several of `solved`, `success` and `is_success`, the
+      one named here means success.
+    - `success_steps` (steps): the least number of solved steps in a successful episode.
 
     **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
     setting that does not fit it.

@@ -96,10 +96,12 @@ class HostProgram(Program):
         with _alone:
             return np.asarray(self._drawn(seeds, np.uint32(block)))
 
-    def first_numbers(self, seeds: np.ndarray) -> Float[np.ndarray, "seeds size"]:
-        """The random numbers of all seeds for the start of their first episode."""
+    def first_numbers(self, seeds: np.ndarray) -> Float[np.ndarray, "rows size"]:
+        """The random numbers of all environments for the start of their first episode."""
         with _alone:
-            return np.asarray(jax.vmap(self.start_memory)(jnp.asarray(seeds)))
+            lanes = jnp.asarray(seeds)
+            each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
+        return np.stack(each, axis=1).reshape(-1, self.task.init_uniforms)
 
     def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, where `resting` by the shorter program.
