@@ -30,7 +30,6 @@ PAGE = ROOT / "docs" / "myosuite.md"
 TASKS = {"elbow": ("myoElbowPose1D6MRandom-v0", 20_000), "finger": ("myoFingerPoseRandom-v0", 500_000)}
 """Tasks by short name, with their budgets of decisions."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
-UPDATES, MEMORY = 100, 10  # steps of the parameters in a budget; batches that critic and metric remember
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
 MODES: tuple[Mode, ...] = ("mode", "sample")
@@ -68,24 +67,6 @@ PUBLISHED = {
 """What MyoSuite publishes of success: its baselines of 2022, and the checkpoints of version 3."""
 
 
-def natural(steps: int) -> dict[str, Any]:
-    """What is changed in the preset, in proportion to the budget. The same numbers serve all tasks."""
-    batch = max(100, steps // UPDATES)
-    rate, updates = 1 / (MEMORY * batch), steps // batch
-    return {
-        "policy": {"kind": "hyperplanes", "features": {"nonlinear": 128, "scale": 1.0}},
-        "estimator.trace.decay": 0.97 * 0.9,
-        "estimator.baseline.discount": 0.97,
-        "estimator.baseline.features": {"squares": True, "products": True, "nonlinear": 0, "actions": True},
-        "estimator.baseline.fit": {"rate": rate, "interval": batch},
-        "estimator.improve": batch,
-        "estimator.normalization.rate": 1 / (10 * batch),
-        "estimator.entropy": {"kind": "annealed", "start": 0.05, "end": 0.0, "steps": updates},
-        "metric": {"rate": rate, "damping": 0.03, "kl": {"start": 0.1, "end": 0.005, "steps": updates}},
-        "averaging.start": updates - updates // 8,
-    }
-
-
 class Clock:
     """Wall and processor seconds since it was made, of all threads."""
 
@@ -103,8 +84,7 @@ class Clock:
 def learn(name: str, steps: int, seeds: list[int], threads: int) -> dict[str, Any]:
     """Our preset on a rebuilt task."""
     task, clock = mg.tasks.myosuite(TASKS[name][0], actions="binary"), Clock()
-    agent = mg.presets.natural(task, steps, natural(steps))
-    run = mg.train(task, agent, steps, seeds, window=max(1, steps // 40), threads=threads, progress=False)
+    run = mg.train(task, None, steps, seeds, window=max(1, steps // 40), threads=threads, progress=False)
     took, curves = clock.read(), {}
     for reading in ("success", "solved"):
         x, curves[reading] = run.curve(reading)

@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree, UInt32
 
+CLIP = 5.0  # standard deviations
+
 
 class RunningMean(NamedTuple):
     """The mean of the samples so far, of any pytree.
@@ -48,3 +50,16 @@ def add_sample(running: RunningMean, sample: PyTree[Array], rate: Any = None, si
     pairs = [add(*leaf) for leaf in leaves]
     mean, carry = (jax.tree.unflatten(structure, part) for part in zip(*pairs, strict=True))
     return RunningMean(mean, carry, count)
+
+
+def add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
+    """Update the running mean and variance of observations with one more (Welford, 1962)."""
+    after = add_sample(mean, seen)
+    product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
+    return after, add_sample(variance, product)
+
+
+def standardised(mean: RunningMean, variance: RunningMean, seen: Array) -> Array:
+    """An observation relative to its running mean, in standard deviations, clipped."""
+    deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
+    return jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)

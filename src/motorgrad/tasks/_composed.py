@@ -12,13 +12,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._running import RunningMean, running_mean
+from motorgrad._presets import PRESETS, STEPS
+from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
 from motorgrad.tasks._composing import (
-    LEARNER,
-    POLICIES,
     Drive,
     body_of,
     body_table,
@@ -28,7 +27,6 @@ from motorgrad.tasks._composing import (
 )
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
-from motorgrad.tasks.gymnasium._gymnasium import add_observation, standardised
 from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Start, Target
 from motorgrad.tasks.terms._term import Now, bound
 
@@ -179,8 +177,10 @@ class Composed(BodyTask):
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The natural actor-critic with units for these actions."""
-        return LEARNER | {"policy": POLICIES[self.actions]}
+        return self.learner_for(STEPS)
+
+    def learner_for(self, steps: int) -> Mapping[str, Any]:
+        return PRESETS["natural"](self, steps)
 
     @functools.cached_property
     def _bound(self) -> _Bindings:

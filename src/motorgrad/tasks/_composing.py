@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
-from motorgrad._presets import natural_actor_critic
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES, BUNDLED, Mjcf
 from motorgrad.tasks.terms import (
@@ -29,28 +28,6 @@ from motorgrad.tasks.terms import (
     TargetPosition,
     Within,
 )
-
-BATCH = 160  # decisions per update of the parameters
-UPDATES = 375  # updates after which annealing ends: 60,000 decisions
-DISCOUNT = 0.9  # a muscle moves a limb within some tenths of a second
-POLICIES: Mapping[str, Any] = {
-    "binary": "hyperplanes",
-    "graded": {"kind": "bounded-hyperplanes", "deviation": 1.0},
-}
-"""The policy for each kind of actions."""
-LEARNER: dict[str, Any] = natural_actor_critic(
-    POLICIES["graded"],
-    batch=BATCH,
-    updates=UPDATES,
-    discount=DISCOUNT,
-    decay=0.95 * DISCOUNT,
-    memory=20,
-    features={"squares": True},
-    damping=0.01,
-    kl=(0.05, 0.005),
-    entropy=0.02,  # without it graded units soon stop exploring
-) | {"averaging": {"start": UPDATES - 50}}
-"""The natural actor-critic for muscles that move a limb."""
 
 
 class Drive(NamedTuple):

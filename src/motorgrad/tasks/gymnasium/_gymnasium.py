@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad._presets import PRESETS, STEPS
-from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
@@ -41,7 +41,6 @@ from motorgrad.tasks.gymnasium._workers import WorkerBatch
 if TYPE_CHECKING:
     import gymnasium
 
-CLIP = 5.0  # standard deviations
 SUCCESS = ("solved", "success", "is_success")
 """Keys of `info` by which environments report success: MyoSuite's, Meta-World's and Gymnasium-Robotics'."""
 TAKEN = ("return", "length", "reward", "episodes", "diverged", "baseline", "parameters", "seed", "decision")
@@ -316,16 +315,3 @@ def from_gymnasium(
     ```
     """
     return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward, tuple(info), success_steps)
-
-
-def add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
-    """Update the running mean and variance of observations with one more (Welford, 1962)."""
-    after = add_sample(mean, seen)
-    product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
-    return after, add_sample(variance, product)
-
-
-def standardised(mean: RunningMean, variance: RunningMean, seen: Array) -> Array:
-    """An observation relative to its running mean, in standard deviations, clipped."""
-    deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
-    return jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)
