@@ -101,7 +101,7 @@ class HostProgram(Program):
         with _alone:
             lanes = jnp.asarray(seeds)
             each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
-        return np.stack(each, axis=1).reshape(len(lanes) * self._envs, self.task.init_uniforms)
+        return np.stack(each, axis=1).reshape(len(seeds) * self._envs, self.task.init_uniforms)
 
     def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, where `resting` by the shorter program.
