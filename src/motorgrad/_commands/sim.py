@@ -111,6 +111,8 @@ def run(arguments: list[str]) -> int:
     else:
         options = _learner_options(given, scene)
         setup = _with_file_name(given, lambda: _setup(options, place))
+        if (file := pop_option("task", given.rest)[0]) is not None:
+            setup = dataclasses.replace(setup, name=Path(file).stem)
     return _show(setup, options)
 
 
