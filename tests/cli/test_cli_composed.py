@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._commands.sim import prepared
 from motorgrad._tree import KINDS
 from motorgrad.cli import main
 from motorgrad.tasks import terms
@@ -67,6 +68,11 @@ def test_options_of_the_task_and_its_learner_go_with_the_file(folder, capsys):
     )
     assert status("train", "--config", "all.toml", "--check") == 0
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["source"] == str(folder / "tasks" / "arm.xml")
+
+
+def test_the_page_of_a_task_has_the_name_of_its_file(folder):
+    assert prepared(["--task", "tasks/reach.toml"])[0].name == "reach"
+    assert prepared(["hopper"])[0].name == "hopper"
 
 
 def test_a_module_may_be_imported_after_the_command(folder, monkeypatch, capsys):

@@ -98,6 +98,11 @@ class Place:
 def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {"-h", "--help"}:
         return _usage(0 if arguments else 2)
+    return _show(*prepared(arguments))
+
+
+def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
+    """What the arguments ask for, and the options."""
     given = read_arguments(arguments)
     place, model, scene, given = _scene_parts(given)
     given = _with_run(given)
@@ -113,7 +118,7 @@ def run(arguments: list[str]) -> int:
         setup = _with_file_name(given, lambda: _setup(options, place))
         if (file := pop_option("task", given.rest)[0]) is not None:
             setup = dataclasses.replace(setup, name=Path(file).stem)
-    return _show(setup, options)
+    return setup, options
 
 
 def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
