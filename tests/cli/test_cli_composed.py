@@ -49,7 +49,7 @@ def test_a_task_in_a_file_is_trained_resumed_and_evaluated(folder, capsys):
     assert mg.load("runs/reach").task == task
     assert status("train", "--resume", "runs/reach", "--steps", 30) == 0
     whole = mg.train(task, {"decay": 0.8}, steps=30, seeds=2, progress=False)
-    np.testing.assert_array_equal(mg.load("runs/reach").policies.weights, whole.policies.weights)
+    np.testing.assert_array_equal(mg.load("runs/reach").policies.pool.weights, whole.policies.pool.weights)
     assert status("evaluate", "runs/reach", "--steps", 20, "--json", "found.json") == 0
     assert "distance: median" in capsys.readouterr().out
 
