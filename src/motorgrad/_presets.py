@@ -87,7 +87,7 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
     # half an episode ahead: what comes later hardly depends on the decision, but adds its noise
     horizon = min(100.0, max(10.0, (task.longest_episode or 200) / 2))
     products = task.observation_size <= MOST_PRODUCTS
-    # the divergences and the entropies of independent units add
+    # the divergences of independent units add
     units = 1 if task.actions == "discrete" else task.action_size
     return natural_actor_critic(
         POLICIES.get(task.actions, POLICIES["mixed"]),
@@ -99,7 +99,7 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
         features={"squares": True, "products": products, "actions": True, **FEATURES},
         damping=0.03,
         kl=(0.05 * math.sqrt(units), 0.005),
-        entropy=0.3 / math.sqrt(units),
+        entropy=0.3,
     )
 
 
