@@ -36,7 +36,7 @@ def test_fifty_browsers_disturb_neither_the_run_nor_each_other(page, quiet):
     made, took = session.snapshot().decision - began, time.monotonic() - start
     session.order(live.Pause())
     assert found["failed"] == []
-    assert min(found["readers"]) > 5
+    assert min(found["readers"]) > 10
     assert min(found["slow"]) >= 5
     assert sum(found["reloaders"]) > 20
     assert made > 0.8 * took / session.period  # at the speed of the clock
