@@ -24,6 +24,8 @@ from motorgrad.policies import (
     Masked,
     Mirrored,
     Motoneurons,
+    MultilayerPerceptron,
+    Network,
     Policy,
     SoftBoxes,
     Softmax,
@@ -61,6 +63,11 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
     return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
 
 
+def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
+    layers = MultilayerPerceptron(hidden=(4, pool.inputs), sparsity=0.5)
+    return Network(pool, layers.build(inputs, jax.random.key(rng.integers(2**31))), inputs)
+
+
 def _gated(rng: Rng) -> Gated:
     return Gated(_local(rng, 2), [_hyperplanes(rng, 2), Factored([_spheres(rng, 1)])])
 
@@ -85,12 +92,14 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
         _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]
     ),
     "factored-gated": lambda rng: Factored([Gated(_local(rng, 1), [_spheres(rng, 2)]), _free(rng, 1)]),
+    "network": lambda rng: _network(rng, Factored([_hyperplanes(rng, 2, 3), _local(rng, 1, 3)])),
+    "network-softmax": lambda rng: _network(rng, Softmax(rng.normal(size=(3, 4)))),
     "softmax-2": lambda rng: Softmax(rng.normal(size=(2, 3))),
     "softmax-5": lambda rng: Softmax(rng.normal(size=(5, 3))),
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
-REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "softmax-5")
+REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "network", "softmax-5")
 """The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
 
 

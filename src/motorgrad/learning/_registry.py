@@ -13,11 +13,12 @@ from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Tr
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
-from motorgrad.policies import FeatureMap
+from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 
 KINDS.update(
     {
         Agent: {"dense": Agent, "sparse": SparseAgent},
+        Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
         Baseline: {
             "binned": BinnedBaseline,

@@ -1,9 +1,10 @@
 """Stochastic units, and the policies composed of them."""
 
+from motorgrad.policies._architectures import Architecture, MultilayerPerceptron
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
-from motorgrad.policies._featured import Featured
+from motorgrad.policies._featured import Featured, Network
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._graded import (
     GradedHyperplanes,
@@ -18,14 +19,16 @@ from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
-from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
+from motorgrad.policies._policy import Policy, Regions, fixed, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
+from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
     "IMPLIED",
     "INITIAL",
+    "Architecture",
     "BinaryUnits",
     "BoundedHyperplanes",
     "BoundedUnits",
@@ -47,6 +50,8 @@ __all__ = [
     "Mirrored",
     "Mixed",
     "Motoneurons",
+    "MultilayerPerceptron",
+    "Network",
     "Policy",
     "Primitives",
     "Querying",
