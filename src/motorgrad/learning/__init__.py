@@ -18,6 +18,7 @@ from motorgrad.learning._baselines import (
 )
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._critics import (
     CriticFit,
     CriticState,
@@ -58,6 +59,7 @@ __all__ = [
     "BinnedBaseline",
     "Chain",
     "Clock",
+    "ConjugateGradient",
     "Constant",
     "Criterion",
     "CriticFit",

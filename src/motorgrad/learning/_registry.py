@@ -5,6 +5,7 @@ from motorgrad._tree import register as register
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
+from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._critics import CriticFit, Features, LeastSquares, LinearCritic, TemporalDifference
 from motorgrad.learning._estimator import Estimator, RootMeanSquare
 from motorgrad.learning._natural import FisherMetric, Metric
@@ -38,7 +39,7 @@ KINDS.update(
         FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
-        Metric: {"fisher": FisherMetric},
+        Metric: {"conjugate-gradient": ConjugateGradient, "fisher": FisherMetric},
         Optimizer: {"adam": Adam, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
