@@ -167,7 +167,7 @@ class Agent(Part):
         needs_decision = chain.needs_decision or self.estimator.needs_decision
         return AgentState(
             policy=policy,
-            estimator=self.estimator.init(policy),
+            estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
             decision=_no_decision(policy, leaves[0].dtype) if needs_decision else None,
