@@ -21,8 +21,14 @@ from motorgrad.learning._critic_fits import TemporalDifference
 
 def overshooting(error: Float[Array, ""], trace: PyTree[Array], scaling: Any) -> Float[Array, ""]:
     r"""$M$, what a step $\delta z$ is divided by, for $\alpha\kappa$ as the `scaling`."""
-    length = sum((jnp.sum(jnp.abs(z)) for z in jax.tree.leaves(trace)), start=jnp.zeros((), error.dtype))
+    length = sum(map(_length, jax.tree.leaves(trace)), start=jnp.zeros((), error.dtype))
     return jnp.maximum(1, scaling * jnp.maximum(jnp.abs(error), 1) * length)
+
+
+def _length(z: Array) -> Float[Array, ""]:
+    """The sum of magnitudes. Of a matrix it is a product with ones, a third of the time: XLA adds up one number after
+    the other, but multiplies several at once."""
+    return jnp.sum(jnp.abs(z) @ jnp.ones(z.shape[-1], z.dtype) if z.ndim > 1 else jnp.abs(z))
 
 
 class BoundedTemporalDifference(TemporalDifference):
