@@ -19,15 +19,8 @@ from motorgrad.learning._baselines import (
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._conjugate import ConjugateGradient
-from motorgrad.learning._critics import (
-    CriticFit,
-    CriticState,
-    CriticStep,
-    Features,
-    LeastSquares,
-    LinearCritic,
-    TemporalDifference,
-)
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
+from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import (
     Estimator,
     EstimatorState,
@@ -40,6 +33,7 @@ from motorgrad.learning._estimator import (
     olpomdp,
 )
 from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._registry import register
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -57,11 +51,13 @@ __all__ = [
     "Annealed",
     "Baseline",
     "BinnedBaseline",
+    "BoundedTemporalDifference",
     "Chain",
     "Clock",
     "ConjugateGradient",
     "Constant",
     "Criterion",
+    "Critic",
     "CriticFit",
     "CriticState",
     "CriticStep",
@@ -84,9 +80,11 @@ __all__ = [
     "LinearState",
     "MeanReward",
     "Metric",
+    "NetworkCritic",
     "NormalizationState",
     "Optax",
     "Optimizer",
+    "OvershootingBound",
     "Part",
     "Plateau",
     "PolyakAveraging",

@@ -21,6 +21,7 @@ where $w_0 s_t$ is the newest score as the trace $z_t$ has it. For a trace witho
 import abc
 from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -67,6 +68,10 @@ class Baseline(Part):
     @abc.abstractmethod
     def init(self, policy: Policy, dtype: Any) -> Any:
         """The state before any reward, for a policy's observations and actions."""
+
+    def start(self, policy: Policy, dtype: Any, key: jax.Array) -> Any:
+        """The state before any reward of one seed, whose `key` draws what is random in it. By default `init`."""
+        return self.init(policy, dtype)
 
     @abc.abstractmethod
     def level(self, state: Any) -> Float[Array, ""]:

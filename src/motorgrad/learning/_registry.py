@@ -6,9 +6,11 @@ from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
 from motorgrad.learning._conjugate import ConjugateGradient
-from motorgrad.learning._critics import CriticFit, Features, LeastSquares, LinearCritic, TemporalDifference
+from motorgrad.learning._critic_fits import CriticFit, LeastSquares, TemporalDifference
+from motorgrad.learning._critics import Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import Estimator, RootMeanSquare
 from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
@@ -28,9 +30,11 @@ KINDS.update(
             "fixed-step": FixedStep,
             "linear": LinearBaseline,
             "mean": MeanReward,
+            "network-critic": NetworkCritic,
         },
         Criterion: {"clock": Clock, "plateau": Plateau},
         CriticFit: {
+            "bounded-td": BoundedTemporalDifference,
             "least-squares": LeastSquares,
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,
@@ -41,6 +45,7 @@ KINDS.update(
         Growth: {"constructive": Growth},
         Metric: {"conjugate-gradient": ConjugateGradient, "fisher": FisherMetric},
         Optimizer: {"adam": Adam, "sgd": SGD},
+        OvershootingBound: {"overshooting": OvershootingBound},
         PolyakAveraging: {"polyak": PolyakAveraging},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},

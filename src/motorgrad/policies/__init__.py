@@ -6,6 +6,7 @@ from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounde
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
 from motorgrad.policies._featured import Featured, Network
 from motorgrad.policies._features import FeatureMap
+from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
@@ -64,6 +65,7 @@ __all__ = [
     "bounded_hyperplanes",
     "describe",
     "fixed",
+    "frozen",
     "gated",
     "gaussians",
     "graded_hyperplanes",
@@ -87,6 +89,7 @@ __all__ = [
     "soft_spheres",
     "softmax",
     "split",
+    "thawed",
     "tiles",
     "trainable",
 ]

@@ -225,6 +225,7 @@ class Composed(Policy):
 
 
 P = TypeVar("P", bound=Policy)
+M = TypeVar("M", bound=eqx.Module)
 
 
 def parts_of(policy: Policy) -> tuple[Any, ...]:
@@ -260,10 +261,10 @@ def trainable(policy: P) -> P:
     return split(policy)[0]
 
 
-def split(policy: P) -> tuple[P, P]:
+def split(policy: M) -> tuple[M, M]:
     """Partition a policy into its trainable and its fixed arrays.
 
-    **Arguments:** `policy`: any policy.
+    **Arguments:** `policy`: any policy, or another module.
 
     **Returns:** the two parts, which `equinox.combine` joins again.
     """
