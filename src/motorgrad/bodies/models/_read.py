@@ -98,8 +98,7 @@ def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.Mj
     callback is installed.
     """
     # before compiling, which briefly runs the physics and would call a foreign callback
-    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
-        install_muscle_callback()
+    install_muscle_callback(spec)
     model = compile_bare(spec, folders)
     check_muscle_callback(model)
     return model
