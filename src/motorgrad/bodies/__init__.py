@@ -30,7 +30,7 @@ from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.mjcf._to_hill import hill_of
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
-from motorgrad.bodies.muscles._hill import Hill, HillMuscle, HillState, hill_force, read_hill, set_hill
+from motorgrad.bodies.muscles._hill import Hill, HillMuscle, HillState, hill_actuators, hill_force, read_hill, set_hill
 from motorgrad.bodies.muscles._hill_curves import (
     active_force_length,
     force_velocity,
@@ -105,6 +105,7 @@ __all__ = [
     "greatest_flexion",
     "group_places",
     "groups_of",
+    "hill_actuators",
     "hill_force",
     "hill_of",
     "install_muscle_callback",

@@ -111,6 +111,18 @@ def test_it_is_put_back_where_it_breaks_and_where_it_is_asked():
     np.testing.assert_array_equal(angle[6:], 0.0)
 
 
+@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
+def test_hill_muscles_move_as_in_the_library(tendon):
+    text = bodies.to_mjcf(bodies.Mjcf("arm6"))
+    block = lab.MujocoModel(text, keyframe="start", muscle_model="hill", tendon=tendon)
+    record = driven(block, 12, 0.02, ["qpos"], **{"elbow flexor": 0.8})
+    batch = bodies.BodyBatch(bodies.Mjcf(text, muscle_model="hill", tendon=tendon), 1)
+    for tick in range(12):
+        np.testing.assert_allclose(record["model.qpos"][1, tick], batch.packed[0, :2], rtol=1e-4, atol=1e-5)
+        batch.step([[0, 0, 0.8, 0, 0, 0]])
+    assert abs(batch.packed[0, 1] - 1.2) > 0.01
+
+
 def test_the_muscle_law_is_the_bodies():
     rng = np.random.default_rng(1)
     activation, length, velocity = rng.uniform(0, 1, 5), rng.uniform(0.1, 0.3, 5), rng.normal(size=5)

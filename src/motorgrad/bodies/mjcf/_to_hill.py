@@ -11,12 +11,9 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies.muscles._hill import Hill, set_hill
+from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
 
-SPAN = (0.4, 1.5)
-"""The least and the greatest length of a fiber, as a multiple of the optimal one, where a model leaves no room for a
-tendon."""
-_LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room
+_LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
 
 
 def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
@@ -35,28 +32,24 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
     is_muscle = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE
     check(is_muscle, "actuator", name, "a muscle of MuJoCo, with dynamics, gain and bias of that type")
     numbers, (low, high) = model.actuator_gainprm[actuator], model.actuator_lengthrange[actuator]
-    given, scale, fastest = numbers[2], numbers[3], numbers[6]
-    native, _ = _divided(low, high, numbers[:2])
+    given, scale, fastest = (float(numbers[place]) for place in (2, 3, 6))
+    force = given if given >= 0 else scale / float(model.actuator_acc0[actuator])
+    rise, fall = (float(x) for x in model.actuator_dynprm[actuator, :2])
     for span in (numbers[:2], SPAN):
-        optimal, slack = _divided(low, high, span)
-        if slack >= _LEAST_SLACK * optimal:
-            return Hill(
-                max_isometric_force=float(given if given >= 0 else scale / model.actuator_acc0[actuator]),
-                optimal_fiber_length=optimal,
-                tendon_slack_length=slack,
-                max_contraction_velocity=float(fastest) * native / optimal,
-                activation_time_constant=float(model.actuator_dynprm[actuator, 0]),
-                deactivation_time_constant=float(model.actuator_dynprm[actuator, 1]),
+        optimal = (high - low) / (span[1] - span[0])
+        if low - span[0] * optimal >= _LEAST_SLACK * optimal:
+            return Hill.spanning(
+                (float(low), float(high)),
+                force,
+                tuple(map(float, span)),
+                # the same velocity in m/s
+                max_contraction_velocity=fastest * float((span[1] - span[0]) / (numbers[1] - numbers[0])),
+                activation_time_constant=rise,
+                deactivation_time_constant=fall,
                 tendon=tendon,
             )
     wanted = "less variable, so that there is room for a tendon; give its numbers by `hill`"
     raise ValueError(f"path of the muscle {name!r} = {low:.4g} to {high:.4g} m: must be {wanted}")
-
-
-def _divided(low: float, high: float, span: Any) -> tuple[float, float]:
-    """The optimal fiber length and the tendon slack length of a path with a range, in m."""
-    optimal = float((high - low) / (span[1] - span[0]))
-    return optimal, float(low - span[0] * optimal)
 
 
 def to_hill(spec: mujoco.MjSpec, model: Any, tendon: Any, numbers: Sequence[tuple[str, Hill]]) -> None:

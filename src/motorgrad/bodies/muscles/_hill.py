@@ -5,6 +5,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import mujoco
@@ -17,6 +18,8 @@ from motorgrad.bodies.muscles._hill_dynamics import compliant_tension, rigid_ten
 from motorgrad.bodies.muscles._machine_code import compiled_hill
 from motorgrad.bodies.muscles._muscle import Attachment, Wrap
 
+SPAN = (0.4, 1.5)
+"""The least and the greatest length of a fiber, as multiples of the optimal one, where nothing else tells them."""
 LEAST_TENDON = 1e-3
 """The least slack length of a tendon that stretches, as a multiple of the fiber's optimal length."""
 
@@ -76,6 +79,29 @@ class Hill:
             least = LEAST_TENDON * self.optimal_fiber_length
             wanted = f"at least {least:g} m, or the tendon 'rigid'"
             check(self.tendon_slack_length >= least, "tendon_slack_length", self.tendon_slack_length, wanted)
+
+    @classmethod
+    def spanning(
+        cls, path: Sequence[float], max_isometric_force: float, span: Sequence[float] = SPAN, **others: Any
+    ) -> "Hill":
+        """A muscle for a path: fiber and tendon so long that the fiber uses a span of its force–length curve.
+
+        **Arguments:**
+
+        - `path` (m): its least and its greatest length.
+        - `max_isometric_force` (N): of the fiber.
+        - `span`: what the fiber's length shall be there, on a tendon of its slack length, as multiples of the optimal
+          length. By default 0.4 and 1.5.
+        - `others`: further numbers of a `Hill`.
+
+        ```python
+        flexor = mg.bodies.Hill.spanning((0.20, 0.31), 400.0, tendon="rigid")
+        print(round(flexor.optimal_fiber_length, 3), round(flexor.tendon_slack_length, 3))  # → 0.1 0.16
+        ```
+        """
+        low, high = path
+        optimal = (high - low) / (span[1] - span[0])
+        return cls(max_isometric_force, optimal, low - span[0] * optimal, **others)
 
 
 @dataclasses.dataclass(frozen=True)
