@@ -112,12 +112,12 @@ def test_activation_follows_its_equation():
 
 def test_isometric_contraction_is_the_reference_integration(reference):
     errors = []
-    for timestep in (0.002, 0.001, 0.0005):
-        run = contract(SOLEUS, HELD, 0.15, timestep=timestep)
+    for timestep in (0.002, 0.001, 0.0002, 0.0001):
+        run = contract(SOLEUS, HELD, 0.1, timestep=timestep)
         errors.append(np.abs(run.force - reference(SOLEUS, HELD, run.seconds)[1]).max() / 1000)
-    assert errors[1] < 2e-3  # at 1 ms, of the greatest force
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert (orders > 1.8).all(), orders
+    assert errors[0] < 4e-3  # of the greatest force
+    assert errors[1] < 1e-3
+    assert np.log2(errors[2] / errors[3]) > 1.8  # second order
     # the muscle is held: what the fiber loses the tendon gains
     np.testing.assert_allclose(run.length, HELD)
     along = np.sqrt(run.fiber_length**2 - (0.1 * np.sin(0.3)) ** 2)
@@ -175,7 +175,7 @@ def test_a_slack_tendon_pulls_on_nothing():
 
 def test_any_numbers_stay_finite():
     numbers = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(60):
         hill = Hill(
             numbers.uniform(10, 5000),
             optimal := numbers.uniform(0.01, 0.3),
@@ -186,7 +186,7 @@ def test_any_numbers_stay_finite():
             tendon_strain=numbers.uniform(0.01, 0.1),
         )
         path = hill.tendon_slack_length + optimal
-        run = contract(hill, path * numbers.uniform(0.8, 1.2), 0.1, numbers.uniform(), timestep=0.005)
+        run = contract(hill, path * numbers.uniform(0.8, 1.2), 0.1, numbers.choice([0.0, 0.3, 1.0]), timestep=0.005)
         assert np.isfinite(np.array(run)).all()
         assert (run.force >= 0).all()
 

@@ -18,11 +18,11 @@ from motorgrad.bodies.muscles._hill_curves import (
 )
 
 _STEEPEST = math.sin(math.acos(0.1))  # the sine of the greatest pennation angle: such a fiber shortens no further
-_STAGE = 1.0 - math.sqrt(0.5)  # with it, the implicit method of two stages is of second order and L-stable
-_CLOSE = 1e-3  # of the velocity, in the last step of Newton's method, which squares it
+# of the velocity, in the last step of Newton's method, which squares it
+_CLOSE = 1e-3
 _STILL = 1e-10
-_TRIES = 100
-_LONG = 1e6
+_TRIES = 400
+_SLOW = 1e-6
 
 
 def next_activation(activation: Any, excitation: Any, seconds: Any, rise: Any, fall: Any) -> Any:
@@ -116,24 +116,30 @@ def next_fiber(
     $$\left(a f_L(\tilde l) f_V(\tilde v) + f_P(\tilde l) + \beta \tilde v\right) \cos\alpha = f_T(\tilde l_T)$$
 
     The equation is stiff: a fiber that is hardly active follows its tendon within a fraction of a millisecond. So the
-    step is implicit, by the two-stage Runge–Kutta method of second order that is L-stable (Alexander, 1977). Within a
-    step, the fiber's own force–length curves are replaced by their tangents, which keeps the order.
+    step is implicit, $l_1 = l_0 + h v(l_0 + \theta (l_1 - l_0))$, with $\theta = (1 + z) / (2 + z)$, where $z$ is the
+    step times the rate at which the fiber would approach balance. A disturbance then decays by $1 / (1 + z + z^2 / 2)$,
+    the Padé approximation of $e^{-z}$: the method is of second order and L-stable. Within a step, the fiber's own
+    force–length curves are replaced by their tangents, which keeps the order.
 
     **Arguments:** the fiber's length; its activation now and after the step; length of the path in m and its rate in
     m/s; the step in s; then numbers of a `Hill`.
 
     Source: the damped equilibrium of Millard et al. (2013), with the curves of De Groote et al. (2016).
     """
-    height, share = np.sin(pennation), slack / optimal
-    path, drift = length / optimal, velocity / optimal
-    at, time = np.maximum(fiber, shortest_fiber(height)), _STAGE * seconds * fastest
-    muscle = (share, height, damping, stiffness)
+    height, grip = np.sin(pennation), optimal / slack
+    path, drift, reach = length / optimal, velocity * seconds / optimal, seconds * fastest
+    at = np.maximum(fiber, shortest_fiber(height))
+    muscle = (grip, height, damping, stiffness)
     curves = (at, *active_tangent(at), *passive_tangent(at))
-    early = path + _STAGE * seconds * drift
-    first = balanced(at, at, time, activation + _STAGE * (later - activation), early, muscle, curves)
-    moved = (first - at) / _STAGE
-    base = at + (1.0 - _STAGE) * moved
-    return balanced(at + moved, base, time, later, path + seconds * drift, muscle, curves)
+    excess, by_length, by_speed, by_path = balance(at, 0.0, activation, path, muscle, curves)
+    # z is `stiff` / `by_speed`, whose denominator may be 0
+    stiff = np.maximum(reach * by_length, 1e-12)
+    theta = (by_speed + stiff) / (2.0 * by_speed + stiff)
+    pace = 1.0 / (theta * reach)
+    guess = at - (excess + by_path * theta * drift) / (by_length + by_speed * pace)
+    level = activation + theta * (later - activation)
+    within = balanced(guess, at, pace, level, path + theta * drift, muscle, curves)
+    return np.maximum(at + (within - at) / theta, shortest_fiber(height))
 
 
 def steady_fiber(
@@ -153,15 +159,15 @@ def steady_fiber(
     **Arguments:** activation; length of the path in m and its rate in m/s; then numbers of a `Hill`.
     """
     height, path = np.sin(pennation), length / optimal
-    muscle, now = (slack / optimal, height, damping, stiffness), min(max(activation, 0.0), 1.0)
+    muscle, now = (optimal / slack, height, damping, stiffness), min(max(activation, 0.0), 1.0)
     low, high = bracket(path, height)
     fiber = high
     for number in range(_TRIES):
         curves = (fiber, *active_tangent(fiber), *passive_tangent(fiber))
-        # the velocity, (fiber − base) / time, is given: it does not depend on the length over so long a time
+        # the velocity, (fiber − base) · pace, is given: it hardly depends on the length at so slow a pace
         speed = velocity * np.sqrt(1.0 - (height / fiber) ** 2) / (optimal * fastest)
-        new, low, high = newton(fiber, low, high, fiber - speed * _LONG, _LONG, now, path, muscle, curves)
-        if number % 4 == 3:  # Newton's method is slow where a tendon is stretched far
+        new, low, high = newton(fiber, low, high, fiber - speed / _SLOW, _SLOW, now, path, muscle, curves)
+        if number % 8 == 7:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
         moved, fiber = abs(new - fiber), new
         if moved < _STILL:
@@ -169,16 +175,16 @@ def steady_fiber(
     return fiber
 
 
-def balanced(guess: Any, base: Any, time: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> Any:
-    """The length l = base + time · v of a fiber in balance, by Newton's method within a bracket."""
+def balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> Any:
+    """The length l of a fiber in balance whose velocity is (l − base) · pace, by Newton's method within a bracket."""
     low, high = bracket(path, muscle[1])
     fiber = min(max(guess, low), high)
     for number in range(_TRIES):
-        new, low, high = newton(fiber, low, high, base, time, activation, path, muscle, curves)
-        if number % 4 == 3:  # Newton's method is slow where a tendon is stretched far
+        new, low, high = newton(fiber, low, high, base, pace, activation, path, muscle, curves)
+        if number % 8 == 7:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
         moved, fiber = abs(new - fiber), new
-        if moved < _CLOSE * time:
+        if moved * pace < _CLOSE:
             break
     return fiber
 
@@ -191,7 +197,7 @@ def bracket(path: Any, height: Any) -> tuple[Any, Any]:
 
 
 def newton(
-    fiber: Any, low: Any, high: Any, base: Any, time: Any, activation: Any, path: Any, muscle: Any, curves: Any
+    fiber: Any, low: Any, high: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any
 ) -> tuple[Any, Any, Any]:
     """One step of Newton's method towards balance, or of bisection where that leaves the bracket. Returns the new
     length and bracket.
@@ -199,30 +205,45 @@ def newton(
     **Arguments:**
 
     - `fiber`, `low`, `high`: the length, and the bracket.
-    - `base`, `time`: the fiber's velocity is (fiber − base) / time.
-    - `activation`; `path`: its length as a multiple of the optimal length.
-    - `muscle`: the tendon's slack length as such a multiple, sine of the pennation angle, damping,
-      the tendon's stiffness.
-    - `curves`: a length, and there the active force and its slope, and the passive force and its slope.
+    - `base`, `pace`: the fiber's velocity is (fiber − base) · pace.
+    - `activation`, `path`, `muscle`, `curves`: as in `balance`.
     """
-    share, height, damping, stiffness = muscle
-    at, active, active_slope, passive, passive_slope = curves
-    along = np.sqrt(fiber * fiber - height * height)
-    cosine, away, speed = along / fiber, fiber - at, (fiber - base) / time
-    factor, factor_slope = velocity_tangent(speed)
-    drive = activation * (active + active_slope * away)
-    force = drive * factor + passive + passive_slope * away + damping * speed
-    slope = activation * active_slope * factor + passive_slope + (drive * factor_slope + damping) / time
-    pull, pull_slope = tendon_tangent((path - along) / share, stiffness)
-    taut = pull > 0.0
-    excess = cosine * force - taut * pull
-    rate = cosine * slope + force * height * height / (along * fiber * fiber) + taut * pull_slope / (share * cosine)
+    excess, by_length, by_speed, _ = balance(fiber, (fiber - base) * pace, activation, path, muscle, curves)
     # choices by factors of 0 and 1, which are exact
     long = 1.0 * (excess > 0.0)
     high, low = long * fiber + (1.0 - long) * high, long * low + (1.0 - long) * fiber
-    new = fiber - excess / rate
+    new = fiber - excess / (by_length + by_speed * pace)
     inside = 1.0 * ((new >= low) & (new <= high))
     return inside * new + (1.0 - inside) * 0.5 * (low + high), low, high
+
+
+def balance(fiber: Any, speed: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> tuple[Any, Any, Any, Any]:
+    """By how much the force of a fiber, along the tendon, exceeds the tendon's; and its derivatives by the length and
+    the speed of the fiber, and by the length of the path.
+
+    **Arguments:**
+
+    - `fiber`, `speed`: as multiples of the optimal length and of the greatest velocity.
+    - `activation`; `path`: its length as a multiple of the optimal length.
+    - `muscle`: optimal fiber length by tendon slack length, sine of the pennation angle, damping, the tendon's
+      stiffness.
+    - `curves`: a length, and there the active force and its slope, and the passive force and its slope.
+    """
+    grip, height, damping, stiffness = muscle
+    at, active, active_slope, passive, passive_slope = curves
+    along = np.sqrt(fiber * fiber - height * height)
+    inverse = 1.0 / fiber
+    cosine, away = along * inverse, fiber - at
+    factor, factor_slope = velocity_tangent(speed)
+    drive = activation * (active + active_slope * away)
+    force = drive * factor + passive + passive_slope * away + damping * speed
+    pull, pull_slope = tendon_tangent((path - along) * grip, stiffness)
+    taut = pull > 0.0
+    by_path = -1.0 * taut * pull_slope * grip
+    # cos α and the tendon's length change with the fiber's: by sin² α / along, and by −1 / cos α
+    bent = force * height * height * inverse * inverse - by_path * fiber
+    by_length = cosine * (activation * active_slope * factor + passive_slope) + bent / along
+    return cosine * force - taut * pull, by_length, cosine * (drive * factor_slope + damping), by_path
 
 
 FUNCTIONS = (
@@ -237,6 +258,7 @@ FUNCTIONS = (
     tendon_length,
     compliant_tension,
     bracket,
+    balance,
     newton,
     balanced,
     next_fiber,

@@ -44,7 +44,7 @@ def compiled_hill() -> types.SimpleNamespace:
         # a copy that calls the compiled functions in place of those that Python runs
         bound = types.FunctionType(function.__code__, {**function.__globals__, **scope}, function.__name__)
         bound.__defaults__ = function.__defaults__
-        scope[function.__name__] = numba.njit(bound, error_model="numpy")
+        scope[function.__name__] = numba.njit(bound, error_model="numpy", forceinline=True)
     return types.SimpleNamespace(**scope)
 
 
