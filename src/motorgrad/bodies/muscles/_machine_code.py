@@ -44,7 +44,9 @@ def compiled_hill() -> types.SimpleNamespace:
         # a copy that calls the compiled functions in place of those that Python runs
         bound = types.FunctionType(function.__code__, {**function.__globals__, **scope}, function.__name__)
         bound.__defaults__ = function.__defaults__
-        scope[function.__name__] = numba.njit(bound, error_model="numpy", forceinline=True)
+        # without a way in from Python, which only one of them needs, they compile faster
+        inner = {"no_cpython_wrapper": function.__name__ != "steady_fiber", "no_cfunc_wrapper": True}
+        scope[function.__name__] = numba.njit(bound, error_model="numpy", forceinline=True, **inner)
     return types.SimpleNamespace(**scope)
 
 
