@@ -37,6 +37,7 @@ from motorgrad.bodies.muscles._hill_curves import (
     passive_force_length,
     tendon_force_length,
 )
+from motorgrad.bodies.muscles._hill_traced import hill_in_jax
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
@@ -107,6 +108,7 @@ __all__ = [
     "groups_of",
     "hill_actuators",
     "hill_force",
+    "hill_in_jax",
     "hill_of",
     "install_muscle_callback",
     "lift",

@@ -137,6 +137,24 @@ def test_the_muscle_law_is_the_bodies():
     np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
 
 
+@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
+def test_the_hill_muscle_is_the_bodies(tendon):
+    lengths = (0.29, 0.3, 0.31)
+    diagram = lab.Diagram(tick=0.001)
+    diagram.add("muscle", lab.HillMuscle(pennation_angle=0.3, tendon=tendon, shape=(3,)))
+    diagram.add("length", lab.Constant(lengths, (3,)))
+    diagram.add("excitation", lab.Constant(0.8, (3,)))
+    for name in ("length", "excitation"):
+        diagram.connect(name, f"muscle.{name}")
+    record = lab.Run(diagram, 1, watch=["muscle.tension", "muscle.fiber", "muscle.activation"]).advance(60)
+    for place, length in enumerate(lengths):
+        hill = bodies.Hill(1000.0, 0.1, 0.2, 0.3, tendon=tendon)
+        run = bodies.contract(hill, length, 0.059, excitation=0.8)
+        np.testing.assert_allclose(record["muscle.tension"][0, :, place], run.force, rtol=2e-3, atol=0.3)
+        np.testing.assert_allclose(record["muscle.fiber"][0, :, place], run.fiber_length / 0.1, rtol=1e-4)
+        np.testing.assert_allclose(record["muscle.activation"][0, :, place], run.activation, atol=1e-5)
+
+
 def test_a_tick_that_no_steps_make_up_is_refused_before_anything_runs():
     with pytest.raises(ValueError, match=r"tick of the block = 0\.003: must be a whole number of simulation steps"):
         driven(lab.MujocoModel(), 1, 0.003, ["angle"])
