@@ -29,6 +29,7 @@ _ROOMS = (
     "policies",
     "sim",
     "statistics",
+    "studies",
     "tasks",
     "training",
     "worlds",
@@ -36,6 +37,7 @@ _ROOMS = (
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
+    "Study": "studies",
     "agent_for": "training",
     "evaluate": "training",
     "load": "training",
@@ -47,6 +49,7 @@ _NAMES = {
 __all__ = [
     "Agent",
     "Run",
+    "Study",
     "agent_for",
     "bodies",
     "environments",
@@ -60,6 +63,7 @@ __all__ = [
     "resume",
     "sim",
     "statistics",
+    "studies",
     "tasks",
     "train",
     "training",
@@ -76,11 +80,13 @@ if TYPE_CHECKING:
         policies,
         sim,
         statistics,
+        studies,
         tasks,
         training,
         worlds,
     )
     from motorgrad.learning import Agent
+    from motorgrad.studies import Study
     from motorgrad.tasks import make
     from motorgrad.training import Run, agent_for, evaluate, load, resume, train
 

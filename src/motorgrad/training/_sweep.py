@@ -62,11 +62,20 @@ def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.nda
     return {path: np.repeat([setting[path] for setting in settings], seeds) for path in settings[0]}
 
 
+def sweepable(name: str, agent: Agent) -> bool:
+    """Whether a setting of the agent, by its path or short name, is a number that a sweep can vary."""
+    return full_path(type(agent), name) in _numbers(agent.hyperparameters)
+
+
+def _numbers(tree: Any) -> dict[str, Any]:
+    return {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
+
+
 def _path(name: str, agent: Agent) -> str:
     """The path of a number, which may be given by its short name."""
     path = full_path(type(agent), name)
     tree = agent.hyperparameters
-    known = {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
+    known = _numbers(tree)
     if path in known:
         return path
     node: Any = tree

@@ -1,0 +1,127 @@
+"""`motorgrad sweep STUDY`: run a study on one machine or many."""
+
+import dataclasses
+import sys
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from motorgrad._commands import IMPORTED
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._results import write_json
+from motorgrad._errors import check, choice
+from motorgrad._files import check_writable
+from motorgrad.studies import PLACES, Best, Results, Study, run_study
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """Run a study: tasks × settings × seeds, as a TOML file says. A list in its tables task and agent is a grid.
+    Settings that are numbers of the learner, and seeds, learn side by side in one compiled call; the rest becomes jobs.
+    The same command continues a study that was stopped or killed. Jobs that fail are tried again, then set aside."""
+
+    study: tyro.conf.Positional[Path | None] = None
+    """The TOML file of the study; without it, that of the folder --out."""
+    out: Path | None = None
+    """The folder of the study, by default runs/NAME for NAME.toml."""
+    on: str = "here"
+    """Where jobs run: here, in this process; processes, of this machine."""
+    workers: int = 0
+    """Jobs that run at the same time; 0 for as many as there are processors."""
+    threads: int = 0
+    """Threads of each job; 0 for its share of the processors."""
+    attempts: int = 3
+    """How often a job that fails is tried, before it is set aside and the others go on."""
+    checkpoint_every: float = 30.0
+    """Seconds between two checkpoints of a job."""
+    metric: str = "reward"
+    """The metric of which the best settings are printed."""
+    trust: bool = False
+    """Run code that the file or the folder names: the module of a task, pickled environments."""
+    json: Path | None = None
+    """Also write the result to this file, as JSON; - for the standard output."""
+
+    def validate(self) -> None:
+        choice("on", self.on, PLACES)
+        check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
+        check_writable("out", self.folder, folder=True)
+        try:
+            _ = self.made.jobs
+        except ValueError as error:
+            raise ValueError(f"{self.study or self.folder / 'study.toml'}: {error}") from None
+
+    @cached_property
+    def made(self) -> Study:
+        """The study. Its jobs are checked when they are first asked for."""
+        return Study.read(self.study or self.folder / "study.toml", trust=self.trust)
+
+    @property
+    def folder(self) -> Path:
+        if self.out is not None:
+            return self.out
+        assert self.study is not None
+        return Path("runs") / self.study.stem
+
+    def effective(self) -> dict[str, Any]:
+        print(_size(self.made), file=sys.stderr)
+        return self.made.as_table()
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Sweep, arguments, "sweep")
+    print(_size(options.made), file=sys.stderr)
+    results = run_study(
+        options.made,
+        options.folder,
+        on=options.on,  # type: ignore[arg-type]
+        workers=options.workers,
+        threads=options.threads,
+        attempts=options.attempts,
+        checkpoint_every=options.checkpoint_every,
+        imports=tuple(IMPORTED),
+        trust=options.trust,
+    )
+    known = options.metric in results.metrics
+    best = results.best(options.metric) if known else []
+    if str(options.json) != "-":
+        _print(options, results, best)
+    write_json(options.json, _record(results, options.metric, best))
+    return 0 if results.complete else 1 if results.failures else 130
+
+
+def _size(study: Study) -> str:
+    """The size of a study in words."""
+    points, seeds, jobs = len(study.points), len(study.seed_list), len(study.jobs)
+    calls = f"{jobs:,} compiled call{'s' * (jobs > 1)}"
+    return f"{points:,} settings × {seeds:,} seeds × {study.steps:,} decisions in {calls}"
+
+
+def _print(options: Sweep, results: Results, best: list[Best]) -> None:
+    failures = results.failures
+    jobs = len(results.study.jobs)
+    done = "done" if results.complete else f"{jobs - len(failures):,} of {jobs:,} jobs" if failures else "stopped"
+    print(f"{done}; {options.metric}, over seeds that did not choose the settings:" if best else done)
+    for each in best:
+        said = ", ".join(f"{path} = {value}" for path, value in each.settings.items()) or "the only setting"
+        print(f"  {each.value.words()}: {said}")
+    for failure in failures[:10]:
+        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+    print(f"saved in {results.path}")
+    if not results.complete:
+        print("the same command continues this study")
+
+
+def _record(results: Results, metric: str, best: list[Best]) -> dict[str, Any]:
+    listed = [
+        {"point": each.point, "settings": each.settings, "value": _finite(dataclasses.asdict(each.value))}
+        for each in best
+    ]
+    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
+    about = {"path": str(results.path), "complete": results.complete, "metric": metric}
+    return {**about, "jobs": len(results.study.jobs), "best": listed, "failures": failures}
+
+
+def _finite(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: None if value in (float("inf"), float("-inf")) else value for key, value in table.items()}

@@ -1,0 +1,163 @@
+"""The driver of a study: keeps workers busy, tries failed jobs again, and writes down what happens."""
+
+import time
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from motorgrad._errors import check, check_integer, unknown
+from motorgrad._files import check_writable
+from motorgrad._progress import Progress
+from motorgrad._signals import stop_when_asked
+from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._partition import Job
+from motorgrad.studies._places import Here, Place, Processes, Work
+from motorgrad.studies._results import Results
+from motorgrad.studies._study import Study
+
+PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes}
+"""Where jobs can run, by name."""
+
+On = Literal["here", "processes"]
+ATTEMPTS = 3
+KILLS = 20  # of the processes of one job, one after the other, until it counts as the job's fault
+SHARE = 0.02  # of the time, for the index and the page
+PAUSE = 2.0  # seconds between two writes of them, at least
+
+
+def run_study(
+    study: Study,
+    out: Path | str,
+    *,
+    on: On = "here",
+    workers: int = 0,
+    threads: int = 0,
+    attempts: int = ATTEMPTS,
+    checkpoint_every: float = 30.0,
+    imports: tuple[str, ...] = (),
+    trust: bool = False,
+    progress: bool = True,
+    options: Mapping[str, Any] | None = None,
+) -> Results:
+    """Run a study in a folder, or continue it there.
+
+    **Arguments:**
+
+    - `out`: the folder. A study that is found there unfinished continues; jobs that failed before are tried again.
+    - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine.
+    - `workers`: how many jobs run at the same time; 0 for as many as the place has processors.
+    - `threads`: of each job; 0 for all processors of this process, or for each worker's share of them.
+    - `attempts`: how often a job that fails is tried before it is set aside and the others go on. A job whose process
+      or machine dies has not failed; it continues from its last checkpoint.
+    - `checkpoint_every`: seconds between two checkpoints of a job.
+    - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
+    - `trust`: whether to unpickle environments that another process saved in the folder.
+    - `progress`: whether to show progress.
+    - `options`: more for the place.
+
+    None of these has an effect on any number.
+
+    **Returns** the `Results`. Ctrl-C or SIGTERM lets every job save what it has; the same call then continues.
+
+    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a folder that cannot be used, before any
+    work starts.
+    """
+    if on not in PLACES:
+        raise unknown("on", on, PLACES)
+    check_integer("attempts", attempts, 1)
+    check_integer("threads", threads, 0, 4096)
+    check_writable("out", Path(out), folder=True)
+    given = dict(options or {})
+    folder = StudyFolder(out, study)
+    check(study.jobs, "study", study, "of at least one job")
+    with folder:
+        folder.read_rows()
+        place = PLACES[on](workers, Work(threads, checkpoint_every, tuple(imports), trust), **given)
+        _Driver(folder, place, attempts).run(progress)
+    return Results(folder)
+
+
+class _Driver:
+    """One session of a study."""
+
+    def __init__(self, folder: StudyFolder, place: Place, attempts: int):
+        self.folder, self.place, self.attempts = folder, place, attempts
+        self.jobs = folder.study.jobs
+        self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
+        self.flying: dict[Any, Job] = {}
+        self.failed, self.killed = Counter[str](), Counter[str]()
+        self.saved: dict[str, int] = {}
+        self.learned = 0.0
+        self.stopping = False
+        self._due = 0.0
+
+    def run(self, progress: bool) -> None:
+        done = len(self.jobs) - len(self.waiting)
+        for job in self.waiting:
+            self.folder.forgive(job)
+        try:
+            with (
+                stop_when_asked() as stopped,
+                Progress("study", "jobs", len(self.jobs), done, progress) as report,
+            ):
+                while self.flying or (self.waiting and not self.stopping):
+                    self._submit(stopped)
+                    if stopped() and not self.stopping:
+                        self.stopping = True
+                        self.place.stop()
+                    for future in self.place.wait(self.flying, 0.5):
+                        self._take(self.flying.pop(future), future)
+                    done = sum(map(self.folder.is_done, self.jobs))
+                    aside = len(self.folder.failures())
+                    report.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
+                    self._write(False)
+        finally:
+            self.place.close()
+            self._write(True)
+
+    def _submit(self, stopped: Callable[[], bool]) -> None:
+        while self.waiting and len(self.flying) < self.place.workers and not (stopped() or self.stopping):
+            job = self.waiting.popleft()
+            self.saved[job.name] = self.folder.decision(job)
+            future = self.place.submit(job, self.folder.place(job))
+            self.flying[future] = job
+            if future.done():  # this process works itself: take the result before the next job
+                return
+
+    def _take(self, job: Job, future: Any) -> None:
+        """Take note of how a job ended."""
+        try:
+            outcome = future.result()
+        except self.place.killed as error:
+            moved = self.folder.decision(job) > self.saved[job.name]
+            self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
+            self._again(job, error, self.killed[job.name], KILLS)
+        except KeyboardInterrupt:
+            self.stopping = True
+        except Exception as error:
+            self.failed[job.name] += 1
+            self._again(job, error, self.failed[job.name], self.attempts)
+        else:
+            self.learned += outcome.learned
+            if outcome.rows is None:
+                self.stopping = True
+            else:
+                self.folder.add(job, outcome.rows)
+
+    def _again(self, job: Job, error: BaseException, count: int, most: int) -> None:
+        """Try a job again after the others, or set it aside."""
+        if self.stopping or count < most:
+            self.waiting.append(job)
+            return
+        said = "".join(traceback.format_exception(error))
+        self.folder.set_aside(job, count, error, said)
+
+    def _write(self, now: bool) -> None:
+        """Write the index, where it is due: rarely enough to take little of the time."""
+        started = time.monotonic()
+        if now or started >= self._due:
+            self.folder.write_index()
+            took = time.monotonic() - started
+            self._due = time.monotonic() + max(PAUSE, took / SHARE)
