@@ -1,8 +1,12 @@
 """What the tests of studies share: small studies, and exact comparison of the folders that they leave."""
 
-import numpy as np
+import time
 
-from motorgrad.studies import Results, Study
+import numpy as np
+import pyarrow.compute as pc
+import tomli_w
+
+from motorgrad.studies import Results, Study, run_study
 from motorgrad.training import load
 from motorgrad.training.store._checkpoint import load as read_checkpoint
 
@@ -45,3 +49,27 @@ def assert_same_study(found, wanted):
             np.testing.assert_array_equal(array, theirs[name], err_msg=name)
     for name in wanted.table.column_names:
         np.testing.assert_array_equal(found.table[name].to_numpy(), wanted.table[name].to_numpy(), err_msg=name)
+
+
+def checkpoints(folder):
+    """The checkpoints of all jobs."""
+    return sorted(file.parent.parent.name + file.stem for file in folder.glob("jobs/*/checkpoint/0*.state"))
+
+
+def wait_for(condition, seconds=120):
+    """Wait until something has happened."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def failing_study(folder, **where):
+    """A study with a job that fails wherever it runs: something else is in its run directory."""
+    study = small(lanes=100)
+    (folder / "jobs" / study.jobs[1].name).mkdir(parents=True)
+    (folder / "study.toml").write_text(tomli_w.dumps(study.as_table()))
+    (folder / "jobs" / study.jobs[1].name / "letter.txt").write_text("dear")
+    results = run_study(study, folder, attempts=2, progress=False, **where)
+    assert pc.unique(results.table["status"]).to_pylist() == ["done", "failed"]
+    return results

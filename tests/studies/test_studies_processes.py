@@ -7,11 +7,10 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 import tomli_w
-from study_examples import assert_same_study, small
+from study_examples import assert_same_study, checkpoints, small, wait_for
 
 from motorgrad.studies import _driver, run_study
 
@@ -29,26 +28,14 @@ def done(study, tmp_path_factory):
     return study.run(tmp_path_factory.mktemp("done") / "study", progress=False)
 
 
-def decisions(folder):
-    """The checkpoints of all jobs."""
-    return sorted(file.parent.parent.name + file.stem for file in folder.glob("jobs/*/checkpoint/0*.state"))
-
-
-def wait_for(condition, seconds=120):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def test_killed_workers_cost_nothing_but_time(study, done, tmp_path):
     folder, killed = tmp_path / "study", []
 
     def kill():
         """Kill each of the workers once it has saved something, and one more before it has."""
         for _ in range(3):
-            before = decisions(folder)
-            wait_for(lambda before=before: len(set(decisions(folder)) - set(before)) > 1)
+            before = checkpoints(folder)
+            wait_for(lambda before=before: len(set(checkpoints(folder)) - set(before)) > 1)
             with contextlib.suppress(IndexError):
                 child = multiprocessing.active_children()[0]
                 child.kill()
@@ -89,9 +76,9 @@ def test_a_driver_that_is_stopped_leaves_what_the_same_command_continues(
     command = [sys.executable, "-m", "motorgrad", "sweep", str(file), "--out", str(folder), "--on", "processes"]
     command += ["--workers", "2", "--checkpoint-every", "0.2"]
     for _ in range(2):
-        before = decisions(folder)
+        before = checkpoints(folder)
         driver = subprocess.Popen(command, env=compiled_environment, stderr=subprocess.PIPE, start_new_session=True)
-        wait_for(lambda before=before: len(set(decisions(folder)) - set(before)) > 2)
+        wait_for(lambda before=before: len(set(checkpoints(folder)) - set(before)) > 2)
         if number == signal.SIGINT:
             os.killpg(driver.pid, number)  # as Ctrl-C at a terminal does
             assert driver.wait(60) == 130

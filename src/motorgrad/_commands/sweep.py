@@ -27,7 +27,11 @@ class Sweep:
     out: Path | None = None
     """The folder of the study, by default runs/NAME for NAME.toml."""
     on: str = "here"
-    """Where jobs run: here, in this process; processes, of this machine."""
+    """Where jobs run: here, in this process; processes, of this machine; ray; slurm."""
+    address: str = ""
+    """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
+    slurm: tuple[str, ...] = ()
+    """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
     workers: int = 0
     """Jobs that run at the same time; 0 for as many as there are processors."""
     threads: int = 0
@@ -46,6 +50,9 @@ class Sweep:
     def validate(self) -> None:
         choice("on", self.on, PLACES)
         check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
+        check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
+        check(self.on == "slurm" or not self.slurm, "slurm", self.slurm, "left out, unless --on slurm")
+        _ = self.options
         check_writable("out", self.folder, folder=True)
         try:
             _ = self.made.jobs
@@ -56,6 +63,13 @@ class Sweep:
     def made(self) -> Study:
         """The study. Its jobs are checked when they are first asked for."""
         return Study.read(self.study or self.folder / "study.toml", trust=self.trust)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the place."""
+        if self.on == "ray":
+            return {"address": self.address}
+        return {"parameters": dict(map(_parameter, self.slurm))} if self.on == "slurm" else {}
 
     @property
     def folder(self) -> Path:
@@ -82,6 +96,7 @@ def run(arguments: list[str]) -> int:
         checkpoint_every=options.checkpoint_every,
         imports=tuple(IMPORTED),
         trust=options.trust,
+        options=options.options,
     )
     known = options.metric in results.metrics
     best = results.best(options.metric) if known else []
@@ -89,6 +104,16 @@ def run(arguments: list[str]) -> int:
         _print(options, results, best)
     write_json(options.json, _record(results, options.metric, best))
     return 0 if results.complete else 1 if results.failures else 130
+
+
+def _parameter(word: str) -> tuple[str, Any]:
+    """A parameter of Slurm's jobs as name and value."""
+    name, _, value = word.partition("=")
+    check(name and value, "slurm", word, "a name and a value, such as partition=cpu")
+    try:
+        return name, int(value)
+    except ValueError:
+        return name, value
 
 
 def _size(study: Study) -> str:

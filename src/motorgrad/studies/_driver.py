@@ -14,13 +14,15 @@ from motorgrad._signals import stop_when_asked
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._partition import Job
 from motorgrad.studies._places import Here, Place, Processes, Work
+from motorgrad.studies._ray import Ray
 from motorgrad.studies._results import Results
+from motorgrad.studies._slurm import Slurm
 from motorgrad.studies._study import Study
 
-PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes}
+PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
 """Where jobs can run, by name."""
 
-On = Literal["here", "processes"]
+On = Literal["here", "processes", "ray", "slurm"]
 ATTEMPTS = 3
 KILLS = 20  # of the processes of one job, one after the other, until it counts as the job's fault
 SHARE = 0.02  # of the time, for the index and the page
@@ -46,7 +48,8 @@ def run_study(
     **Arguments:**
 
     - `out`: the folder. A study that is found there unfinished continues; jobs that failed before are tried again.
-    - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine.
+    - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine; tasks of `"ray"`, by default on
+      this machine; jobs of `"slurm"`. The last two need `motorgrad[ray]` and `motorgrad[slurm]`.
     - `workers`: how many jobs run at the same time; 0 for as many as the place has processors.
     - `threads`: of each job; 0 for all processors of this process, or for each worker's share of them.
     - `attempts`: how often a job that fails is tried before it is set aside and the others go on. A job whose process
@@ -55,7 +58,8 @@ def run_study(
     - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
     - `trust`: whether to unpickle environments that another process saved in the folder.
     - `progress`: whether to show progress.
-    - `options`: more for the place.
+    - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
+      "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
 
     None of these has an effect on any number.
 
@@ -74,7 +78,7 @@ def run_study(
     check(study.jobs, "study", study, "of at least one job")
     with folder:
         folder.read_rows()
-        place = PLACES[on](workers, Work(threads, checkpoint_every, tuple(imports), trust), **given)
+        place = PLACES[on](folder.path, workers, Work(threads, checkpoint_every, tuple(imports), trust), **given)
         _Driver(folder, place, attempts).run(progress)
     return Results(folder)
 
@@ -130,29 +134,38 @@ class _Driver:
         """Take note of how a job ended."""
         try:
             outcome = future.result()
-        except self.place.killed as error:
-            moved = self.folder.decision(job) > self.saved[job.name]
-            self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
-            self._again(job, error, self.killed[job.name], KILLS)
         except KeyboardInterrupt:
             self.stopping = True
         except Exception as error:
+            if self.place.has_died(error):
+                self._interrupted(job, error)
+                return
             self.failed[job.name] += 1
             self._again(job, error, self.failed[job.name], self.attempts)
         else:
             self.learned += outcome.learned
-            if outcome.rows is None:
+            if outcome.rows is not None:
+                self.folder.add(job, outcome.rows)
+            elif self.place.itself and not outcome.busy:
                 self.stopping = True
             else:
-                self.folder.add(job, outcome.rows)
+                why = "another process has its run directory" if outcome.busy else "it was stopped from outside"
+                self._interrupted(job, RuntimeError(why))
+
+    def _interrupted(self, job: Job, error: BaseException) -> None:
+        """A job has ended early, for which it is not to blame."""
+        moved = self.folder.decision(job) > self.saved[job.name]
+        self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
+        self._again(job, error, self.killed[job.name], KILLS)
 
     def _again(self, job: Job, error: BaseException, count: int, most: int) -> None:
         """Try a job again after the others, or set it aside."""
         if self.stopping or count < most:
             self.waiting.append(job)
             return
-        said = "".join(traceback.format_exception(error))
-        self.folder.set_aside(job, count, error, said)
+        cause = getattr(error, "cause", None)  # Ray wraps the error of a job
+        error = cause if isinstance(cause, BaseException) else error
+        self.folder.set_aside(job, count, error, "".join(traceback.format_exception(error)))
 
     def _write(self, now: bool) -> None:
         """Write the index, where it is due: rarely enough to take little of the time."""

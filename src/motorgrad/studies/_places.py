@@ -33,19 +33,27 @@ class Work(NamedTuple):
 
 
 class Place:
-    """Where jobs run.
+    """Where jobs run. A place is made with the folder of the study, the number of workers (0 for its own choice), what
+    the jobs are told, and options of its own.
 
-    - `workers`: the jobs that are kept in flight.
-    - `killed`: the errors by which a job's future tells that its process or machine has died, for which the job is not
-      to blame.
+    - `itself`: whether jobs run in the process of the driver.
     """
 
-    workers: int = 1
-    killed: tuple[type[BaseException], ...] = ()
+    itself: bool = False
+
+    @property
+    def workers(self) -> int:
+        """The jobs that are kept in flight."""
+        return 1
 
     def submit(self, job: Job, path: Path) -> Any:
         """Begin a job in its run directory. Returns a future."""
         raise NotImplementedError
+
+    def has_died(self, error: BaseException) -> bool:
+        """Whether the error of a future tells that the job's process or machine has died, for which the job is not to
+        blame."""
+        return False
 
     def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
         """Those of the futures that are done, after at most so many seconds."""
@@ -59,9 +67,11 @@ class Place:
 
 
 class Here(Place):
-    """This process, one job after the other."""
+    """This process, one job after the other. It alone receives the requests to stop."""
 
-    def __init__(self, workers: int, told: Work):
+    itself = True
+
+    def __init__(self, folder: Path, workers: int, told: Work):
         check_integer("workers", workers, 0, 1)
         self._told = told
 
@@ -80,20 +90,25 @@ class Processes(Place):
     Every process has an executor of its own, so that the others do not notice when one is killed.
     """
 
-    killed = (BrokenProcessPool,)
-
-    def __init__(self, workers: int, told: Work):
+    def __init__(self, folder: Path, workers: int, told: Work):
         check_integer("workers", workers, 0, 4096)
         cores = processors()
-        self.workers = workers or cores
-        self._told = told._replace(threads=told.threads or max(1, cores // self.workers))
+        self._workers = workers or cores
+        self._told = told._replace(threads=told.threads or max(1, cores // self._workers))
         self._free: list[ProcessPoolExecutor] = []
         self._busy: dict[Future[Any], ProcessPoolExecutor] = {}
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def has_died(self, error: BaseException) -> bool:
+        return isinstance(error, BrokenProcessPool)
 
     def submit(self, job: Job, path: Path) -> "Future[Outcome]":
         context = multiprocessing.get_context("spawn")
         executor = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
-        with _environment(self._told.threads):  # of the process, which starts with the first job
+        with process_environment(self._told.threads):  # of the process, which starts with the first job
             future = executor.submit(work, job, path, *self._told)
         self._busy[future] = executor
         return future
@@ -139,7 +154,8 @@ def thread_settings(threads: int) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def _environment(threads: int) -> Iterator[None]:
+def process_environment(threads: int) -> Iterator[None]:
+    """Let processes that are started within the context use so many threads."""
     settings = thread_settings(threads)
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)

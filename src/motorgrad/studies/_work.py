@@ -21,10 +21,12 @@ class Outcome(NamedTuple):
 
     - `rows`: one per setting and seed, with the final metrics; `None` where the run was stopped before its end.
     - `learned`: seconds of learning, including compiling.
+    - `busy`: whether another process has the run directory.
     """
 
     rows: pa.Table | None
     learned: float
+    busy: bool = False
 
 
 def work(
@@ -45,9 +47,12 @@ def work(
     with interrupt_when_asked():
         for name in imports:
             importlib.import_module(name)
-        # an earlier worker of the same job, whose node was given up, may still hold the directory
-        with filelock.FileLock(path / ".lock", timeout=PATIENCE):
-            pass
+        try:
+            # an earlier worker of the same job, whose driver was killed, may still hold the directory
+            with filelock.FileLock(path / ".lock", timeout=PATIENCE):
+                pass
+        except filelock.Timeout:
+            return Outcome(None, 0.0, busy=True)
         run = train(
             job.make_task(),
             job.agent,
