@@ -13,7 +13,9 @@ from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check, choice
 from motorgrad._files import check_writable
-from motorgrad.studies import PLACES, Best, Results, Study, run_study
+from motorgrad.studies import PLACES, Best, Results, Study, run_study, settings_text
+
+Ranking = list[tuple[dict[str, Any], list[Best]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Sweep:
     checkpoint_every: float = 30.0
     """Seconds between two checkpoints of a job."""
     metric: str = "reward"
-    """The metric of which the best settings are printed."""
+    """The metric by which settings are the best, here and on the page index.html of the folder."""
     trust: bool = False
     """Run code that the file or the folder names: the module of a task, pickled environments."""
     json: Path | None = None
@@ -96,10 +98,11 @@ def run(arguments: list[str]) -> int:
         checkpoint_every=options.checkpoint_every,
         imports=tuple(IMPORTED),
         trust=options.trust,
+        metric=options.metric,
         options=options.options,
     )
     known = options.metric in results.metrics
-    best = results.best(options.metric) if known else []
+    best = [(task, results.best(options.metric, where=task)) for task in results.tasks] if known else []
     if str(options.json) != "-":
         _print(options, results, best)
     write_json(options.json, _record(results, options.metric, best))
@@ -123,25 +126,27 @@ def _size(study: Study) -> str:
     return f"{points:,} settings × {seeds:,} seeds × {study.steps:,} decisions in {calls}"
 
 
-def _print(options: Sweep, results: Results, best: list[Best]) -> None:
+def _print(options: Sweep, results: Results, best: Ranking) -> None:
     failures = results.failures
     jobs = len(results.study.jobs)
-    done = "done" if results.complete else f"{jobs - len(failures):,} of {jobs:,} jobs" if failures else "stopped"
-    print(f"{done}; {options.metric}, over seeds that did not choose the settings:" if best else done)
-    for each in best:
-        said = ", ".join(f"{path} = {value}" for path, value in each.settings.items()) or "the only setting"
-        print(f"  {each.value.words()}: {said}")
+    print("done" if results.complete else f"{len(failures):,} of {jobs:,} jobs set aside" if failures else "stopped")
+    for task, table in best:
+        if table:
+            print(f"the best by {options.metric}{f' of {settings_text(task)}' if task else ''}:")
+        for each in table:
+            print(f"  {each.value.words()}: {settings_text(each.settings, task)}")
     for failure in failures[:10]:
         print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-    print(f"saved in {results.path}")
+    print(f"saved in {results.path}; its page is {results.path / 'index.html'}")
     if not results.complete:
         print("the same command continues this study")
 
 
-def _record(results: Results, metric: str, best: list[Best]) -> dict[str, Any]:
+def _record(results: Results, metric: str, best: Ranking) -> dict[str, Any]:
     listed = [
         {"point": each.point, "settings": each.settings, "value": _finite(dataclasses.asdict(each.value))}
-        for each in best
+        for _, table in best
+        for each in table
     ]
     failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
     about = {"path": str(results.path), "complete": results.complete, "metric": metric}

@@ -1,8 +1,9 @@
 """Studies: tasks × settings × seeds on one machine or many, each job a run directory."""
 
 from motorgrad.studies._driver import PLACES, run_study
+from motorgrad.studies._page import settings_text
 from motorgrad.studies._partition import Job
 from motorgrad.studies._results import Best, Results
 from motorgrad.studies._study import Design, Study
 
-__all__ = ["PLACES", "Best", "Design", "Job", "Results", "Study", "run_study"]
+__all__ = ["PLACES", "Best", "Design", "Job", "Results", "Study", "run_study", "settings_text"]

@@ -1,7 +1,10 @@
 """The driver of a study: keeps workers busy, tries failed jobs again, and writes down what happens."""
 
+import contextlib
+import threading
 import time
 import traceback
+import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,6 +15,7 @@ from motorgrad._files import check_writable
 from motorgrad._progress import Progress
 from motorgrad._signals import stop_when_asked
 from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._page import write_page
 from motorgrad.studies._partition import Job
 from motorgrad.studies._places import Here, Place, Processes, Work
 from motorgrad.studies._ray import Ray
@@ -41,6 +45,7 @@ def run_study(
     imports: tuple[str, ...] = (),
     trust: bool = False,
     progress: bool = True,
+    metric: str = "reward",
     options: Mapping[str, Any] | None = None,
 ) -> Results:
     """Run a study in a folder, or continue it there.
@@ -58,6 +63,7 @@ def run_study(
     - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
     - `trust`: whether to unpickle environments that another process saved in the folder.
     - `progress`: whether to show progress.
+    - `metric`: by which the page `index.html` of the folder ranks settings.
     - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
       "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
 
@@ -79,7 +85,7 @@ def run_study(
     with folder:
         folder.read_rows()
         place = PLACES[on](folder.path, workers, Work(threads, checkpoint_every, tuple(imports), trust), **given)
-        _Driver(folder, place, attempts).run(progress)
+        _Driver(folder, place, attempts).run(progress, metric)
     return Results(folder)
 
 
@@ -95,12 +101,13 @@ class _Driver:
         self.saved: dict[str, int] = {}
         self.learned = 0.0
         self.stopping = False
-        self._due = 0.0
 
-    def run(self, progress: bool) -> None:
+    def run(self, progress: bool, metric: str) -> None:
         done = len(self.jobs) - len(self.waiting)
         for job in self.waiting:
             self.folder.forgive(job)
+        reporter = _Reporter(self, metric)
+        reporter.start()
         try:
             with (
                 stop_when_asked() as stopped,
@@ -116,10 +123,9 @@ class _Driver:
                     done = sum(map(self.folder.is_done, self.jobs))
                     aside = len(self.folder.failures())
                     report.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
-                    self._write(False)
         finally:
             self.place.close()
-            self._write(True)
+            reporter.finish()
 
     def _submit(self, stopped: Callable[[], bool]) -> None:
         while self.waiting and len(self.flying) < self.place.workers and not (stopped() or self.stopping):
@@ -167,10 +173,30 @@ class _Driver:
         error = cause if isinstance(cause, BaseException) else error
         self.folder.set_aside(job, count, error, "".join(traceback.format_exception(error)))
 
-    def _write(self, now: bool) -> None:
-        """Write the index, where it is due: rarely enough to take little of the time."""
-        started = time.monotonic()
-        if now or started >= self._due:
-            self.folder.write_index()
-            took = time.monotonic() - started
-            self._due = time.monotonic() + max(PAUSE, took / SHARE)
+
+class _Reporter(threading.Thread):
+    """Writes the index and the page beside the driver, rarely enough to take little of the time."""
+
+    def __init__(self, driver: _Driver, metric: str):
+        super().__init__(daemon=True)
+        self._driver, self._metric, self._over = driver, metric, threading.Event()
+
+    def run(self) -> None:
+        pause = PAUSE
+        while not self._over.wait(pause):
+            started = time.thread_time()
+            with contextlib.suppress(Exception):  # the disk may be full; the last report tells
+                self._write(self._driver.learned)
+            pause = max(PAUSE, (time.thread_time() - started) / SHARE)
+
+    def finish(self) -> None:
+        """Write the last report."""
+        self._over.set()
+        self.join()
+        self._write(None)
+
+    def _write(self, learned: float | None) -> None:
+        self._driver.folder.write_index()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # those about the run directories have been given
+            write_page(self._driver.folder, self._metric, learned)

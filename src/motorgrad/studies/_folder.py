@@ -7,6 +7,7 @@ index.parquet    one row per setting and seed; it is made again from the run dir
 index.html       the page
 """
 
+import contextlib
 import itertools
 import json
 import os
@@ -47,6 +48,7 @@ class StudyFolder:
             if self.path.exists() and (not self.path.is_dir() or any(_visible(self.path))):
                 raise RunDirectoryError(f"{self.path} holds other files and no study.toml: not the folder of a study")
         self._rows: dict[str, pa.Table] = {}
+        self._begun: dict[str, pa.Table] = {}
         self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
 
     def __enter__(self) -> Self:
@@ -84,6 +86,15 @@ class StudyFolder:
             found = stored.get(job.name)
             self._rows[job.name] = found[1] if found and found[0] == mark else rows_of(load(self.place(job)))
 
+    def read_begun(self) -> None:
+        """Look at what the jobs that are not done have saved so far."""
+        found = {}
+        for job in self.study.jobs:
+            if not self.is_done(job) and self.decision(job):
+                with contextlib.suppress(RunDirectoryError):  # it has been begun again just now
+                    found[job.name] = rows_of(load(self.place(job)))
+        self._begun = found
+
     def add(self, job: Job, rows: pa.Table) -> None:
         """Take note of a job that is done."""
         self._rows[job.name] = rows
@@ -94,7 +105,8 @@ class StudyFolder:
 
     def index(self) -> pa.Table:
         """One row per setting and seed: `job`, `point`, `seed`, the settings by path, `status` (`"done"`, `"failed"`,
-        `"begun"` or `"waiting"`), `decision` and the final metrics, which only jobs that are done have."""
+        `"begun"` or `"waiting"`), `decision` and the final metrics; of jobs that have begun, those so far, as
+        `read_begun` found them."""
         jobs, settings, seeds = self.study.jobs, self.study.settings, self.study.seed_list
         order = np.concatenate([job.points for job in jobs])
         paths = list(dict.fromkeys(path for setting in settings for path in setting))
@@ -107,7 +119,8 @@ class StudyFolder:
             state = "failed" if job.name in failed else "begun" if decision else "waiting"
             status.append("done" if rows is not None else state)
             decisions.append(decision)
-            metrics.append(pa.table({"decision": np.full(count, decision, np.int64)}) if rows is None else rows)
+            blank = self._begun.get(job.name, pa.table({"decision": np.full(count, decision, np.int64)}))
+            metrics.append(blank if rows is None else rows)
         columns: dict[str, Any] = {
             "job": pa.array(np.repeat([job.name for job in jobs], lanes)).dictionary_encode(),
             "point": np.repeat(order, len(seeds)),

@@ -1,6 +1,7 @@
 """The results of a study: its table, its runs, the best settings."""
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -10,6 +11,7 @@ import pyarrow as pa
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad.statistics import Measured, mean_of, median_of
 from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._grid import frozen
 from motorgrad.studies._study import Study
 from motorgrad.training import Run, load
 
@@ -21,12 +23,14 @@ class Best(NamedTuple):
     - `value`: the metric over the seeds that did not choose it, with its interval.
     - `chosen_by`: the metric over the seeds that did. The luck of the choice is in it. Without held-out seeds it is the
       same as `value`.
+    - `done`: whether learning is over.
     """
 
     settings: dict[str, Any]
     point: int
     value: Measured
     chosen_by: Measured
+    done: bool
 
 
 class Results:
@@ -44,6 +48,7 @@ class Results:
         """
         folder = StudyFolder(path, trust=trust)
         folder.read_rows()
+        folder.read_begun()
         return Results(folder)
 
     def __repr__(self) -> str:
@@ -73,8 +78,8 @@ class Results:
     @functools.cached_property
     def table(self) -> pa.Table:
         """One row per setting and seed: `job`, `point`, `seed`, the settings by path, `status` (`"done"`, `"failed"`,
-        `"begun"` or `"waiting"`), `decision` and the final metrics as `final_metrics` has them; empty where the job is
-        not done."""
+        `"begun"` or `"waiting"`), `decision` and the final metrics as `final_metrics` has them; of jobs that have
+        begun, those so far."""
         return self._folder.index()
 
     @property
@@ -83,6 +88,15 @@ class Results:
         names = self.table.column_names
         return names[names.index("status") + 2 :]
 
+    @property
+    def tasks(self) -> list[dict[str, Any]]:
+        """The settings of each task, by path, as far as tasks differ; for `where` in `best`."""
+        each = [
+            {path: value for path, value in setting.items() if path.startswith("task.")}
+            for setting in self.study.settings
+        ]
+        return list({frozen(task): task for task in each}.values())
+
     def run(self, point: int) -> Run:
         """The run of one point, with all its seeds. **Raises** `RunDirectoryError` where it has not begun."""
         check_integer("point", point, 0, len(self.study.points) - 1)
@@ -90,11 +104,14 @@ class Results:
         run = load(self._folder.place(job))
         return run.split()[job.points.index(point)] if run.settings else run
 
-    def values(self, metric: str) -> np.ndarray:
-        """A metric as `(points, seeds)`; NaN where the job is not done."""
+    def values(self, metric: str, so_far: bool = False) -> np.ndarray:
+        """A metric as `(points, seeds)`; NaN where the job is not done, or, with `so_far`, has nothing yet."""
         if metric not in self.metrics:
             raise unknown("metric", metric, self.metrics)
-        column = self.table[metric].to_numpy(zero_copy_only=False).astype(float).reshape(-1, len(self.study.seed_list))
+        column = self.table[metric].to_numpy(zero_copy_only=False).astype(float)
+        if not so_far:
+            column = np.where(np.asarray(self.table["status"].to_pylist()) == "done", column, np.nan)
+        column = column.reshape(-1, len(self.study.seed_list))
         found = np.empty_like(column)
         found[self.table["point"].to_numpy()[:: column.shape[1]]] = column
         return found
@@ -107,6 +124,8 @@ class Results:
         direction: Literal["maximize", "minimize"] = "maximize",
         statistic: Literal["mean", "median"] = "mean",
         held_out: bool = True,
+        where: Mapping[str, Any] | None = None,
+        so_far: bool = False,
     ) -> list[Best]:
         """The best settings by a metric, with intervals over seeds.
 
@@ -120,6 +139,9 @@ class Results:
         - `direction`: whether more is better.
         - `statistic`: over the seeds.
         - `held_out`: `False` chooses and reports by all seeds.
+        - `where`: only settings that have these values, such as `{"task.name": "chain"}`. Rewards of different tasks
+          do not compare.
+        - `so_far`: whether to count jobs that are not done, too.
 
         Settings with a value that is not finite are left out.
         """
@@ -128,14 +150,20 @@ class Results:
             ("statistic", statistic, ("mean", "median")),
         ):
             check(value in known, name, value, " or ".join(map(repr, known)))
-        values = self.values(metric)
-        usable = np.flatnonzero(np.isfinite(values).all(axis=1))
+        settings = self.study.settings
+        for path in where or {}:
+            if not any(path in setting for setting in settings):
+                raise unknown("setting of the study", path, {path for setting in settings for path in setting})
+        wanted = [all(setting.get(path) == value for path, value in (where or {}).items()) for setting in settings]
+        values = self.values(metric, so_far)
+        usable = np.flatnonzero(np.isfinite(values).all(axis=1) & np.array(wanted))
+        done = np.asarray(np.isfinite(self.values(metric)).all(axis=1))
         apart = held_out and values.shape[1] >= 4
         choosing, reporting = (values[:, ::2], values[:, 1::2]) if apart else (values, values)
         centre = np.mean if statistic == "mean" else np.median
         score = centre(choosing[usable], axis=1) * (1 if direction == "minimize" else -1)
         measured = mean_of if statistic == "mean" else median_of
         return [
-            Best(self.study.settings[point], int(point), measured(reporting[point]), measured(choosing[point]))
+            Best(settings[point], int(point), measured(reporting[point]), measured(choosing[point]), bool(done[point]))
             for point in usable[np.argsort(score, kind="stable")[:count]]
         ]
