@@ -3,7 +3,6 @@
 import re
 
 import pytest
-
 from study_examples import failing_study, small, wait_for
 
 from motorgrad.studies import Study, _driver, _work
