@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from motorgrad.cli import main
-from motorgrad.studies import Study
+from motorgrad.studies import Search, Study
 
 TEXT = """
 steps = 400
@@ -42,7 +42,6 @@ def test_a_study_runs_and_its_best_settings_are_printed(file, tmp_path, capsys):
     assert main(["sweep", "--out", str(folder), "--json", "-"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["complete"]
-    assert found["jobs"] == 2
     assert [each["settings"]["task.name"] for each in found["best"]] == ["three-state"] * 2 + ["chain"] * 2
 
 
@@ -81,6 +80,22 @@ def test_an_impossible_setting_is_refused_with_the_file(file, tmp_path, capsys):
     assert str(file) in said
     assert "did you mean 'learning_rate'" in said
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_file_with_a_search_is_searched(file, tmp_path, capsys):
+    pytest.importorskip("optuna", reason="searches need motorgrad[search]")
+    text = TEXT.replace('["three-state", "chain"]', '"three-state"').replace(
+        "[0.001, 0.2]", "{low = 0.001, high = 0.2}"
+    )
+    file.write_text(text + "\n[search]\ntrials = 2\nbatch = 2\n")
+    assert main(["sweep", str(file), "--out", "found"]) == 0
+    out, err = capsys.readouterr()
+    assert "a search of 2 trials, 2 at a time, × 4 seeds × 400 decisions" in err
+    best = Search.load("found").best()
+    assert [f"{each.value.words()}: learning_rate" in out for each in best] == [True, True]
+    file.write_text(text + "\n[search]\ntrails = 2\n")
+    assert main(["sweep", str(file)]) == 2
+    assert "did you mean 'trials'" in capsys.readouterr().err
 
 
 @pytest.mark.slow

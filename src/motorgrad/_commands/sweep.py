@@ -12,8 +12,8 @@ from motorgrad._commands import IMPORTED
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check, choice
-from motorgrad._files import check_writable
-from motorgrad.studies import PLACES, Best, Results, Study, run_study, settings_text
+from motorgrad._files import check_writable, read_toml
+from motorgrad.studies import PLACES, Best, Results, Search, SearchResults, Study, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
 
@@ -57,14 +57,16 @@ class Sweep:
         _ = self.options
         check_writable("out", self.folder, folder=True)
         try:
-            _ = self.made.jobs
+            self.made.check()
         except ValueError as error:
             raise ValueError(f"{self.study or self.folder / 'study.toml'}: {error}") from None
 
     @cached_property
-    def made(self) -> Study:
-        """The study. Its jobs are checked when they are first asked for."""
-        return Study.read(self.study or self.folder / "study.toml", trust=self.trust)
+    def made(self) -> Study | Search:
+        """The study, or the search where the file has one."""
+        file = self.study or self.folder / "study.toml"
+        kind = Search if "search" in read_toml(file) else Study
+        return kind.read(file, trust=self.trust)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -88,24 +90,27 @@ class Sweep:
 def run(arguments: list[str]) -> int:
     options = parse(Sweep, arguments, "sweep")
     print(_size(options.made), file=sys.stderr)
-    results = run_study(
-        options.made,
-        options.folder,
-        on=options.on,  # type: ignore[arg-type]
-        workers=options.workers,
-        threads=options.threads,
-        attempts=options.attempts,
-        checkpoint_every=options.checkpoint_every,
-        imports=tuple(IMPORTED),
-        trust=options.trust,
-        metric=options.metric,
-        options=options.options,
-    )
-    known = options.metric in results.metrics
-    best = [(task, results.best(options.metric, where=task)) for task in results.tasks] if known else []
+    how: dict[str, Any] = {
+        "on": options.on,
+        "workers": options.workers,
+        "threads": options.threads,
+        "attempts": options.attempts,
+        "checkpoint_every": options.checkpoint_every,
+        "imports": tuple(IMPORTED),
+        "trust": options.trust,
+        "options": options.options,
+    }
+    if isinstance(options.made, Search):
+        results, metric = options.made.run(options.folder, **how), options.made.metric
+        best: Ranking = [({}, results.best())]
+    else:
+        metric = options.metric
+        results = options.made.run(options.folder, metric=metric, **how)
+        known = metric in results.metrics
+        best = [(task, results.best(metric, where=task)) for task in results.tasks] if known else []
     if str(options.json) != "-":
-        _print(options, results, best)
-    write_json(options.json, _record(results, options.metric, best))
+        _print(results, metric, best)
+    write_json(options.json, _record(results, metric, best))
     return 0 if results.complete else 1 if results.failures else 130
 
 
@@ -119,30 +124,33 @@ def _parameter(word: str) -> tuple[str, Any]:
         return name, value
 
 
-def _size(study: Study) -> str:
-    """The size of a study in words."""
-    points, seeds, jobs = len(study.points), len(study.seed_list), len(study.jobs)
-    calls = f"{jobs:,} compiled call{'s' * (jobs > 1)}"
-    return f"{points:,} settings × {seeds:,} seeds × {study.steps:,} decisions in {calls}"
+def _size(made: Study | Search) -> str:
+    """The size of a study or a search in words."""
+    study = made.study if isinstance(made, Search) else made
+    seeds = f"{len(study.seed_list):,} seeds × {study.steps:,} decisions"
+    if isinstance(made, Search):
+        return f"a search of {made.trials:,} trials, {made.batch:,} at a time, × {seeds}"
+    jobs = len(study.jobs)
+    return f"{len(study.points):,} settings × {seeds} in {jobs:,} compiled call{'s' * (jobs > 1)}"
 
 
-def _print(options: Sweep, results: Results, best: Ranking) -> None:
+def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None:
     failures = results.failures
-    jobs = len(results.study.jobs)
-    print("done" if results.complete else f"{len(failures):,} of {jobs:,} jobs set aside" if failures else "stopped")
+    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
     for task, table in best:
         if table:
-            print(f"the best by {options.metric}{f' of {settings_text(task)}' if task else ''}:")
+            print(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:")
         for each in table:
             print(f"  {each.value.words()}: {settings_text(each.settings, task)}")
     for failure in failures[:10]:
         print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-    print(f"saved in {results.path}; its page is {results.path / 'index.html'}")
+    page = "" if isinstance(results, SearchResults) else f"; its page is {results.path / 'index.html'}"
+    print(f"saved in {results.path}{page}")
     if not results.complete:
         print("the same command continues this study")
 
 
-def _record(results: Results, metric: str, best: Ranking) -> dict[str, Any]:
+def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dict[str, Any]:
     listed = [
         {"point": each.point, "settings": each.settings, "value": _finite(dataclasses.asdict(each.value))}
         for _, table in best
@@ -150,7 +158,7 @@ def _record(results: Results, metric: str, best: Ranking) -> dict[str, Any]:
     ]
     failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
     about = {"path": str(results.path), "complete": results.complete, "metric": metric}
-    return {**about, "jobs": len(results.study.jobs), "best": listed, "failures": failures}
+    return {**about, "best": listed, "failures": failures}
 
 
 def _finite(table: dict[str, Any]) -> dict[str, Any]:

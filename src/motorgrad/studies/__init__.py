@@ -4,6 +4,18 @@ from motorgrad.studies._driver import PLACES, run_study
 from motorgrad.studies._page import settings_text
 from motorgrad.studies._partition import Job
 from motorgrad.studies._results import Best, Results
+from motorgrad.studies._search import Search, SearchResults
 from motorgrad.studies._study import Design, Study
 
-__all__ = ["PLACES", "Best", "Design", "Job", "Results", "Study", "run_study", "settings_text"]
+__all__ = [
+    "PLACES",
+    "Best",
+    "Design",
+    "Job",
+    "Results",
+    "Search",
+    "SearchResults",
+    "Study",
+    "run_study",
+    "settings_text",
+]

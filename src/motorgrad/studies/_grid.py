@@ -15,7 +15,7 @@ Point = dict[str, Any]
 """A table of settings without lists of choices."""
 
 
-class _Range(NamedTuple):
+class RangeOfNumbers(NamedTuple):
     """A range of numbers, by the place where it stands."""
 
     path: str
@@ -49,7 +49,9 @@ def draw(points: Sequence[Point], kind: Literal["random", "sobol"], count: int, 
     """
     check_integer("design.count", count, 1, MAX_POINTS)
     check(kind != "sobol" or count & (count - 1) == 0, "design.count", count, "a power of two for a Sobol sequence")
-    found = dict.fromkeys(value.path for point in points for _, value in leaves(point) if isinstance(value, _Range))
+    found = dict.fromkeys(
+        value.path for point in points for _, value in leaves(point) if isinstance(value, RangeOfNumbers)
+    )
     if not found:
         raise ValueError("design: there is no range to draw from, such as {low = 1e-4, high = 1e-1, scale = 'log'}")
     if kind == "sobol":
@@ -60,6 +62,14 @@ def draw(points: Sequence[Point], kind: Literal["random", "sobol"], count: int, 
         shares = np.random.default_rng(seed).random((count, len(found)))
     rows = [dict(zip(found, row, strict=True)) for row in shares.tolist()]
     return [_drawn(point, row) for point in points for row in rows]
+
+
+def at_ends(points: Sequence[Point]) -> list[Point]:
+    """Every point twice: with the low ends of all its ranges, and with the high ones."""
+    paths = {path for point in points for path, value in leaves(point) if isinstance(value, RangeOfNumbers)}
+    return [
+        _drawn(point, dict.fromkeys(paths, share)) for point in points for share in ((0.0, 1.0) if paths else (0.0,))
+    ]
 
 
 def leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -84,8 +94,8 @@ def frozen(value: Any) -> str:
 
 def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     if isinstance(value, Mapping):
-        if ranges and {"low", "high"} <= set(value):
-            return [_range(value, path)]
+        if ranges and is_range(value):
+            return [range_in(value, path)]
         inner = [_expand(item, f"{path}.{name}" if path else str(name), ranges) for name, item in value.items()]
         size = math.prod(map(len, inner))
         check(size <= MAX_POINTS, path or "the grid", f"{size:,} combinations", f"at most {MAX_POINTS:,}")
@@ -101,7 +111,13 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     return found
 
 
-def _range(table: Mapping[str, Any], path: str) -> _Range:
+def is_range(value: Any) -> bool:
+    """Whether a table describes a range."""
+    return isinstance(value, Mapping) and {"low", "high"} <= set(value)
+
+
+def range_in(table: Mapping[str, Any], path: str) -> RangeOfNumbers:
+    """The range that a table of `low`, `high` and `scale` describes. **Raises** `ValueError` for one without width."""
     for name in table:
         if name not in ("low", "high", "scale"):
             raise unknown(f"setting of the range {path}:", name, ("low", "high", "scale"))
@@ -112,10 +128,10 @@ def _range(table: Mapping[str, Any], path: str) -> _Range:
         raise unknown(f"{path}.scale", scale, ("linear", "log"))
     check(low < high, f"{path}.high", high, f"above low = {low}")
     check(scale == "linear" or low > 0, f"{path}.low", low, "above 0 on a logarithmic scale")
-    return _Range(path, float(low), float(high), scale)
+    return RangeOfNumbers(path, float(low), float(high), scale)
 
 
 def _drawn(value: Any, row: Mapping[str, float]) -> Any:
-    if isinstance(value, _Range):
+    if isinstance(value, RangeOfNumbers):
         return value.at(row[value.path])
     return {name: _drawn(item, row) for name, item in value.items()} if isinstance(value, dict) else value

@@ -79,7 +79,7 @@ class Here(Place):
         future: Future[Outcome] = Future()
         try:
             future.set_result(work(job, path, *self._told))
-        except Exception as error:
+        except (Exception, KeyboardInterrupt) as error:
             future.set_exception(error)
         return future
 

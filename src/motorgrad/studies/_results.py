@@ -158,8 +158,7 @@ class Results:
         values = self.values(metric, so_far)
         usable = np.flatnonzero(np.isfinite(values).all(axis=1) & np.array(wanted))
         done = np.asarray(np.isfinite(self.values(metric)).all(axis=1))
-        apart = held_out and values.shape[1] >= 4
-        choosing, reporting = (values[:, ::2], values[:, 1::2]) if apart else (values, values)
+        choosing, reporting = self.choosing(values) if held_out else (values, values)
         centre = np.mean if statistic == "mean" else np.median
         score = centre(choosing[usable], axis=1) * (1 if direction == "minimize" else -1)
         measured = mean_of if statistic == "mean" else median_of
@@ -167,3 +166,8 @@ class Results:
             Best(settings[point], int(point), measured(reporting[point]), measured(choosing[point]), bool(done[point]))
             for point in usable[np.argsort(score, kind="stable")[:count]]
         ]
+
+    @staticmethod
+    def choosing(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The values by seeds that choose settings, and those by seeds that report them; with fewer than four, all."""
+        return (values[:, ::2], values[:, 1::2]) if values.shape[1] >= 4 else (values, values)

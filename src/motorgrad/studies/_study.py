@@ -101,7 +101,7 @@ class Study:
 
         **Raises** `ValueError` that names the file and the setting, and `NotTrusted`.
         """
-        values = read_toml(Path(path))
+        values = {name: value for name, value in read_toml(Path(path)).items() if name != "search"}
         try:
             study = build(Study, values)
             for point in expand({"task": study.task}):
@@ -141,6 +141,10 @@ class Study:
         **Raises** `ValueError` that names the first impossible setting.
         """
         return partition(self.points, self.steps, self.seeds, self.window, self.lanes)
+
+    def check(self) -> None:
+        """Check every combination. **Raises** `ValueError` that names the first impossible setting."""
+        _ = self.jobs
 
     def run(self, out: Path | str, **options: Any) -> Any:
         """Run the study in a folder, or continue it there. Returns its `Results`. `run_study` has the options."""
