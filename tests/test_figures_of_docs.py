@@ -91,6 +91,6 @@ def test_every_estimator_body_and_task_has_its_page():
         for name in bodies.__all__
         if dataclasses.is_dataclass(thing := getattr(bodies, name)) and hasattr(thing, "spec")
     ]
-    pages = {"OnTerrain": "terrain"}  # any body, on ground of its own
+    pages = {"OnTerrain": "terrain", "WithSensors": "mjcf"}  # any body, on ground of its own, with more sensors
     assert {pages.get(name, name.lower()) for name in described} == stems["bodies"]
     assert set(TASKS) - {"gymnasium"} == stems["tasks"]  # that one is any environment at all

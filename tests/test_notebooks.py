@@ -38,7 +38,8 @@ def test_a_slider_without_a_kernel_leaves_its_picture_and_fetches_nothing(path):
             assert "image/png" in picture
 
 
-RUN = [pytest.param(path, marks=[pytest.mark.ci] if path.stem == "a-unit-learns" else []) for path in NOTEBOOKS]
+SHARED = ("a-unit-learns", "bring-your-own-body")  # run by `make test-share`
+RUN = [pytest.param(path, marks=[pytest.mark.ci] if path.stem in SHARED else []) for path in NOTEBOOKS]
 
 
 @pytest.mark.slow

@@ -19,7 +19,18 @@ sys.path.insert(0, str(ROOT))  # MkDocs runs this file by itself
 from motorgrad import lab  # noqa: E402
 from tools.block_pages import GALLERY_PAGE, block_pages, navigation  # noqa: E402
 
-ROOMS = ["policies", "learning", "worlds", "worlds.oracle", "bodies", "tasks", "training", "environments", "sim"]
+ROOMS = [
+    "policies",
+    "learning",
+    "worlds",
+    "worlds.oracle",
+    "bodies",
+    "tasks",
+    "tasks.terms",
+    "training",
+    "environments",
+    "sim",
+]
 ROOMS += ["experiments", "search", "lab", "statistics", "studies"]
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")

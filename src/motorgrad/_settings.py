@@ -83,7 +83,10 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     **Raises** `ValueError` for a setting that is given twice.
     """
     if not issubclass(cls, Part):
-        return dict(values)
+        full = [full_path(cls, key) for key in values]
+        for key, name in zip(values, full, strict=True):
+            check(full.count(name) == 1, key, values[key], "given once")
+        return dict(zip(full, values.values(), strict=True))
     found: dict[str, Any] = {}
     for key in sorted(values, key=lambda key: full_path(cls, key).count(".")):
         *outer, last = full_path(cls, key).split(".")
@@ -129,7 +132,8 @@ def table(instance: Any) -> dict[str, Any]:
     values = {name: getattr(instance, name) for name in fields_of(type(instance))}
     if isinstance(instance, Part):
         return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
-    return {name: _plain(value) for name, value in values.items() if value is not None}
+    plain = {name: field.metadata.get("plain", _plain) for name, field in fields_of(type(instance)).items()}
+    return {name: plain[name](value) for name, value in values.items() if value is not None}
 
 
 def default_of(field: dataclasses.Field[Any]) -> Any:

@@ -23,6 +23,7 @@ TASK_TABLE = {
     "call-admission": Entry("_finite:CallAdmission", "motorgrad/CallAdmission-v0"),
     "chain": Entry("_finite:Chain", "motorgrad/Chain-v0"),
     "particle": Entry("_particle:FallingParticle", "motorgrad/Particle-v0"),
+    "composed": Entry("_composed:Composed", "motorgrad/Composed-v0"),
     "gymnasium": Entry("gymnasium._gymnasium:Gymnasium"),
     "hexapod": Entry("hexapod._hexapod:Hexapod", "motorgrad/Hexapod-v0"),
     "hexapod-primitive": Entry("hexapod._primitive:HexapodPrimitive", "motorgrad/HexapodPrimitive-v0"),

@@ -114,6 +114,27 @@ KINDS: dict[type, dict[str, Any]] = {}
 """The registry: for every kind of part, the classes that may take its place, by name."""
 
 
+def register(base: type[Part], name: str, part: Any) -> None:
+    """Give a part of your own a name, by which options, TOML files and saved runs know it: a part of a learner, or a
+    term of a composed task.
+
+    **Arguments:** the `base` class that it derives from, such as `Trace`, `Baseline` or `Quantity`; the `name`; the
+    class.
+
+    **Raises:** `ValueError` for a base without a registry, a name that is taken, or a class that does not derive from
+    `base`.
+
+    ```python
+    mg.learning.register(mg.learning.Trace, "my-trace", MyTrace)
+    ```
+    """
+    check(base in KINDS, "base", base, f"one of {', '.join(sorted(cls.__name__ for cls in KINDS))}")
+    check(isinstance(part, type) and issubclass(part, base), "part", part, f"a class that derives from {base.__name__}")
+    taken = KINDS[base].get(name, part)
+    check(taken is part, "name", name, f"another name: it is that of {getattr(taken, '__name__', taken)}")
+    KINDS[base][name] = part
+
+
 def kind_of(part: Part) -> str:
     """The registered name of a part's class; its full name in Python where it is not registered."""
     for kinds in KINDS.values():

@@ -133,7 +133,7 @@ def test_a_run_goes_on_from_its_directory_alone(capsys):
 
 
 def test_a_default_learner_is_that_of_the_task_as_asked_for(capsys):
-    for name, policy in (("Pendulum-v1", "hyperplanes"), ("Acrobot-v1", "softmax")):
+    for name, policy in (("Pendulum-v1", "bounded-hyperplanes"), ("Acrobot-v1", "softmax")):
         found = checked(capsys, "train", "gymnasium", "--task.env-id", name)
         assert found["agent"]["policy"]["kind"] == policy
 

@@ -36,3 +36,15 @@ class Told(gymnasium.Env):
         if self.time == self.bad:
             seen = np.full_like(seen, np.nan)
         return seen, float(self.time), self.time == self.end, self.time == self.cut, {}
+
+
+class Reporting(Told):
+    """Also reports in `info`: what `report(time)` returns at a step."""
+
+    def __init__(self, report, **settings):
+        super().__init__(**settings)
+        self.report = report
+
+    def step(self, action):
+        *outcome, _ = super().step(action)
+        return *outcome, self.report(self.time)

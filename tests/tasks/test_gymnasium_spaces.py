@@ -34,18 +34,27 @@ def decoded(task, *numbers):
         (spaces.MultiDiscrete([3, 2]), "choice", "discrete", [[0], [3], [5]], [[0, 0], [1, 1], [2, 1]]),
         (spaces.MultiDiscrete([2, 4], start=[1, -1]), "bits", "binary", [[1, 1, 0]], [[2, 1]]),
         (spaces.MultiDiscrete([[2, 2], [1, 3]]), "count", "binary", [[1, 0, 1, 1]], [[[1, 0], [0, 2]]]),
-        (spaces.Box(np.float32([0, -1]), np.float32([1, 3])), "auto", "binary", [[0, 1], [1, 0]], [[0, 3], [1, -1]]),
+        (
+            spaces.Box(np.float32([0, -1]), np.float32([1, 3])),
+            "auto",
+            "graded",
+            [[0.5, 1], [2, -9]],
+            [[0.5, 1], [1, -1]],
+        ),
+        (spaces.Box(-2, 2, (1, 2)), "auto", "graded", [[0.25, -2]], [[[0.25, -2]]]),
+        (spaces.Box(-4, 255, (2,), np.int16), "auto", "graded", [[0.7, -8.0]], [[1, -4]]),
+        (spaces.Box(np.float32([0, -1]), np.float32([1, 3])), "each", "binary", [[0, 1], [1, 0]], [[0, 3], [1, -1]]),
         (spaces.Box(-2, 2, (1, 2)), "each", "binary", [[0, 1]], [[[-2, 2]]]),
         (spaces.Box(-2, 2, (1,)), "antagonists", "binary", [[0, 0], [1, 0], [0, 1], [1, 1]], [[0], [2], [-2], [0]]),
         (spaces.Box(0, 1, (2,)), "antagonists", "binary", [[0, 1]], [[0, 1]]),
-        (spaces.Box(0, 255, (2,), np.uint8), "auto", "binary", [[0, 1]], [[0, 255]]),
+        (spaces.Box(0, 255, (2,), np.uint8), "each", "binary", [[0, 1]], [[0, 255]]),
     ],
 )
 def test_units_and_choices_become_actions(told, action, code, kind, numbers, wanted):
     task = from_gymnasium(told(action=action), code=code)
     assert task.actions == kind
     alternatives = action.n if isinstance(action, spaces.Discrete) else np.prod(getattr(action, "nvec", 0))
-    assert task.action_size == (len(numbers[0]) if kind == "binary" else alternatives)
+    assert task.action_size == (alternatives if kind == "discrete" else len(numbers[0]))
     assert decoded(task, *numbers) == wanted
     batch = task.batch([0])
     for row in numbers:
@@ -55,11 +64,35 @@ def test_units_and_choices_become_actions(told, action, code, kind, numbers, wan
 
 def test_the_ends_of_a_box_are_reached_exactly(told):
     low, high = np.float32([-0.1, 1e-3]), np.float32([0.7, 0.3])
+    for code, rows in (("each", (np.zeros(2), np.ones(2))), ("graded", (np.full(2, -9.0), np.full(2, 9.0)))):
+        task = from_gymnasium(told(action=spaces.Box(low, high)), code=code)
+        for row, wanted in zip(rows, (low, high), strict=True):
+            found = task._facts.code.decode(row[None])[0]
+            assert found.dtype == np.float32
+            np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("density", ["squashed", "clipped", "truncated", "beta"])
+def test_graded_units_act_within_the_bounds_of_the_space(told, density):
+    low, high = np.float32([-0.4, 0.0]), np.float32([0.4, 3.0])
     task = from_gymnasium(told(action=spaces.Box(low, high)))
-    for row, wanted in ((np.zeros(2), low), (np.ones(2), high)):
-        found = task._facts.code.decode(row[None])[0]
-        assert found.dtype == np.float32
-        np.testing.assert_array_equal(found, wanted)
+    assert task.action_range == tuple(zip(low.tolist(), high.tolist(), strict=True))
+    assert task.learner["policy"]["kind"] == "bounded-hyperplanes"
+    policy = mg.policies.bounded_hyperplanes(task, density=density, deviation=3.0)
+    drawn = jax.vmap(lambda u: policy.sample(jnp.ones(policy.inputs), u))(jnp.asarray([[0.0, 1 - 2**-24], [0.5, 0.5]]))
+    assert (np.asarray(drawn) >= low).all()
+    assert (np.asarray(drawn) <= high).all()
+    np.testing.assert_array_equal(task._facts.code.decode(np.asarray(drawn)), drawn)  # nothing is left to clip
+    np.testing.assert_allclose(policy.mode(jnp.ones(policy.inputs)), (low + high) / 2, atol=1e-6)  # a signed one rests
+
+
+def test_a_signed_box_can_rest_unless_it_is_told_not_to():
+    task = from_gymnasium("Reacher-v5")
+    assert (task.actions, task.action_size, task.action_range) == ("graded", 2, ((-1.0, 1.0),) * 2)
+    batch = task.batch([0])
+    batch.step(np.zeros((1, 2), np.float32))
+    assert batch._environments[0].unwrapped.data.ctrl.tolist() == [0, 0]
+    assert from_gymnasium("Reacher-v5", code="each").actions == "binary"
 
 
 @pytest.mark.parametrize("code", CODES["MultiDiscrete"])
@@ -112,7 +145,7 @@ def test_the_wrapper_that_is_named_helps(register):
     [
         (spaces.Discrete(3), "each", "did you mean|known are auto, bits, choice, count"),
         (spaces.Discrete(3), "bits", "has \\[3\\] actions: must be powers of two; use 'count'"),
-        (spaces.Box(0, 1, (2,)), "count", "known are antagonists, auto, each"),
+        (spaces.Box(0, 1, (2,)), "count", "known are antagonists, auto, each, graded"),
         (spaces.MultiDiscrete([100, 100]), "choice", "has 10000 combined actions, at most 4096; use 'count'"),
         (spaces.Discrete(1), "count", "single action, which no unit can choose; use 'choice'"),
     ],

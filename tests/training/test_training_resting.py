@@ -34,14 +34,17 @@ IMPROVE, INTERVAL = 20, 15
 CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, interval=INTERVAL))
 
 
-def agent(task, improve=IMPROVE):
-    metric = FisherMetric(0.01, kl=Annealed(0.1, 0.01, 5))
+GATHERED = 9
+
+
+def agent(task, improve=IMPROVE, interval=1):
+    metric = FisherMetric(0.01, interval=interval, kl=Annealed(0.1, 0.01, 5))
     return Agent(hyperplanes(task), gae(CRITIC, 0.9, improve), SGD(1.0), metric, averaging=PolyakAveraging(2))
 
 
-def stepper(complete=False, mode: Any = "learn"):
+def stepper(complete=False, mode: Any = "learn", interval=1):
     """An engine of two hoppers; `complete`, one that does after every decision everything that might be due."""
-    found: Any = stepper_for(Hopper(), agent(Hopper()), [0, 7], mode, threads=1)
+    found: Any = stepper_for(Hopper(), agent(Hopper(), interval=interval), [0, 7], mode, threads=1)
     if complete:
         found.program = copy.copy(found.program)  # engines share it
         found.program.learn_resting = found.program.learn
@@ -62,13 +65,16 @@ def watched(found):
     return seen
 
 
-def test_what_is_learned_is_the_same_with_and_without_resting():
-    resting, complete = stepper(), stepper(complete=True)
+@pytest.mark.parametrize("interval", [1, pytest.param(GATHERED, marks=[pytest.mark.slow, pytest.mark.ci])])
+def test_what_is_learned_is_the_same_with_and_without_resting(interval):
+    resting, complete = stepper(interval=interval), stepper(complete=True, interval=interval)
     before = resting.state
     seen = watched(resting)
     for found in (resting, complete):
         found.advance(130)
     due = [t % IMPROVE == 0 or t % INTERVAL == 0 for t in range(1, 131)]
+    if interval > 1:  # a step empties what has been gathered
+        due = [each or t % IMPROVE % interval == 0 for t, each in enumerate(due, 1)]
     assert seen == [[not each] * 2 for each in due]
     one, other = resting.state, complete.state
     assert_differ(one, before)

@@ -38,7 +38,7 @@ def begun(engine):
 def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds(monkeypatch, seeds, shares):
     made = []
 
-    def engine(*given, room):
+    def engine(*given, room, envs):
         made.append(len(given[2]))
         return SimpleNamespace(cycle=None)
 

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from tools.figures import (
     bodies,
+    composed,
     critics,
     estimators,
     foreign,
@@ -14,6 +15,7 @@ from tools.figures import (
     hexapod_steps,
     hexapod_tasks,
     hopper,
+    myosuite,
     particle,
     parts,
     recruitment,
@@ -36,11 +38,13 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,
+    "unit-features": units.features,
     "unit-primitives": hexapod_steps.primitives_policy,
     "growth": growth.schedule,
     "muscle": bodies.muscle,
     "body-hopper": bodies.hopper,
     "body-hexapod": hexapod.body,
+    "body-mjcf": composed.arm,
     "hexapod-muscles": hexapod.muscles,
     "hexapod-controller": hexapod.controller,
     "terrain": hexapod.terrain,
@@ -55,6 +59,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle": particle.layouts,
     "task-particle-orbit": particle.orbit,
     "task-particle-navigation": particle.navigation,
+    "myosuite": myosuite.learning,
 }
 """Figures of formulas and numbers."""
 
@@ -76,6 +81,8 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-orbit": particle.orbit_learning,
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
+    "task-composed": composed.learning,
+    "foreign-natural": foreign.preset,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,
     "hopper-behaviour": hopper.behaviour,

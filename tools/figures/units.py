@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from motorgrad.policies import (
     Factored,
+    FeatureMap,
     FreeGaussians,
     Gated,
     GradedMotoneurons,
@@ -326,4 +327,31 @@ def factored() -> Figure:
         panel.contour(x, y, over(policy.pools[1].prob, x, y)[..., 0], [0.45], colors="white", linewidths=0.8)
     axes[0].set_ylabel("$y_2$")
     figure.colorbar(shown, ax=axes, shrink=0.75, label="probability")
+    return figure
+
+
+def features() -> Figure:
+    """A function of two inputs, and what is linear in each kind of features and nearest to it."""
+    maps = {
+        "inputs": FeatureMap(),
+        "products": FeatureMap(squares=True, products=True),
+        "16 tanh": FeatureMap(nonlinear=16, scale=1.5),
+        "16 Fourier": FeatureMap(nonlinear=16, shape="fourier", scale=1.5),
+        "16 radial": FeatureMap(nonlinear=16, shape="radial", scale=1.5),
+    }
+    x, y = plane(2.0, 81)
+    wanted = np.sin(2 * x) * np.cos(y) + 0.5 * x * y
+    figure, axes = panels(1 + len(maps), height=1.9, sharey=True)
+    look = {"cmap": "RdBu_r", "vmin": -2, "vmax": 2, "rasterized": True}
+    axes[0].pcolormesh(x, y, wanted, **look)
+    axes[0].set(title="wanted", ylabel="$y_2$")
+    for panel, (name, features) in zip(axes[1:], maps.items(), strict=True):
+        seen = over(features.expanded, x, y).reshape(wanted.size, -1)
+        seen = np.concatenate([seen, np.ones((wanted.size, 1))], axis=1)
+        weights = np.linalg.solve(seen.T @ seen + 1e-3 * np.eye(seen.shape[1]), seen.T @ wanted.ravel())
+        found = (seen @ weights).reshape(wanted.shape)
+        panel.pcolormesh(x, y, found, **look)
+        panel.set(title=f"{name}\n{1 - np.var(wanted - found) / np.var(wanted):.0%} explained")
+    for panel in axes:
+        panel.set(xlabel="$y_1$", aspect="equal", xticks=(-2, 0, 2), yticks=(-2, 0, 2))
     return figure

@@ -142,6 +142,10 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any
     hints, helps, entries = typing.get_type_hints(cls, include_extras=True), descriptions(cls), []
     for name, field in fields_of(cls).items():
         hint, default = hints[name], values[name] if name in values else default_of(field)
+        if field.metadata.get("option") is False:  # too much for a command line: it is given in a file
+            fixed = Annotated[Any, tyro.conf.Fixed, tyro.conf.Suppress]
+            entries.append((name, fixed, dataclasses.field(default_factory=lambda value=default: value)))
+            continue
         if isinstance(default, Part):
             hint = part_form(default)
             default = hint()
@@ -214,7 +218,11 @@ def policy_form(policy: Any) -> Any:
     ]
     helps = descriptions(function)
     for name, hint in policy_settings(policy.kind).items():
-        entries.append((name, *_entry(hint, policy.settings.get(name, known[name].default), helps.get(name))))
+        value = policy.settings.get(name, known[name].default)
+        if isinstance(value, Part):
+            hint = part_form(value)
+            value = hint()
+        entries.append((name, *_entry(hint, value, helps.get(name))))
     doc = (inspect.getdoc(function) or "").partition("\n")[0]
     return dataclasses.make_dataclass("Policy", entries, bases=(_PartForm,), namespace={"__doc__": doc})
 

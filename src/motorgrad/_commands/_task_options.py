@@ -1,16 +1,19 @@
 """The options of a task and its learner, for the commands that take both."""
 
 import dataclasses
+import itertools
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-from motorgrad._commands._configuration import Arguments, parse_values
+from motorgrad._commands._configuration import Arguments, parse_values, pop_option
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED
-from motorgrad.tasks import TASKS, Task
+from motorgrad.tasks import TASKS, Task, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports
 
 
@@ -27,16 +30,16 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
         check_imports({**own, "name": task_name}, str(given.file), "--trust" in given.rest, given.rest)
     blank = TASKS[task_name]()
     rest = _expand_aliases(given.rest)
+    about = {"preset": _peek("preset", given, str), "steps": _peek("steps", given, float)}
     task = blank
     settings = {key: value for key, value in given.table.items() if key == "task"}
     try:
-        if any(argument.startswith("--task") for argument in rest):
-            agent, left = _apply_kinds(agent_for(blank), rest)
-            whole = _with_fields(base, name, does, blank, agent)
-            draft = given._replace(table=settings, rest=left)
+        if of_task := _options_of_task(rest):
+            whole = _with_fields(base, name, does, blank, agent_for(blank, **about))
+            draft = given._replace(table=settings, rest=of_task)
             settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
         task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
-        agent = agent_for(task, given.table.get("agent"))
+        agent = agent_for(task, given.table.get("agent"), **about)
     except ValueError as error:
         message = str(error)
         raise ValueError(
@@ -47,25 +50,59 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     return _with_fields(base, name, does, task, agent), given._replace(table=table, rest=rest)
 
 
-def changes_from_task(task: Task, agent: Agent) -> dict[str, Any]:
-    """The settings in which an agent differs from the learner that goes with its task, by path."""
-    own, now = (dict(_leaves(agent_table(each))) for each in (agent_for(task), agent))
+def _options_of_task(rest: list[str]) -> list[str]:
+    """The options of the task with their values. The learner's own options depend on the task."""
+    found, within = [], False
+    for word in rest:
+        within = word.startswith("--task") if word.startswith("--") or word == "-h" else within
+        found += [word] if within else []
+    return found
+
+
+def _peek(option: str, given: Arguments, kind: type) -> Any:
+    """The value of an option of the command, on which the options of the learner depend; `None` where it is not given
+    or wrong, as it is reported when all options are read."""
+    words = [*given.rest, ""]
+    found = [b for a, b in itertools.pairwise(words) if a == f"--{option}"]
+    found += [word.partition("=")[2] for word in words if word.startswith(f"--{option}=")]
+    value = found[-1] if found else given.table.get(option)
+    try:
+        number = None if value is None else kind(value)
+    except (TypeError, ValueError):
+        return None
+    return number if kind is str or (number is not None and 1 <= number < 2**32) else None
+
+
+def changes_from_task(task: Task, agent: Agent, preset: str | None, steps: int) -> dict[str, Any]:
+    """The settings in which an agent differs from the learner that goes with its task, or a preset, by path."""
+    started = agent_for(task, preset=preset, steps=steps)
+    own, now = (dict(_leaves(agent_table(each))) for each in (started, agent))
     return {path: value for path, value in now.items() if own.get(path) != value}
 
 
 def split_task(given: Arguments) -> tuple[str | None, Arguments]:
-    """The task's name, from the command line or from the file, and the other arguments.
+    """The task's name, from the command line or from a file, and the other arguments.
 
-    The file may be a run's own `config.toml`: its table `run` holds options.
+    The file of options may be a run's own `config.toml`: its table `run` holds options. `--task FILE` names the file of
+    a task alone.
     """
-    name, rest = None, given.rest
+    word, rest = pop_option("task", given.rest)
+    if word is not None:
+        check(not rest or rest[0].startswith("-"), "--task", word, f"left out, as the command names {rest[:1]}")
+        check("task" not in given.table, "--task", word, f"left out, as {given.file} has a task")
+        settings = settings_in(Path(word))
+        name, table = settings.pop("name"), {**given.table, "task": settings}
+        return name, given._replace(file=given.file or Path(word), rest=rest, table=table)
+    name = None
     if rest and not rest[0].startswith("-"):
         name, *rest = rest
+        if name not in TASKS and _is_environment(name):
+            name, rest = "gymnasium", ["--task.env-id", name, *rest]
         choice("task", name, TASKS)
     if given.file is None:
         return name, given._replace(rest=rest)
     try:
-        named, values = _task_in_file(given.table)
+        named, values = _task_in_file(given.table, given.file.absolute().parent)
         settings = values.get("task")
         if name is not None and named not in (None, name) and settings:
             raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but the command names {name!r}")
@@ -75,8 +112,13 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     return name or named, given._replace(table=values, rest=rest)
 
 
-def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
-    """The task's name in a file, and the options there."""
+def _is_environment(word: str) -> bool:
+    """Whether a word is the id of a Gymnasium environment: `Name-v0` or `module:Name-v0`."""
+    return re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
+
+
+def _task_in_file(table: dict[str, Any], folder: Path) -> tuple[str | None, dict[str, Any]]:
+    """The task's name in a file of a folder, and the options there."""
     values = dict(table)
     if isinstance(values.get("run"), dict):
         run = {key: value for key, value in values.pop("run").items() if key != "initial"}
@@ -88,6 +130,7 @@ def _task_in_file(table: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
     named, settings = task.get("name"), {key: value for key, value in task.items() if key != "name"}
     if named is not None:
         choice("task", named, TASKS)
+        settings = TASKS[named].in_folder(settings, folder)
     agent = values.get("agent")
     policy = agent.get("policy") if isinstance(agent, dict) else None
     if isinstance(policy, dict) and policy.get("kind") == "given":

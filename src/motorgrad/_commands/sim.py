@@ -20,7 +20,7 @@ from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
 from motorgrad.training import agent_table, load, saved_config
 
-USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --run RUN | --config SCENE.toml [options]
+USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --task FILE | --run RUN | --config SCENE [options]
 
 Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns, a body
 or an MJCF file is simulated without a learner, and a run continues from its learned policy.

@@ -3,13 +3,14 @@
 import dataclasses
 import sys
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
 from motorgrad._errors import check
 from motorgrad._files import check_writable
+from motorgrad._presets import PRESETS
 from motorgrad._settings import table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
@@ -29,7 +30,10 @@ class Options:
     """Options of `motorgrad train`, beside those of the task and of the agent."""
 
     steps: int = 100_000
-    """Decisions per seed."""
+    """Decisions per seed, of all its environments together. The schedules of a preset scale with them."""
+    preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
+    """A preset in place of the task's own learner, with the task's own policy. Gymnasium environments have "natural" by
+    themselves."""
     seeds: int | tuple[int, ...] = 1
     """The number of seeds, numbered from --first-seed; or the seeds themselves, two or more."""
     first_seed: int = 0
@@ -47,6 +51,10 @@ class Options:
     """Seconds between checkpoints."""
     threads: int = 0
     """Threads for the physics of bodies; 0 for one per processor."""
+    envs: int = 1
+    """Environments that feed the learner of each seed; steps count the decisions of all."""
+    workers: int = 0
+    """Processes in which Gymnasium environments are stepped; 0 for this one. The number changes no result."""
     give_up_after: float = 3600.0
     """Seconds after which the run ends if nothing could be saved in them; until then it learns on and tries again."""
     trust: bool = False
@@ -71,6 +79,8 @@ class Options:
             threads=self.threads,
             sweep=self.swept,
             give_up_after=self.give_up_after,
+            envs=self.envs,
+            workers=self.workers,
         )
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
@@ -113,11 +123,19 @@ def run(arguments: list[str]) -> int:
     given = _arguments(arguments)
     about = given.table.get("run")
     from_policies = isinstance(about, dict) and "initial" in about
+    if (file := pop_option("task", given.rest)[0]) is not None:
+        given.table.setdefault("out", str(Path("runs") / Path(file).stem))
     name, given = split_task(given)
     if name is None:
         asked = set(arguments) & {"-h", "--help"}
-        check(asked or not arguments, "the first word", arguments[:1], "the task's name: motorgrad train TASK ...")
-        print(f"usage: motorgrad train TASK [options]\n\ntasks: {', '.join(TASKS)}\n")
+        check(
+            asked or not arguments,
+            "the first word",
+            arguments[:1],
+            "the task's name: motorgrad train TASK ..., or --task FILE.toml",
+        )
+        print("usage: motorgrad train TASK [options]\n       motorgrad train --task FILE.toml [options]\n")
+        print(f"tasks: {', '.join(TASKS)}; or the id of a Gymnasium environment\n")
         print("motorgrad train TASK --help lists the options of a task and of its learner.")
         return 0 if asked else 2
     swept = given.table.get("sweep")
@@ -129,9 +147,10 @@ def run(arguments: list[str]) -> int:
     if from_policies and initial is None:
         how = "continue it with --resume, or start another in Python, train(..., initial=...)"
         raise ValueError(f"{given.file}: run.initial: this run started from given policies: {how}")
-    if changed := changes_from_task(options.task, options.agent):
-        said = ", ".join(f"{path} = {value}" for path, value in changed.items())
-        print(f"learner: that of {name} with {said}; the rest as the task has it", file=sys.stderr)
+    if changed := changes_from_task(options.task, options.agent, options.preset, options.steps):
+        said, preset = ", ".join(f"{path} = {value}" for path, value in changed.items()), options.preset
+        rest = f"the rest as the {'preset' if preset else 'task'} has it"
+        print(f"learner: that of {preset or name} with {said}; {rest}", file=sys.stderr)
     task, agent, steps, seeds = options.learning
     result = train(
         task,
@@ -143,6 +162,8 @@ def run(arguments: list[str]) -> int:
         window=options.window,
         checkpoint_every=options.checkpoint_every,
         threads=options.threads,
+        envs=options.envs,
+        workers=options.workers,
         tensorboard=options.tensorboard,
         initial=initial,
         give_up_after=options.give_up_after,

@@ -9,12 +9,15 @@ __all__ = ["Row", "speed_table"]
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """Measure the speed table, and yield its rows one by one. `quick` makes it small enough for a smoke test."""
+    from motorgrad.benchmarks._arm18 import reach18
     from motorgrad.benchmarks._bodies import (
         body_row,
         foreign_row,
         learning_rows,
+        shared_row,
         simulated_row,
         single_row,
+        suite_rows,
         vector_row,
     )
     from motorgrad.benchmarks._lab import (
@@ -35,7 +38,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     )
     from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
-    from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper
+    from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
     pairs = 2 if quick else 7
     yield body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
@@ -44,6 +47,10 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
         yield row
         yield simulated_row(row, task)
+    row = body_row("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
+    yield row
+    yield simulated_row(row, reach18())
+    yield from suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
     yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
@@ -59,6 +66,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)
+    for name, task in (("Pendulum-v1", from_gymnasium("Pendulum-v1")), ("hopper", Hopper())):
+        yield shared_row(name, task, 16, 20 if quick else 500, pairs)
     for name in ("hopper", "hexapod"):
         yield watched_row(name, 0.5 if quick else 5.0, 1 if quick else pairs, "≥ 0.9")
     for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):

@@ -3,9 +3,11 @@
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
 
+import importlib.util
+import math
 import time
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
@@ -14,8 +16,11 @@ from mujoco.batch import Batch
 
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
-from motorgrad.bodies import BodyBatch, compile_model
-from motorgrad.tasks import BodyTask, Hopper, from_gymnasium
+from motorgrad.bodies import BodyBatch, compile_model, group_places
+from motorgrad.learning import Adam, Agent, olpomdp
+from motorgrad.policies import softmax
+from motorgrad.presets import natural
+from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
 from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
@@ -33,7 +38,7 @@ def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int =
     for _ in range(decisions):
         twin.advance(1)
     body = task.dynamics
-    group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+    group_of = group_places(body)
     model = compile_model(body)
     bare = Batch(model, seeds)
     bare.state[:] = twin.state["physics"]["state"]
@@ -62,6 +67,35 @@ def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
     assert row.other is not None
     ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
     return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
+
+
+def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
+    """Learning in a task of MyoSuite, rebuilt, as `body_row`; and MyoSuite's own steps per second, against
+    `mujoco.mj_step` alone. Without MyoSuite a row that says so."""
+    if importlib.util.find_spec("myosuite") is None:
+        yield Row(
+            f"{env_id} (MyoSuite is not installed: extra myosuite)", math.nan, None, "physics steps/s", wanted=wanted
+        )
+        return
+    yield body_row(env_id, myosuite(env_id, actions="binary"), seeds, decisions, pairs, wanted)
+    theirs = gymnasium.make(env_id)
+    theirs.reset(seed=0)
+    inner: Any = theirs.unwrapped
+    data, controls = mujoco.MjData(inner.model), np.random.default_rng(0).uniform(size=(decisions, inner.model.nu))
+    actions = (2 * controls - 1).astype(np.float32)
+
+    def own() -> None:
+        for action in actions:
+            if any(theirs.step(action)[2:4]):
+                theirs.reset()
+
+    def bare() -> None:
+        for control in controls:
+            data.ctrl[:] = control
+            mujoco.mj_step(inner.model, data, inner.frame_skip)
+
+    steps = decisions * inner.frame_skip
+    yield in_turn("   MyoSuite's own step ÷ mj_step", "physics steps/s", steps, own, bare, pairs=pairs)
 
 
 HOPPER = "motorgrad/Hopper-v0"
@@ -96,7 +130,7 @@ def single_row(decisions: int, pairs: int) -> Row:
     environment = gymnasium.make(HOPPER)
     environment.reset(seed=0)
     body = task.dynamics
-    model, group_of = compile_model(body), [body.groups.index(muscle.group) for muscle in body.muscles]
+    model, group_of = compile_model(body), group_places(body)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
 
@@ -117,7 +151,8 @@ def single_row(decisions: int, pairs: int) -> Row:
 def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
     """Decisions per second of learning in CartPole, against stepping the bare environments at random."""
     task = from_gymnasium("CartPole-v1")
-    learner = stepper_for(task, agent_for(task), range(seeds))
+    agent = Agent(softmax(task), olpomdp(0.99), Adam(0.003))
+    learner = stepper_for(task, agent, range(seeds))
     learner.advance(decisions)  # compiles
     bare = [gymnasium.make("CartPole-v1") for _ in range(seeds)]
     for seed, environment in enumerate(bare):
@@ -132,6 +167,19 @@ def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
 
     name = f"CartPole-v1, learning ÷ bare environments, {seeds} seeds"
     return in_turn(name, "decisions/s", decisions * seeds, lambda: learner.advance(decisions), other, pairs=pairs)
+
+
+def shared_row(name: str, task: HostTask, envs: int, decisions: int, pairs: int) -> Row:
+    """Decisions per second of one learner fed by several environments, against as many learners, each with its own."""
+    agent = natural(task, envs * decisions)
+    shared, single = stepper_for(task, agent, [0], envs=envs), stepper_for(task, agent, range(envs))
+    for stepper, each in ((shared, envs * decisions), (single, decisions)):
+        stepper.advance(each)  # compiles
+    name = f"{name}, one natural learner of {envs} environments ÷ {envs} learners of one"
+    amount = envs * decisions
+    return in_turn(
+        name, "decisions/s", amount, lambda: shared.advance(amount), lambda: single.advance(decisions), pairs=pairs
+    )
 
 
 HEIGHT = 0.3  # metres

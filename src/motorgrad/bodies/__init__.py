@@ -4,8 +4,17 @@ A body such as `Hopper` is a frozen dataclass of numbers. `compile_model` makes 
 many simulations, and `to_mjcf` writes a file for other programs.
 """
 
-from motorgrad.bodies._batch import BodyBatch, BodyState
-from motorgrad.bodies._body import Body, WrappedBody, add_muscles, compile_model, to_mjcf
+from motorgrad.bodies._batch import BodyBatch, BodyState, start_key, start_pose
+from motorgrad.bodies._body import (
+    Actuator,
+    Body,
+    WrappedBody,
+    actuators_of,
+    add_muscles,
+    compile_model,
+    group_places,
+    to_mjcf,
+)
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
 from motorgrad.bodies.arm._arm import Arm
@@ -15,6 +24,8 @@ from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure
 from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
 from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
+from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors, actuator_levels
+from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
@@ -24,14 +35,18 @@ BODIES: dict[str, type[Body]] = {
     "arm": Arm,
     "hexapod": Hexapod,
     "hopper": Hopper,
+    "mjcf": Mjcf,
 }
 """The registry: bodies by name. A new body is one file, and one line here; TimSim then shows it without a task."""
 
 __all__ = [
     "BODIES",
+    "BUNDLED",
     "LEGS",
     "TOUCH",
     "TRIPODS",
+    "Actuator",
+    "Anatomy",
     "Arm",
     "Attachment",
     "Body",
@@ -46,10 +61,12 @@ __all__ = [
     "Leg",
     "LegState",
     "LiftTable",
+    "Mjcf",
     "Muscle",
     "OnTerrain",
     "Section",
     "Segment",
+    "Sensor",
     "Servo",
     "SlopeBatch",
     "Terrain",
@@ -58,8 +75,11 @@ __all__ = [
     "Turning",
     "VerticalPair",
     "Walk",
+    "WithSensors",
     "Wrap",
     "WrappedBody",
+    "actuator_levels",
+    "actuators_of",
     "add_muscles",
     "away_angle",
     "biomimetic_hexapod",
@@ -67,6 +87,7 @@ __all__ = [
     "compile_model",
     "debounced",
     "greatest_flexion",
+    "group_places",
     "groups_of",
     "install_muscle_callback",
     "lift",
@@ -76,6 +97,8 @@ __all__ = [
     "path_points",
     "read_hexapod",
     "read_model",
+    "start_key",
+    "start_pose",
     "tabulate_lift",
     "tension",
     "to_mjcf",

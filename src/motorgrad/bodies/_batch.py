@@ -12,7 +12,7 @@ import numpy as np
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, check_integer, unknown
-from motorgrad.bodies._body import START, Body, actuators_of, compile_model
+from motorgrad.bodies._body import START, Body, actuators_of, compile_model, group_places
 from motorgrad.bodies.muscles._callback import check_muscle_callback, uses_callback
 
 _WARNING = mujoco.mjtWarning
@@ -47,11 +47,13 @@ class BodyState(NamedTuple):
     - `position` (..., nq): generalised positions, m and rad.
     - `velocity` (..., nv): generalised velocities, m/s and rad/s.
     - `sensors`: by name, (..., dim), or (...) for a scalar; an unknown name is a `ValueError` with the nearest one.
+    - `activation` (..., na): the state of activation dynamics, such as that of MuJoCo's muscles; `None` without any.
     """
 
     position: Any
     velocity: Any
     sensors: dict[str, Any]
+    activation: Any = None
 
 
 class BodyBatch:
@@ -70,10 +72,10 @@ class BodyBatch:
     - `model`: the first `mujoco.MjModel`; `models`: one per seed; `body` (the first), `seeds`, `substeps`, `groups` as
       given.
     - `period`: simulated seconds per `step`.
-    - `packed` (seeds, width) float32: for each seed positions, velocities, sensor readings, and a final flag that is 1
-      if the simulation diverged in the last step. Updated in place by every call. JAX may read NumPy memory without
-      copying, so copy it before the next `step` if something still reads it. Positions, velocities and sensors derived
-      from them are current; contact forces are those of the last substep.
+    - `packed` (seeds, width) float32: for each seed positions, velocities, activations where the model has any, sensor
+      readings, and a final flag that is 1 if the simulation diverged in the last step. Updated in place by every call.
+      JAX may read NumPy memory without copying, so copy it before the next `step` if something still reads it.
+      Positions, velocities and sensors derived from them are current; contact forces are those of the last substep.
     - `lost`: whether any simulation diverged in the last step.
     - `diverged` (seeds,) int64: how often each simulation diverged. A diverged simulation restarts from the start pose;
       the others are unaffected, bit for bit.
@@ -106,7 +108,7 @@ class BodyBatch:
         self.model = self.models[0]
         self.groups = tuple(body.groups)
         self.period = self.substeps * float(self.model.opt.timestep)
-        self._start = _start_key(self.model)
+        self._start = start_key(body, self.model)
         self._batch = mujoco_batch.Batch(self.model, self.seeds, int(threads), persistent=True)
         if len(compiled) > 1:
             for other, model in compiled.items():
@@ -124,25 +126,27 @@ class BodyBatch:
     def _bind(self) -> None:
         """Make all views and buffers once, so that a step allocates none."""
         batch, layout = self._batch, self._layout
-        driven, index = actuators_of(self.body), {group: i for i, group in enumerate(self.groups)}
-        self._group_of = np.array([index[each.group] for each in driven], np.intp)
-        actuators = [self.model.actuator(each.name).id for each in driven]
+        self._group_of = np.array(group_places(self.body), np.intp)
+        actuators = [self.model.actuator(each.name).id for each in actuators_of(self.body)]
         # the actuators are consecutive, so one slice holds their controls; a model may have others before or after
-        first, last = actuators[0], actuators[-1] + 1
+        first, last = (actuators[0], actuators[-1] + 1) if actuators else (0, 0)
         check(actuators == list(range(first, last)), "actuators of muscles and servos", actuators, "consecutive")
         self._control = batch.bind("ctrl")[:, first:last]
         self._bad = batch.warning[:, _BAD, 1]
         self.packed = np.zeros((self.seeds, layout.width), np.float32)
-        sources = (batch.bind("qpos"), batch.bind("qvel"), batch.bind("sensordata"))
-        parts = (layout.position, layout.velocity, layout.sensordata)
-        self._copies = tuple((self.packed[:, part], source) for part, source in zip(parts, sources, strict=True))
+        parts = {"qpos": layout.position, "qvel": layout.velocity, "act": layout.activation}
+        parts["sensordata"] = layout.sensordata
+        # MuJoCo gives an array without entries another shape
+        filled = {name: part for name, part in parts.items() if part.stop > part.start}
+        self._copies = tuple((self.packed[:, part], batch.bind(name)) for name, part in filled.items())
         self._flag = self.packed[:, -1]
 
     def step(self, activation: Any) -> None:
         """Advance every simulation by one decision, that is `substeps` physics steps.
 
         **Arguments:** `activation` (seeds, groups), array-like: muscle activations from 0 to 1 (MuJoCo clamps values
-        outside), servo velocities in rad/s. NaN counts as a divergence of that seed.
+        outside), servo velocities in rad/s, for an `Mjcf` the control of each actuator. NaN counts as a divergence of
+        that seed.
 
         **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback was removed.
         """
@@ -175,16 +179,33 @@ class BodyBatch:
         self.reset(rows)
         self._flag[rows] = 1.0
 
-    def reset(self, rows: Any = None) -> None:
-        """Put simulations into the start pose.
+    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None) -> None:
+        """Put simulations into the start pose, or into another.
 
-        **Arguments:** `rows`: which seeds, as an integer or boolean array; None for all. Their rows of `packed` are
-        updated, with flag 0; `diverged` is kept.
+        **Arguments:**
+
+        - `rows`: which seeds, as an integer or boolean array; None for all. Their rows of `packed` are updated, with
+          flag 0; `diverged` is kept.
+        - `position` (rows, nq), `velocity` (rows, nv): the generalised coordinates of each, in the order of `rows`; by
+          default those of the start pose.
+
+        **Raises:** `ValueError` for rows that do not exist, and for arrays of another shape.
         """
-        rows = np.arange(self.seeds) if rows is None else _rows(rows, self.seeds)
+        rows, order = _rows(np.arange(self.seeds) if rows is None else rows, self.seeds)
         if not rows.size:
             return
-        self._batch.reset(rows, self._start)
+        chosen = {"qpos": position, "qvel": velocity}
+        if position is None and velocity is None:
+            self._batch.reset(rows, self._start)
+        else:
+            self._batch.reset(rows, self._start, mujoco.mjtStage.mjSTAGE_NONE)
+            for name, values in chosen.items():
+                if values is not None:
+                    target, given = self._batch.bind(name), np.asarray(values, float)
+                    wanted = (len(order), target.shape[1])
+                    check(given.shape == wanted, f"{name}.shape", given.shape, f"(rows, {name}) = {wanted}")
+                    target[rows] = given[order]
+            self._batch.forward(rows)
         self._bad[rows] = 0
         for target, source in self._copies:
             target[rows] = source[rows]
@@ -234,10 +255,12 @@ class _Layout:
     """Where each quantity is in a packed row."""
 
     def __init__(self, model: mujoco.MjModel, components: Mapping[str, int]):
-        nq, nv, ns = int(model.nq), int(model.nv), int(model.nsensordata)
+        nq, nv, na, ns = int(model.nq), int(model.nv), int(model.na), int(model.nsensordata)
         self.position, self.velocity = slice(0, nq), slice(nq, nq + nv)
-        self.sensordata = slice(nq + nv, nq + nv + ns)
-        self.width = nq + nv + ns + 1
+        moved = nq + nv + na
+        self.activation = slice(nq + nv, moved)
+        self.sensordata = slice(moved, moved + ns)
+        self.width = moved + ns + 1
         self.sensors: dict[str, int | slice] = {}
         sizes = {model.sensor(i).name: int(model.sensor_dim[i]) for i in range(model.nsensor)}
         for name, index in components.items():
@@ -246,7 +269,7 @@ class _Layout:
             check_integer(f"sensor_components[{name!r}]", index, 0, sizes[name] - 1)
         for i in range(model.nsensor):
             sensor = model.sensor(i)
-            first, size = nq + nv + int(sensor.adr[0]), int(sensor.dim[0])
+            first, size = moved + int(sensor.adr[0]), int(sensor.dim[0])
             if sensor.name in components:
                 self.sensors[sensor.name] = first + components[sensor.name]
             else:
@@ -256,7 +279,8 @@ class _Layout:
         width = packed.shape[-1]
         check(width == self.width, "packed.shape[-1]", width, f"{self.width}")
         sensors = Sensors({name: packed[..., where] for name, where in self.sensors.items()})
-        return BodyState(packed[..., self.position], packed[..., self.velocity], sensors)
+        active = packed[..., self.activation] if self.activation.stop > self.activation.start else None
+        return BodyState(packed[..., self.position], packed[..., self.velocity], sensors, active)
 
 
 def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjModel) -> None:
@@ -271,19 +295,30 @@ def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjM
         check(mine == yours, f"{what} of a body of the batch", yours, f"those of the first, {mine}")
 
 
-def _start_key(model: mujoco.MjModel) -> int:
-    names = [model.key(i).name for i in range(model.nkey)]
-    check(START in names, "keyframes of the body", names, f"a list with {START!r}")
-    return names.index(START)
+def start_key(body: Body, model: mujoco.MjModel) -> int:
+    """The number of the keyframe in which a body starts; −1 for the reference pose of a model without keyframes."""
+    names, start = [model.key(i).name for i in range(model.nkey)], getattr(body, "start", START)
+    if start is None:
+        return 0 if names else -1
+    check(start in names, "keyframes of the body", names, f"a list with {start!r}")
+    return names.index(start)
 
 
-def _rows(rows: Any, seeds: int) -> np.ndarray:
-    """Sorted unique row numbers, from row numbers or a mask."""
+def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The generalised positions and velocities with which a body starts."""
+    key = start_key(body, model)
+    if key < 0:
+        return np.array(model.qpos0), np.zeros(model.nv)
+    return np.array(model.key_qpos[key]), np.array(model.key_qvel[key])
+
+
+def _rows(rows: Any, seeds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sorted unique row numbers, from row numbers or a mask, and where each stood."""
     rows = np.asarray(rows)
     if rows.dtype == bool:
         check(rows.shape == (seeds,), "rows.shape", rows.shape, f"({seeds},) for a mask")
-        return np.flatnonzero(rows)
-    rows = np.unique(rows) if rows.size else np.zeros(0, np.int64)
-    right = np.issubdtype(rows.dtype, np.integer) and (not rows.size or (rows[0] >= 0 and rows[-1] < seeds))
+        rows = np.flatnonzero(rows)
+    found, order = np.unique(rows if rows.size else np.zeros(0, np.int64), return_index=True)
+    right = np.issubdtype(found.dtype, np.integer) and (not found.size or (found[0] >= 0 and found[-1] < seeds))
     check(right, "rows", rows, f"integers from 0 to {seeds - 1}")
-    return rows
+    return found, order

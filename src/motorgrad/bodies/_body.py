@@ -10,7 +10,7 @@ import math
 import pathlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -37,7 +37,9 @@ class Body(Protocol):
 
     A body is a frozen dataclass, so `dataclasses.replace(body, number=...)` makes a variant. To write a new one,
     provide these members, build the skeleton with `mujoco.MjSpec` (with a keyframe "start"), and pass it to
-    `add_muscles`. A body with motors may also have a property `servos`, a tuple of `Servo`.
+    `add_muscles`. A body with motors may also have a property `servos`, a tuple of `Servo`; one with actuators of any
+    other kind has a property `actuators`, which replaces both, a tuple of `Actuator`. A property `start` names another
+    keyframe to start in; `None` stands for the first, or the reference pose where there are none.
     """
 
     @property
@@ -58,6 +60,17 @@ class Body(Protocol):
     def spec(self) -> mujoco.MjSpec:
         """A new, editable description of the whole body."""
         ...
+
+
+class Actuator(NamedTuple):
+    """What drives a body, of whatever kind.
+
+    - `name`: of the actuator in the model.
+    - `group`: the component of the action that is its control.
+    """
+
+    name: str
+    group: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +95,21 @@ class WrappedBody:
         return getattr(self.body, "servos", ())
 
     @property
+    def actuators(self) -> tuple[Any, ...]:
+        """Everything that an action drives."""
+        return actuators_of(self.body)
+
+    @property
+    def start(self) -> str | None:
+        """The keyframe in which the body starts."""
+        return getattr(self.body, "start", START)
+
+    @property
+    def timestep(self) -> float:
+        """The body's time step of the physics, in s."""
+        return self.body.timestep  # type: ignore[attr-defined]
+
+    @property
     def groups(self) -> tuple[str, ...]:
         """The body's groups."""
         return self.body.groups
@@ -92,9 +120,16 @@ class WrappedBody:
         return self.body.sensor_components
 
 
-def actuators_of(body: Body) -> tuple[Muscle | Servo, ...]:
-    """Everything an action drives, in the order of the model's actuators: muscles, then servos."""
-    return (*body.muscles, *getattr(body, "servos", ()))
+def actuators_of(body: Body) -> tuple[Muscle | Servo | Actuator, ...]:
+    """Everything an action drives, in the order of the model's actuators: muscles, then servos; or actuators."""
+    own = getattr(body, "actuators", None)
+    return (*body.muscles, *getattr(body, "servos", ())) if own is None else own
+
+
+def group_places(body: Body) -> list[int]:
+    """For each actuator of a body, the place of its group, which is the component of an action that drives it."""
+    place = {group: index for index, group in enumerate(body.groups)}
+    return [place[each.group] for each in actuators_of(body)]
 
 
 def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad.bodies import actuator_levels, group_places
 from motorgrad.environments._rows import Rows
 from motorgrad.sim import Painter
 
@@ -93,7 +94,7 @@ class Picture:
             raise ValueError(f"render_mode = {mode!r}: must be None, as task {rows.task.name!r} has no body to show")
         self._rows = rows
         body = rows.body.body
-        self._group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
+        self._group_of = group_places(body)
         self._painter = Painter(rows.body.model, width=width, height=height)
         self._action = np.zeros((rows.body.seeds, len(body.groups)))
         self._screen = Screen(f"motorgrad: {rows.task.name}", width, height) if mode == "human" else None
@@ -108,9 +109,10 @@ class Picture:
         """The picture of a row, with its simulated time."""
         body = self._rows.body
         assert body is not None
-        position = body.unpack(body.packed[row]).position
+        state = body.unpack(body.packed[row])
         time = self._rows.decisions[row] * self._rows.period
-        return self._painter.paint(position, self._action[row][self._group_of], "", f"{time:.2f} s")
+        level = actuator_levels(body.model, self._action[row][self._group_of], state.activation)
+        return self._painter.paint(state.position, level, "", f"{time:.2f} s")
 
     def close(self) -> None:
         """Close the window and release graphics resources."""

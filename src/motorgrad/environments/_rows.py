@@ -85,10 +85,11 @@ class Rows:
 
         `anew` discards what the task's memory keeps from one episode to the next.
         """
-        if self.body is not None:
-            self.body.reset(mask)
-            self.activation = np.where(mask[:, None], 0.0, self.activation)
         functions, numbers = self._functions, self._draw(self._functions.begins, mask)
+        if self.body is not None:
+            assert isinstance(self.task, BodyTask)
+            self.body.reset(mask, **self.task.begin(numbers[mask, : self.task.init_uniforms]))
+            self.activation = np.where(mask[:, None], 0.0, self.activation)
         if anew or self._carry is None:
             carry, observation = functions.begin(self._packed, numbers)
         else:

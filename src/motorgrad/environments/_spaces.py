@@ -41,7 +41,7 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     observation = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)
-    if task.actions == "graded":
+    if task.actions == "graded" or isinstance(task.actions, tuple):
         return observation, spaces.Box(-1.0, 1.0, (task.action_size,), np.float32)
     return observation, spaces.MultiBinary(task.action_size)
 
@@ -76,11 +76,13 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
 
 
 def scale_action(task: Task, action: np.ndarray) -> np.ndarray:
-    """Scale graded actions from −1 … 1 to the task's own range; others are returned unchanged."""
-    if task.actions != "graded":
+    """Scale graded actions from −1 … 1 to the task's own range. Binary ones among them are 1 above 0. Others are
+    returned unchanged."""
+    if task.actions != "graded" and not isinstance(task.actions, tuple):
         return action
     low, high = np.asarray(task.action_range, np.float32).T
-    return low + (action + 1) / 2 * (high - low)
+    graded = low + (action + 1) / 2 * (high - low)
+    return graded if task.actions == "graded" else np.where(np.equal(task.actions, "graded"), graded, action > 0)
 
 
 def check_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:

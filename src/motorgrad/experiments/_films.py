@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad.bodies import compile_model
+from motorgrad.bodies import actuator_levels, actuators_of, compile_model, group_places
 from motorgrad.policies import Masked
 from motorgrad.sim import Course, Film, Motion, film_learning
 from motorgrad.tasks import TASKS, BodyTask, ParticleTask
@@ -116,6 +116,10 @@ def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds
         raise ValueError(f"task {task.name!r} has no body to film")
     body, row = task.dynamics, run.seeds.index(seed)
     frames = min(len(outcome.time), max(2, round(seconds / task.period)))
-    group_of = [body.groups.index(muscle.group) for muscle in body.muscles]
-    activation = np.take(outcome.activation[row, :frames], group_of, axis=-1)
-    return Motion(compile_model(body), outcome.time[:frames], outcome.position[row, :frames], activation, label)
+    model = compile_model(body)
+    control = np.zeros((frames, model.nu))
+    driven = [model.actuator(each.name).id for each in actuators_of(body)]
+    control[:, driven] = np.take(outcome.activation[row, :frames], group_places(body), axis=-1)
+    active = None if outcome.act is None else outcome.act[row, :frames]
+    level = actuator_levels(model, control, active)
+    return Motion(model, outcome.time[:frames], outcome.position[row, :frames], level, label)

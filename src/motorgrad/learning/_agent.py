@@ -244,7 +244,10 @@ class Agent(Part):
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
         `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum.
         """
-        state = self._improve(state._replace(estimator=self.estimator.solve(state.estimator)), ended, diverged)
+        due = self._due(state, ended)
+        chain = self.chain.map(lambda stage, inner: stage.solve(inner, state.policy, due), state.chain)
+        state = state._replace(estimator=self.estimator.solve(state.estimator), chain=chain)
+        state = self._improve(state, ended, diverged)
         if self.growth is None or state.growth is None:
             return state
         growth, policy, new = self.growth.advance(state.growth, state.policy)
@@ -266,7 +269,15 @@ class Agent(Part):
             rest = estimator.improve - 1 - state.gradient.count.astype(jnp.int32)
         if estimator.baseline is not None:
             rest = jnp.minimum(rest, estimator.baseline.rest(state.estimator.baseline))
-        return rest
+        return jnp.minimum(rest, self.chain.rest(state.chain))
+
+    def _due(self, state: AgentState, ended: Flag) -> Flag:
+        """Whether the parameters are about to move."""
+        if self.estimator.improve == "never" or self.estimator.online:
+            return self.estimator.online
+        running: Any = state.gradient
+        full = ended if self.estimator.improve == "episode" else running.count >= self.estimator.improve
+        return False if full is False else jnp.logical_and(full, running.count > 0)
 
     def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
         estimator = self.estimator
@@ -275,11 +286,10 @@ class Agent(Part):
         if estimator.online:
             moved = self._step(state, state.gradient)._replace(gradient=None)
             return moved if diverged is False else where(diverged, state._replace(gradient=None), moved)
-        running: Any = state.gradient
-        full = ended if estimator.improve == "episode" else running.count >= estimator.improve
-        if full is False:
+        due = self._due(state, ended)
+        if due is False:
             return state
-        due = jnp.logical_and(full, running.count > 0)
+        running: Any = state.gradient
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)

@@ -8,6 +8,7 @@ optax's transformations cannot do has a method of its own, which does nothing by
 average).
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,7 +22,7 @@ from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import Flag
+from motorgrad.learning._branching import NEVER, Flag
 from motorgrad.policies import Policy, split, trainable
 
 Updates = PyTree[Array]
@@ -56,6 +57,14 @@ class Transformation(Part):
     def observe(self, state: Any, policy: Policy, transition: Transition) -> Any:
         """The state after a decision. A transition that diverged must not change it."""
         return state
+
+    def solve(self, state: Any, policy: Policy, due: Flag) -> Any:
+        """The state after work that is due once in many decisions, or, at the latest, where a step is `due`."""
+        return state
+
+    def rest(self, state: Any) -> Int[Array, ""]:
+        """For how many decisions at least `solve` changes nothing."""
+        return jnp.asarray(NEVER, jnp.int32)
 
     def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
         """The updates that take the place of `updates`, and the state afterwards.
@@ -252,6 +261,11 @@ class Chain(NamedTuple):
     def map(self, method: Callable[[Transformation, Any], Any], states: tuple[Any, ...]) -> tuple[Any, ...]:
         """The states after `method(stage, state)` of every stage."""
         return tuple(method(stage, state) for stage, state in zip(self.stages, states, strict=True))
+
+    def rest(self, states: tuple[Any, ...]) -> Int[Array, ""]:
+        """For how many decisions at least `solve` changes no stage."""
+        rests = [stage.rest(state) for stage, state in zip(self.stages, states, strict=True)]
+        return functools.reduce(jnp.minimum, rests, jnp.asarray(NEVER, jnp.int32))
 
     def update(
         self, gradient: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True

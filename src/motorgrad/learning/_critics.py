@@ -19,7 +19,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import NEVER, Flag, where, where_any
-from motorgrad.policies import Policy
+from motorgrad.policies import FeatureMap, Policy
 
 Weights = Float[Array, " features"]
 
@@ -186,25 +186,28 @@ class LeastSquares(CriticFit):
         return state._replace(trace=jnp.zeros_like(state.trace))
 
 
-class Features(Part):
-    r"""What a linear critic sees of a decision: the inputs, and more.
+class Features(FeatureMap):
+    r"""What a linear critic sees of a decision: the inputs, and more (see `FeatureMap` for what is made of them).
 
     **Arguments:**
 
-    - `squares`: whether it sees the squares of the inputs too.
+    - `squares`: whether the squares of the inputs are among the features.
+    - `products`: whether the products of all pairs of inputs are.
+    - `nonlinear`: how many nonlinear features there are.
+    - `shape`: the kind of these: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
+    - `scale`: above 0; the greater, the shorter the distance between inputs that the nonlinear features tell apart.
+    - `seed`: of the random numbers of the nonlinear features.
     - `actions`: whether it sees the previous action too, at whose effect the inputs may only hint; 0 at the start of an
       episode. A discrete action is a number for each alternative, 1 for the one that was taken.
     - `bias`: whether it has a constant input of 1 too. It is of no use for the average reward of a task without
       episodes, where values are known but for a constant.
     """
 
-    squares: bool = static(False)
     actions: bool = static(False)
     bias: bool = static(True)
 
     def __call__(self, observation: Float[Array, " inputs"], previous: Float[Array, " action"]) -> Weights:
-        parts = [observation]
-        parts += [jnp.square(observation)] if self.squares else []
+        parts = [self.expanded(observation)]
         parts += [previous] if self.actions else []
         parts += [jnp.ones(1, observation.dtype)] if self.bias else []
         return jnp.concatenate(parts)

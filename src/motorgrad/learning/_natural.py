@@ -5,21 +5,34 @@ natural gradient $F^{-1}\nabla\eta$ (Amari, 1998; Kakade, 2001) is the steepest 
 their actions independently have uncorrelated scores, so the matrix of a pool consists of one block for each unit.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._groups import by_group
-from motorgrad._tree import number
+from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import Flag, where, where_any
+from motorgrad.learning._branching import NEVER, Flag, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Policy, trainable
 
 Blocks = tuple[Float[Array, "units parameters parameters"], ...]
+
+
+class Gathering(NamedTuple):
+    """A running Fisher matrix, and the decisions that it has yet to take in, of which so many are `waiting`."""
+
+    blocks: Blocks
+    observations: Float[Array, "interval inputs"]
+    actions: Array
+    waiting: Int[Array, ""]
+
+
+def _blocks(state: Blocks | Gathering) -> Blocks:
+    return state.blocks if isinstance(state, Gathering) else state
 
 
 class Metric(Transformation):
@@ -43,6 +56,9 @@ class FisherMetric(Metric):
       broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of the parameter's,
       and bounds the step along parameters on which the actions hardly depend.
     - `initial`: at least 0, in the same units.
+    - `interval` (decisions): 1, or how many decisions the matrix takes in together, each with its own weight. This is
+      quicker, the more so the more parameters a unit has; a step of the parameters takes in those that wait. They enter
+      with the policy of that moment, so that nothing else changes for a learner that improves once a batch.
     - `kl` (nats): none, or how far one step of the parameters may change the policy, all units together. A step
       $\Delta$ of larger $\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler divergence of the old
       policy from the new, is shortened to it after the optimizer. A number of at least 0, or one that is `Annealed`.
@@ -59,37 +75,85 @@ class FisherMetric(Metric):
     rate: float = number(1e-3, 0, 1, open_low=True)
     damping: float | dict[str, Any] = number(0.01, 0, groups=True)
     initial: float = number(1.0, 0, at_start=True)
+    interval: int = count(1, 1, 100_000)
     kl: float | Annealed | None = number(None, 0)
 
-    def init(self, policy: Policy) -> Blocks:
-        return tuple(_identities(block, self.initial) for block in self._dampings(policy))
+    def init(self, policy: Policy) -> Blocks | Gathering:
+        blocks = tuple(_identities(block, self.initial) for block in self._dampings(policy))
+        if self.interval == 1:
+            return blocks
+        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
+        action = policy.mode(observation)
+        rows = [jnp.zeros((self.interval, *each.shape), each.dtype) for each in (observation, action)]
+        return Gathering(blocks, rows[0], rows[1], jnp.zeros((), jnp.int32))
 
-    def observe(self, state: Blocks, policy: Policy, transition: Transition) -> Blocks:
+    def observe(self, state: Blocks | Gathering, policy: Policy, transition: Transition) -> Blocks | Gathering:
+        if isinstance(state, Gathering):
+            place = jnp.arange(self.interval) == state.waiting  # there is room: `solve` has emptied what was full
+            dropped = transition.diverged
+            now = [(state.observations, transition.observation), (state.actions, transition.action)]
+            kept = [jnp.where(place.reshape(-1, *(1,) * row.ndim), row.astype(rows.dtype), rows) for rows, row in now]
+            kept = where(dropped, [state.observations, state.actions], kept)
+            return state._replace(
+                observations=kept[0], actions=kept[1], waiting=where(dropped, state.waiting, state.waiting + 1)
+            )
         now = policy.fisher(transition.observation, transition.action)
         distances = [x - f for f, x in zip(state, now, strict=True)]
         zeros = [jnp.zeros_like(x) for x in distances]
         steps = where(transition.diverged, zeros, [self.rate * x for x in distances])
         return tuple(f + step for f, step in zip(state, steps, strict=True))
 
-    def update(self, updates: Updates, state: Blocks, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Blocks]:
+    def solve(self, state: Blocks | Gathering, policy: Policy, due: Flag) -> Blocks | Gathering:
+        """Take in the decisions that wait, if there is no room for more or a step is `due`."""
+        if not isinstance(state, Gathering):
+            return state
+        # Without the blocks, which would be copied at every decision if they were in the loop twice.
+        given = (state.observations, state.actions, policy)
+
+        def take_in(old: Any) -> Any:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            (blocks, waiting), (observations, actions, policy) = old, jax.lax.optimization_barrier(given)
+            rate = jnp.asarray(self.rate, observations.dtype)
+            since = waiting - 1 - jnp.arange(self.interval)
+            weights = jnp.where(since >= 0, rate * (1 - rate) ** jnp.maximum(since, 0), 0)
+            added = policy.fisher_sum(observations, actions, weights)
+            kept = (1 - rate) ** waiting
+            return tuple(kept * f + more for f, more in zip(blocks, added, strict=True)), waiting * 0
+
+        full = jnp.logical_or(due, self.rest(state) < 0)
+        blocks, waiting = where_any(full & (state.waiting > 0), take_in, (state.blocks, state.waiting))
+        return state._replace(blocks=blocks, waiting=waiting)
+
+    def rest(self, state: Blocks | Gathering) -> Int[Array, ""]:
+        never = jnp.asarray(NEVER, jnp.int32)
+        return self.interval - 1 - state.waiting if isinstance(state, Gathering) else never
+
+    def update(
+        self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Any, due: Flag
+    ) -> tuple[Updates, Blocks | Gathering]:
+        blocks = _blocks(state)
+
         def direction(g: Updates) -> Updates:
             # The barrier keeps the compiler from solving ahead of the loop in `where_any`.
-            return self.precondition(*jax.lax.optimization_barrier((state, policy, g)))
+            return self.precondition(*jax.lax.optimization_barrier((blocks, policy, g)))
 
         return where_any(due, direction, updates), state
 
-    def constrain(self, updates: Updates, state: Blocks, policy: Policy, steps: Any, due: Flag) -> Updates:
+    def constrain(self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Any, due: Flag) -> Updates:
         if self.kl is None:
             return updates
-        limit = at(self.kl, steps)
+        limit, state = at(self.kl, steps), _blocks(state)
 
         def bounded(step: Updates) -> Updates:
             return self.bounded(*jax.lax.optimization_barrier((state, policy, step, limit)))
 
         return where_any(due, bounded, updates)
 
-    def after_growth(self, state: Blocks, new: Bool[Array, " units"]) -> Blocks:
-        return tuple(jnp.where(new[:, None, None], _identities(block[:, 0], self.initial), block) for block in state)
+    def after_growth(self, state: Blocks | Gathering, new: Bool[Array, " units"]) -> Blocks | Gathering:
+        blocks = tuple(
+            jnp.where(new[:, None, None], _identities(block[:, 0], self.initial), block) for block in _blocks(state)
+        )
+        return state._replace(blocks=blocks) if isinstance(state, Gathering) else blocks
 
     def precondition(self, state: Blocks, policy: Policy, gradient: Any) -> Any:
         r"""$(F + \operatorname{diag}\,d)^{-1} g$, in the structure of the gradient."""

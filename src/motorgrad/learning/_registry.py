@@ -1,9 +1,7 @@
 """The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
 
-from typing import Any
-
-from motorgrad._errors import check
-from motorgrad._tree import KINDS, Part
+from motorgrad._tree import KINDS
+from motorgrad._tree import register as register
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
@@ -15,6 +13,7 @@ from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Tr
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
+from motorgrad.policies import FeatureMap
 
 KINDS.update(
     {
@@ -35,6 +34,7 @@ KINDS.update(
             "true-online-td": TrueOnlineTemporalDifference,
         },
         Estimator: {"estimator": Estimator},
+        FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
         Metric: {"fisher": FisherMetric},
@@ -51,22 +51,3 @@ KINDS.update(
         Visited: {"visited": Visited},
     }
 )
-
-
-def register(base: type[Part], name: str, part: Any) -> None:
-    """Give a part of your own a name, by which options, TOML files and saved runs know it.
-
-    **Arguments:** the `base` class that it derives from, such as `Trace` or `Baseline`; the `name`; the class.
-
-    **Raises:** `ValueError` for a base without a registry, a name that is taken, or a class that does not derive from
-    `base`.
-
-    ```python
-    mg.learning.register(mg.learning.Trace, "my-trace", MyTrace)
-    ```
-    """
-    check(base in KINDS, "base", base, f"one of {', '.join(sorted(cls.__name__ for cls in KINDS))}")
-    check(isinstance(part, type) and issubclass(part, base), "part", part, f"a class that derives from {base.__name__}")
-    taken = KINDS[base].get(name, part)
-    check(taken is part, "name", name, f"another name: it is that of {getattr(taken, '__name__', taken)}")
-    KINDS[base][name] = part

@@ -1,7 +1,10 @@
 """Stochastic units, and the policies composed of them."""
 
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
+from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
+from motorgrad.policies._featured import Featured
+from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
@@ -14,6 +17,7 @@ from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, pri
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
+from motorgrad.policies._mixed import Mixed, mixed
 from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
@@ -23,7 +27,11 @@ __all__ = [
     "IMPLIED",
     "INITIAL",
     "BinaryUnits",
+    "BoundedHyperplanes",
+    "BoundedUnits",
     "Factored",
+    "FeatureMap",
+    "Featured",
     "FreeGaussians",
     "Gated",
     "GaussianUnits",
@@ -37,6 +45,7 @@ __all__ = [
     "LocalUnits",
     "Masked",
     "Mirrored",
+    "Mixed",
     "Motoneurons",
     "Policy",
     "Primitives",
@@ -47,6 +56,7 @@ __all__ = [
     "SoftSpheres",
     "Softmax",
     "activity",
+    "bounded_hyperplanes",
     "describe",
     "fixed",
     "gated",
@@ -59,6 +69,7 @@ __all__ = [
     "hyperplanes",
     "initial",
     "mirrored",
+    "mixed",
     "mixture",
     "motoneurons",
     "primitives",

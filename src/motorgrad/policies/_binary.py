@@ -11,11 +11,14 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
     has_rows,
     in_structure,
     outer,
+    outer_sum,
     per_unit,
     sizes,
     unit_rows,
@@ -70,11 +73,24 @@ class BinaryUnits(Policy):
 
         As their mean is 0, this is $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$. Units that share parameters use the sample $ss'$.
         """
+        if not has_rows(self):
+            return super().fisher(observation, action)
+        return (outer(self._fisher_rows(observation)),)
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        own = type(self).fisher is BinaryUnits.fisher and has_rows(self)
+        if not own:
+            return super().fisher_sum(observations, actions, weights)
+        rows = jax.vmap(self._fisher_rows)(observations)
+        return (outer_sum(jnp.sqrt(weights)[:, None, None] * rows),)
+
+    def _fisher_rows(self, observation: Float[Array, " inputs"]) -> Float[Array, "units parameters"]:
+        """The rows whose outer products are the Fisher matrices."""
         p = self.prob(observation)
         (fire,), (silent,) = (self.blocks(self.score(observation, jnp.full_like(p, a))) for a in (1.0, 0.0))
-        if fire.shape[0] != self.outputs:
-            return super().fisher(observation, action)
-        return (outer(jnp.sqrt(p * (1 - p))[:, None] * (fire - silent)),)
+        return jnp.sqrt(p * (1 - p))[:, None] * (fire - silent)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return entropy_of(self.prob(observation))
@@ -186,15 +202,21 @@ class Motoneurons(SigmoidUnits):
         return with_fields(self, gain=self.gain / factor)
 
 
-def hyperplanes(task: Any, units: int | None = None) -> Hyperplanes:
+def hyperplanes(task: Any, units: int | None = None, features: FeatureMap = INPUTS) -> Hyperplanes | Featured:
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
     **Arguments:**
 
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
+    return featured(features, inputs, lambda count: zero_hyperplanes(count, outputs))
+
+
+def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
+    """Hyperplanes with zero weights."""
     return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
 
 

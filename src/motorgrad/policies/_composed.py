@@ -12,13 +12,73 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product
-from motorgrad.policies._binary import hyperplanes as zero_hyperplanes
-from motorgrad.policies._local import LocalGaussians, input_ranges, lattice, tiles
-from motorgrad.policies._policy import Composed, Regions, in_structure, sizes
+from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
+from motorgrad.policies._features import lattice
+from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
+from motorgrad.policies._policy import Composed, Policy, Regions, in_structure, sizes
 
 
-class Factored(Composed, BinaryUnits):
+class Pools(Composed):
+    """Pools side by side on one observation, which draw their actions independently of each other.
+
+    The action is the concatenation of the pools' actions, and the score that of their scores.
+    """
+
+    pools: eqx.AbstractVar[tuple[Policy, ...]]
+
+    def __check_init__(self) -> None:
+        check(len(self.pools) > 0, "pools", self.pools, "at least one pool of units")
+        lengths = {pool.inputs for pool in self.pools}
+        check(len(lengths) == 1, "pools", sorted(lengths), "over observations of one length")
+
+    @property
+    def inputs(self) -> int:
+        return self.pools[0].inputs
+
+    @property
+    def outputs(self) -> int:
+        return sum(pool.outputs for pool in self.pools)
+
+    @property
+    def uniforms(self) -> int:
+        return sum(pool.uniforms for pool in self.pools)
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jnp.concatenate([pool.prob(observation) for pool in self.pools])
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
+        parts = zip(self.pools, _shares(self.pools, uniforms, of="uniforms"), strict=True)
+        return jnp.concatenate([pool.sample(observation, part) for pool, part in parts])
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return jnp.concatenate([pool.mode(observation) for pool in self.pools])
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        parts = zip(self.pools, _shares(self.pools, action), strict=True)
+        return sum((pool.log_prob(observation, part) for pool, part in parts), start=jnp.zeros(()))
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        parts = zip(self.pools, _shares(self.pools, action), strict=True)
+        return in_structure(self, pools=tuple(pool.score(observation, part) for pool, part in parts))
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        """The pools' Fisher matrices. Cross terms of independent units are zero."""
+        parts = zip(self.pools, _shares(self.pools, action), strict=True)
+        return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        parts = zip(self.pools, _shares(self.pools, actions.T), strict=True)
+        return tuple(matrix for pool, part in parts for matrix in pool.fisher_sum(observations, part.T, weights))
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
+
+
+class Factored(Pools, BinaryUnits):
     r"""Independent pools side by side on one observation: $\log\pi = \sum_k \log\pi_k$.
 
     The action is the concatenation of the pools' actions, and the score that of their scores (section 4.2.1 of the
@@ -38,23 +98,9 @@ class Factored(Composed, BinaryUnits):
     pools: tuple[BinaryUnits, ...] = eqx.field(converter=tuple)
 
     def __check_init__(self) -> None:
-        check(len(self.pools) > 0, "pools", self.pools, "at least one pool of units")
         kinds = [type(pool).__name__ for pool in self.pools]
         check(all(isinstance(pool, BinaryUnits) for pool in self.pools), "pools", kinds, "pools of binary units")
-        lengths = {pool.inputs for pool in self.pools}
-        check(len(lengths) == 1, "pools", sorted(lengths), "over observations of one length")
-
-    @property
-    def inputs(self) -> int:
-        return self.pools[0].inputs
-
-    @property
-    def outputs(self) -> int:
-        return sum(pool.outputs for pool in self.pools)
-
-    @property
-    def uniforms(self) -> int:
-        return sum(pool.uniforms for pool in self.pools)
+        super().__check_init__()
 
     @property
     def independent(self) -> bool:
@@ -64,40 +110,12 @@ class Factored(Composed, BinaryUnits):
     def separate(self) -> bool:
         return all(pool.separate for pool in self.pools)
 
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return jnp.concatenate([pool.prob(observation) for pool in self.pools])
-
-    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
-        parts = zip(self.pools, _shares(self.pools, uniforms), strict=True)
-        return jnp.concatenate([pool.sample(observation, part) for pool, part in parts])
-
-    def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return jnp.concatenate([pool.mode(observation) for pool in self.pools])
-
     def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
         return jnp.concatenate([pool.log_probs(observation, part) for pool, part in parts])
 
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        parts = zip(self.pools, _shares(self.pools, action), strict=True)
-        return sum((pool.log_prob(observation, part) for pool, part in parts), start=jnp.zeros(()))
-
-    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
-        parts = zip(self.pools, _shares(self.pools, action), strict=True)
-        return in_structure(self, pools=tuple(pool.score(observation, part) for pool, part in parts))
-
-    def fisher(
-        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
-    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        """The pools' Fisher matrices. Cross terms of independent units are zero."""
-        parts = zip(self.pools, _shares(self.pools, action), strict=True)
-        return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
-
     def regions(self) -> Regions | None:
         return _joined_regions(self.pools)
-
-    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
 
     def enumerate(self) -> Float[Array, "actions units"]:
         """All joint actions; those of the last pool change fastest."""
@@ -173,7 +191,7 @@ class Gated(Composed, BinaryUnits):
         return jnp.concatenate([opens, *below])
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
-        first, *rest = _shares(self._pools, uniforms)
+        first, *rest = _shares(self._pools, uniforms, of="uniforms")
         opened = self.gate.sample(observation, first)
         below = [branch.sample(observation, rest[i]) for i, branch in enumerate(self.branches)]
         return jnp.concatenate([opened, *(opened[i] * part for i, part in enumerate(below))])
@@ -237,9 +255,9 @@ class Gated(Composed, BinaryUnits):
             return jnp.concatenate(lists)
 
 
-def _shares(pools: Sequence[BinaryUnits], values: Float[Array, " units"]) -> list[Float[Array, " _"]]:
+def _shares(pools: Sequence[Policy], values: Float[Array, " units"], of: str = "outputs") -> list[Float[Array, " _"]]:
     """Each pool's share of an action, or of uniform numbers."""
-    ends = itertools.accumulate((pool.outputs for pool in pools), initial=0)
+    ends = itertools.accumulate((getattr(pool, of) for pool in pools), initial=0)
     return [values[start:end] for start, end in itertools.pairwise(ends)]
 
 

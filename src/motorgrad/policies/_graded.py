@@ -14,13 +14,18 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._binary import single_input_units
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
     fixed,
+    has_rows,
     in_structure,
     outer,
+    outer_sum,
     per_unit,
     sizes,
+    trainable,
     unit_rows,
     with_fields,
 )
@@ -87,10 +92,23 @@ class GradedUnits(Policy):
         return jnp.sum(self.log_probs(observation, action))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
-        s = self.deviation
-        z = (action - self.mean(observation)) / s
-        parts = {name: per_unit(z / s, slope) * slope for name, slope in self.mean_gradient(observation).items()}
-        return in_structure(self, **parts, log_deviation=(z * z - 1) * self._log_deviation_slope())
+        location, spread = self._slopes(observation, action)
+        gradient = self.mean_gradient(observation)
+        parts = {name: per_unit(location, slope) * slope for name, slope in gradient.items()}
+        return in_structure(self, **parts, log_deviation=spread * self._log_deviation_slope())
+
+    def _slopes(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, " units"], Float[Array, " units"]]:
+        r"""The derivatives of each unit's log-density by $m$ and by $\log s$."""
+        z = (action - self.mean(observation)) / self.deviation
+        return z / self.deviation, z * z - 1
+
+    def _information(self, observation: Float[Array, " inputs"]) -> tuple[Any, Any, Any]:
+        r"""The Fisher information of each unit's $m$ and $\log s$, as the factor of its Cholesky decomposition: its
+        entries $mm$, $sm$ and $ss$."""
+        none = jnp.zeros_like(self.log_deviation)
+        return 1 / self.deviation, none, jnp.full_like(none, math.sqrt(2))
 
     def _log_deviation_slope(self) -> Float[Array, " units"]:
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
@@ -105,30 +123,53 @@ class GradedUnits(Policy):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         r"""Exact: $\nabla m \nabla m'/s^2$ for the mean and $2\,(e^\lambda/s)^2$ for $\lambda$.
 
-        There is no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
+        Normal units have no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
-        none = jnp.zeros_like(self.log_deviation)
-        gradient = self.mean_gradient(observation)
-        slopes = {name: per_unit(1 / self.deviation, slope) * slope for name, slope in gradient.items()}
-        (mean,) = self.blocks(in_structure(self, **slopes, log_deviation=none))
-        others = {name: jnp.zeros_like(slope) for name, slope in slopes.items()}
-        spread = math.sqrt(2) * self._log_deviation_slope()
-        (noise,) = self.blocks(in_structure(self, **others, log_deviation=spread))
-        if mean.shape[0] != self.outputs:
+        if not has_rows(self):
             return super().fisher(observation, action)
-        return (outer(mean) + outer(noise),)
+        location, cross, spread = self._information(observation)
+        return (outer(self._mean_row(observation, location, cross)) + outer(self._noise_row(spread)),)
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        own = type(self).fisher is GradedUnits.fisher and has_rows(self)
+        if not own:
+            return super().fisher_sum(observations, actions, weights)
+        location, cross, spread = jax.vmap(self._information)(observations)
+        root = jnp.sqrt(weights)[:, None]
+        mean = jax.vmap(self._mean_row)(observations, root * location, root * cross)
+        # The other row has a single entry, at the same place in all decisions: the squares add up.
+        noise = self._noise_row(jnp.sqrt(jnp.sum(jnp.square(root * spread), axis=0)))
+        return (outer_sum(mean) + outer(noise),)
+
+    def _mean_row(
+        self, observation: Float[Array, " inputs"], location: Any, cross: Any
+    ) -> Float[Array, "units parameters"]:
+        r"""The first of the two rows of each unit whose outer products add up to its Fisher matrix: of $m$, and of
+        $\log s$ as far as they go together."""
+        slopes = self.mean_gradient(observation)
+        parts = {name: per_unit(location, slope) * slope for name, slope in slopes.items()}
+        (row,) = self.blocks(in_structure(self, **parts, log_deviation=cross * self._log_deviation_slope()))
+        return row
+
+    def _noise_row(self, spread: Any) -> Float[Array, "units parameters"]:
+        r"""The second: what remains of $\log s$."""
+        parameters = trainable(self)
+        zeros = jax.tree.map(jnp.zeros_like, parameters)
+        (row,) = self.blocks(with_fields(zeros, log_deviation=spread * self._log_deviation_slope()))
+        return row
 
     def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
         return with_fields(self, log_deviation=self.log_deviation + jnp.log(factor))
 
-    @property
-    def entropies(self) -> Float[Array, " units"]:
+    def entropies(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         """Differential entropy of each unit, in nats."""
         return jnp.log(self.deviation) + 0.5 * math.log(2 * math.pi * math.e)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        """Differential entropy in nats: the same at all inputs, and negative for little noise."""
-        return jnp.sum(self.entropies)
+        """Differential entropy in nats, negative for little noise; of normal units the same at all inputs."""
+        return jnp.sum(self.entropies(observation))
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
@@ -236,8 +277,13 @@ def graded_motoneurons(
 
 
 def graded_hyperplanes(
-    task: Any, units: int | None = None, level: float = 0.0, deviation: float = 0.3, floor: float = 0.02
-) -> GradedHyperplanes:
+    task: Any,
+    units: int | None = None,
+    level: float = 0.0,
+    deviation: float = 0.3,
+    floor: float = 0.02,
+    features: FeatureMap = INPUTS,
+) -> GradedHyperplanes | Featured:
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
@@ -249,8 +295,14 @@ def graded_hyperplanes(
     - `level`: the mean activation at the start, for every observation.
     - `deviation`: the standard deviation of the noise at the start.
     - `floor`: the least standard deviation that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
+    return featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor))
+
+
+def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:
+    """Graded hyperplanes with zero slopes."""
     check(math.isfinite(level), "level", level, "a finite number")
     noise = log_deviations(outputs, deviation, floor)
     least = jnp.asarray(floor, noise.dtype)

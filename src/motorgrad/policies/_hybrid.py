@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, entropy_of, hyperplanes
-from motorgrad.policies._graded import GradedUnits, check_floor, graded_hyperplanes, log_deviations, normal_of
+from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
+from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
 from motorgrad.policies._local import tiles
 from motorgrad.policies._policy import (
     Composed,
@@ -243,7 +243,7 @@ class Primitives(Composed):
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
         """The probability that each primitive starts, then the mean of each movement parameter if it does."""
         can_start, rest = self._flags_and_rest(observation)
-        return jnp.concatenate([can_start * self.precondition.prob(rest), self.movement.mean(rest)])
+        return jnp.concatenate([can_start * self.precondition.prob(rest), self.movement.prob(rest)])
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
         can_start, rest = self._flags_and_rest(observation)
@@ -286,7 +286,7 @@ class Primitives(Composed):
         """Entropy of the starts plus the differential entropy of the movement parameters of what starts, in nats."""
         can_start, rest = self._flags_and_rest(observation)
         starts = can_start * self.precondition.prob(rest)
-        return entropy_of(starts) + jnp.sum(self._per_parameter(starts) * self.movement.entropies)
+        return entropy_of(starts) + jnp.sum(self._per_parameter(starts) * self.movement.entropies(rest))
 
     def enumerate(self) -> Array:
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
@@ -351,5 +351,5 @@ def primitives(
     check(whole and outputs % count == 0 and outputs > count, "count", count, f"a divisor of {outputs}, below it")
     check(inputs > count, "inputs", inputs, f"more than the {count} flags of primitives that can start")
     return Primitives(
-        hyperplanes(inputs - count, count), graded_hyperplanes(inputs - count, outputs - count, 0.0, deviation, floor)
+        zero_hyperplanes(inputs - count, count), start_graded(inputs - count, outputs - count, 0.0, deviation, floor)
     )

@@ -7,12 +7,14 @@ import jax
 
 from motorgrad._errors import unknown
 from motorgrad.policies._binary import hyperplanes, motoneurons
+from motorgrad.policies._bounded import bounded_hyperplanes
 from motorgrad.policies._composed import gated, mixture
 from motorgrad.policies._graded import graded_hyperplanes, graded_motoneurons
 from motorgrad.policies._grow_and_prune import growing
 from motorgrad.policies._hybrid import graded_tiles, primitives
 from motorgrad.policies._local import gaussians, tiles
 from motorgrad.policies._mirrored import mirrored
+from motorgrad.policies._mixed import mixed
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._querying import querying_motoneurons
 from motorgrad.policies._soft_shapes import soft_boxes, soft_spheres
@@ -22,6 +24,7 @@ Initial = Policy | Callable[[jax.Array], Policy]
 """A policy, or a function from a seed's key to a policy."""
 
 INITIAL: dict[str, Callable[..., Initial]] = {
+    "bounded-hyperplanes": bounded_hyperplanes,
     "gated": gated,
     "gaussians": gaussians,
     "graded-hyperplanes": graded_hyperplanes,
@@ -30,6 +33,7 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "growing": growing,
     "hyperplanes": hyperplanes,
     "mirrored": mirrored,
+    "mixed": mixed,
     "mixture": mixture,
     "motoneurons": motoneurons,
     "primitives": primitives,

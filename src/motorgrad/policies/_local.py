@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits
+from motorgrad.policies._features import lattice
 from motorgrad.policies._policy import Regions, fixed, in_structure, sizes
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
@@ -261,20 +262,6 @@ def tiles(
     centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
     widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
     return LocalGaussians(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
-
-
-def lattice(places: int, inputs: int) -> np.ndarray:
-    """`places` points `(places, inputs)` spread evenly over the unit cube, at the centres of cells."""
-    points = np.full((places, inputs), 0.5)
-    for column in range(inputs - 1):
-        rows = max(1, round(places ** (1 / (inputs - column))))
-        if rows > 1:  # in the columns before, all are in the middle
-            for n, part in enumerate(np.array_split(points[:, column:], rows)):
-                part[:, 0] = (n + 0.5) / rows
-                part[:, 1:] = lattice(*part[:, 1:].shape)
-            return points
-    points[:, -1] = (np.arange(places) + 0.5) / places
-    return points
 
 
 def input_ranges(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:

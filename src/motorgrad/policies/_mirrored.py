@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._binary import BinaryUnits, hyperplanes
+from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._policy import Composed, in_structure, sizes
 
 
@@ -157,5 +157,5 @@ def mirrored(task: Any, units: int | None = None) -> Mirrored:
     if middle:
         raise ValueError(f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side")
     left = [i for i, image in enumerate(mirror.outputs) if i < image]
-    pool = hyperplanes(inputs, len(left))
+    pool = zero_hyperplanes(inputs, len(left))
     return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy, in_structure, sizes, with_fields
 
 
@@ -81,13 +83,14 @@ class Softmax(Policy):
         return jnp.arange(self.outputs, dtype=jnp.int32)
 
 
-def softmax(task: Any, units: int | None = None) -> Softmax:
+def softmax(task: Any, units: int | None = None, features: FeatureMap = INPUTS) -> Softmax | Featured:
     """A softmax policy with zero weights: all actions are equally probable.
 
     **Arguments:**
 
     - `task`: a task, or a number of inputs.
     - `units`: the number of actions to choose from, by default the task's.
+    - `features`: what it sees beside the inputs; by default nothing.
     """
     inputs, outputs = sizes(task, units)
-    return Softmax(jnp.zeros((outputs, inputs)))
+    return featured(features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))))

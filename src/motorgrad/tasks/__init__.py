@@ -1,9 +1,12 @@
 """Tasks: observations, rewards and ends of episodes over a world or a body."""
 
+from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
+from motorgrad.tasks._composed import Composed, compose
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
+from motorgrad.tasks._myosuite import myosuite, myosuite_ids
 from motorgrad.tasks._particle import (
     LAYOUTS,
     FallingParticle,
@@ -15,7 +18,7 @@ from motorgrad.tasks._particle import (
     region_reward,
 )
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
-from motorgrad.tasks._registry import TASKS, make
+from motorgrad.tasks._registry import TASKS, load, make, settings_in
 from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
@@ -33,6 +36,7 @@ __all__ = [
     "BodyTask",
     "CallAdmission",
     "Chain",
+    "Composed",
     "Drift",
     "EnvironmentBatch",
     "EnvironmentMemory",
@@ -60,12 +64,18 @@ __all__ = [
     "Task",
     "ThreeState",
     "around",
+    "compose",
     "find_synergies",
     "from_gymnasium",
+    "load",
     "make",
+    "myosuite",
+    "myosuite_ids",
     "observe",
     "outcome",
     "region_reward",
+    "settings_in",
     "spacing_error",
     "synergy_matrix",
+    "terms",
 ]

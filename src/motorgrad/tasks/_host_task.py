@@ -34,8 +34,11 @@ class HostBatch(Protocol):
     def step(self, actions: Float[np.ndarray, "seeds size"], /) -> None:
         """Advance every seed by one decision."""
 
-    def reset(self, rows: Any = None) -> None:
-        """Start a new episode in these rows, by default in all."""
+    @property
+    def reset(self) -> Callable[..., None]:
+        """Start a new episode in these rows, by default in all: `reset(rows=None, **begin)`, with what `HostTask.begin`
+        returned."""
+        ...
 
     @property
     def unpack(self) -> Callable[[Any], Any]:
@@ -65,6 +68,12 @@ class HostTask(Task):
         task's memory when the action was chosen, with the same leading axes."""
         del memory
         return action
+
+    def begin(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
+        """How the dynamics begin an episode in some rows: further arguments of `HostBatch.reset`, from the numbers that
+        `init` receives. By default none, so that they begin in their own way."""
+        del uniforms
+        return {}
 
     @property
     def no_resume(self) -> str | None:

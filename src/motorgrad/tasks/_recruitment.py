@@ -122,6 +122,10 @@ class Recruitment(Task):
         return ("binary", "graded")
 
     @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        return ((0.0, 1.0),) * self.action_size
+
+    @property
     def episode_limit(self) -> int | None:
         return self.time_limit
 

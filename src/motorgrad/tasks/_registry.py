@@ -1,12 +1,17 @@
 """The tasks by name, loaded from `motorgrad._task_table`."""
 
 import importlib
+from pathlib import Path
 from typing import Any
 
-from motorgrad._errors import unknown
+from motorgrad._errors import choice, unknown
+from motorgrad._files import read_toml
 from motorgrad._settings import build
 from motorgrad._task_table import TASK_TABLE, Entry
 from motorgrad.tasks._task import Task
+
+COMPOSED = "composed"
+"""The task that a file describes if it names none."""
 
 
 def _load(entry: Entry) -> type[Task]:
@@ -28,3 +33,33 @@ def make(name: str, **settings: Any) -> Task:
     if name not in TASKS:
         raise unknown("task", name, TASKS)
     return build(TASKS[name], settings, name)
+
+
+def load(path: Path | str) -> Task:
+    """The task that a TOML file describes: a composed one, or the one that its `name` says.
+
+    Paths in the file are meant from where the file is.
+
+    **Raises:** `ValueError` that names the file.
+
+    ```py
+    task = mg.tasks.load("reach.toml")
+    ```
+    """
+    path = Path(path)
+    settings = settings_in(path)
+    try:
+        return make(settings.pop("name"), **settings)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def settings_in(path: Path) -> dict[str, Any]:
+    """The settings of the task in a file, with its name."""
+    settings = read_toml(path)
+    try:
+        name = settings.setdefault("name", COMPOSED)
+        choice("name", name, TASKS)
+        return {"name": name, **TASKS[name].in_folder(settings, path.absolute().parent)}
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -12,7 +12,7 @@ from motorgrad._errors import check_integer
 from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
-Actions = Literal["binary", "discrete", "graded"]
+Actions = Literal["binary", "discrete", "graded"] | tuple[Literal["binary", "graded"], ...]
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""] | bool
 Reading = tuple[Scalar, Flag]
@@ -45,14 +45,14 @@ class Task(abc.ABC):
     name: ClassVar[str]
     """The name in the registry."""
     learner: ClassVar[Mapping[str, Any]] = {}
-    """Learner settings suited to the task, as in `motorgrad.training.AgentSettings`."""
+    """Learner settings suited to the task, as in `motorgrad.training.agent_for`."""
     uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `init` consumes."""
     actions: ClassVar[Actions] = "binary"
     """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
-    vector of `action_size` real numbers."""
+    vector of `action_size` real numbers. A tuple with `"binary"` or `"graded"` for each action: a vector of both."""
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
     episodic: ClassVar[bool] = False
@@ -73,6 +73,11 @@ class Task(abc.ABC):
     def action_size(self) -> int:
         """Number of binary or graded actions, or of alternatives."""
 
+    def learner_for(self, steps: int) -> Mapping[str, Any]:
+        """Learner settings suited to the task and to a training of so many decisions; by default `learner`."""
+        del steps
+        return self.learner
+
     @classmethod
     def imports(cls, settings: Mapping[str, Any]) -> list[str]:
         """The modules that making this task with these settings imports, for settings that a stranger may have
@@ -80,8 +85,15 @@ class Task(abc.ABC):
         del settings
         return []
 
+    @classmethod
+    def in_folder(cls, settings: Mapping[str, Any], folder: Any) -> dict[str, Any]:
+        """Settings as a file in a folder has them, whose paths are meant from there: with absolute ones. By default a
+        task has no paths."""
+        del folder
+        return dict(settings)
+
     @property
-    def accepted_actions(self) -> tuple[str, ...]:
+    def accepted_actions(self) -> tuple[str | tuple[str, ...], ...]:
         """The kinds of actions that the task accepts, as in `Policy.actions`; by default only `actions`."""
         return (self.actions,)
 
@@ -112,8 +124,8 @@ class Task(abc.ABC):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """For graded actions: the values that −1 and 1 in an environment's action space stand for. A policy may exceed
-        them."""
+        """For graded actions: the least and the greatest value of each, within which bounded units act; −1 and 1 in an
+        environment's action space stand for them. An unbounded policy may exceed them."""
         return ((-1.0, 1.0),) * self.action_size
 
     @property

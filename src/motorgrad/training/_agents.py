@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 
 from motorgrad import policies
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, choice, unknown
+from motorgrad._presets import PRESETS, STEPS
 from motorgrad._settings import as_hinted, build, table
-from motorgrad._tree import KINDS, check_rounded, parts_by_path
+from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Optax
 from motorgrad.tasks import Task, make
 
@@ -77,7 +78,7 @@ class NamedPolicy:
         check(isinstance(kind, str), f"{where}.kind", kind, "the name of an initial policy")
         kept = self.settings if kind == self.kind else {}
         try:
-            return NamedPolicy(self.task, kind, {**kept, **settings})
+            return NamedPolicy(self.task, kind, {**kept, **{n: _merged(kept.get(n), v) for n, v in settings.items()}})
         except ValueError as error:
             outer = where.removesuffix("policy") if str(error).startswith("policy.") else ""
             raise ValueError(f"{outer}{error}") from None
@@ -89,7 +90,13 @@ class NamedPolicy:
 
     def as_setting(self) -> dict[str, Any]:
         """The inverse of `with_setting`."""
-        return {"kind": self.kind, **self.settings}
+        plain = {name: table(value) if isinstance(value, Part) else value for name, value in self.settings.items()}
+        return {"kind": self.kind, **plain}
+
+
+def _merged(part: Any, value: Any) -> Any:
+    """A setting of a policy that is a part of its own, with the changes of a table."""
+    return {**table(part), **value} if isinstance(part, Part) and isinstance(value, Mapping) else value
 
 
 def policy_settings(kind: str) -> dict[str, Any]:
@@ -100,7 +107,14 @@ def policy_settings(kind: str) -> dict[str, Any]:
     return {name: hints.get(name, Any) for name in known if name not in ("task", "self")}
 
 
-def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+def agent_for(
+    task: Task | str,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    preset: str | None = None,
+    steps: int | None = None,
+    **more: Any,
+) -> Agent:
     """The learner that goes with a task, with some settings changed.
 
     **Arguments:**
@@ -108,6 +122,9 @@ def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more
     - `task`: a task, or the name of one.
     - `changes`: settings by path, such as `{"estimator.trace.decay": 0.98}`, or by the short names of
       `Agent.aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
+    - `preset`: the name of a preset in place of the task's own learner, such as `"natural"`, with the task's own
+      policy.
+    - `steps` (decisions): of the training, to which learners scale that have schedules; by default 100,000.
     - `more`: the same for names without dots, as keywords.
 
     A setting that is not changed stays as the task has it. A part or policy of another kind starts from that kind's own
@@ -124,12 +141,15 @@ def agent_for(task: Task | str, changes: Mapping[str, Any] | None = None, **more
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = changes is None or isinstance(changes, Mapping)
     check(known, "agent", changes, "a table of changes, such as {'estimator.trace.decay': 0.98}")
-    given = {**(changes or {}), **more}
-    return _built(task, given)
+    steps = STEPS if steps is None else int(steps)
+    own = dict(task.learner_for(steps))
+    if preset is not None:
+        choice("preset", preset, PRESETS)
+        own = {**PRESETS[preset](task, steps), **({"policy": own["policy"]} if "policy" in own else {})}
+    return _built(task, own, {**(changes or {}), **more})
 
 
-def _built(task: Task, given: Mapping[str, Any]) -> Agent:
-    own = dict(task.learner)
+def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
     changed = given.get("policy", given.get("policy.kind"))
     kind = changed.get("kind") if isinstance(changed, Mapping) else changed
     own_policy = own.pop("policy", "hyperplanes")

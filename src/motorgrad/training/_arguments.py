@@ -11,7 +11,7 @@ from motorgrad._errors import check
 from motorgrad._tree import check_rounded
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, trainable
-from motorgrad.tasks import HostTask, Task, make
+from motorgrad.tasks import Gymnasium, HostTask, Task, make
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, sweep_settings
 from motorgrad.training.engines import validate, validate_episodes
@@ -19,6 +19,7 @@ from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
 MAX_THREADS = 4096
+MAX_ENVS = 65_536
 
 
 class TrainingArguments(NamedTuple):
@@ -26,6 +27,8 @@ class TrainingArguments(NamedTuple):
 
     - `initial`: the policies from which the seeds start, where they were given.
     - `settings`: the settings of a sweep; empty without one.
+    - `window`: decisions per record.
+    - `envs`: the environments of each learner; `workers`: the processes in which they are stepped.
     """
 
     task: Task
@@ -34,6 +37,9 @@ class TrainingArguments(NamedTuple):
     seeds: list[int]
     initial: Policy | None = None
     settings: list[Setting] = []  # noqa: RUF012
+    window: int = 1
+    envs: int = 1
+    workers: int = 0
 
 
 def check_training(
@@ -47,6 +53,8 @@ def check_training(
     initial: Policy | None = None,
     sweep: Any = None,
     give_up_after: float = 3600.0,
+    envs: int = 1,
+    workers: int = 0,
 ) -> TrainingArguments:
     """Check the arguments of `train`, without allocating anything of the size of the run.
 
@@ -70,7 +78,10 @@ def check_training(
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
-    learner = agent if isinstance(agent, Agent) else agent_for(task, agent)
+    learner = agent if isinstance(agent, Agent) else agent_for(task, agent, steps=int(steps))
+    own_window = -(-max(1, int(steps) // 200) // envs) * envs if _whole(envs) and envs > 0 else 1
+    chosen_window = int(own_window if window is None else window)
+    _check_envs(envs, workers, task, learner, {"steps": int(steps), "window": chosen_window})
     compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseAgent)
     check(compiled, "task", task.name, "a task in a JAX world for a sparse agent")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
@@ -82,7 +93,24 @@ def check_training(
     check(
         lanes <= MAX_LANES, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MAX_LANES} in all"
     )
-    return TrainingArguments(task, learner, int(steps), [int(seed) for seed in chosen], own, settings)
+    every = [int(seed) for seed in chosen]
+    return TrainingArguments(task, learner, int(steps), every, own, settings, chosen_window, int(envs), int(workers))
+
+
+def _check_envs(envs: Any, workers: Any, task: Task, agent: Agent, decisions: Mapping[str, int]) -> None:
+    """Refuse several environments where they cannot feed one learner, and numbers of decisions that do not divide."""
+    check(_whole(envs) and 1 <= envs <= MAX_ENVS, "envs", envs, f"from 1 to {MAX_ENVS} environments of each learner")
+    valid = _whole(workers) and 0 <= workers <= MAX_THREADS
+    check(valid, "workers", workers, f"0 to step environments in this process, or at most {MAX_THREADS} processes")
+    check(workers == 0 or isinstance(task, Gymnasium), "workers", workers, f"0 for the task {task.name!r}")
+    if envs == 1:
+        return
+    on_host = isinstance(task, HostTask)
+    check(on_host, "envs", envs, f"1 for the task {task.name!r}, whose world is compiled; it learns from more seeds")
+    check(agent.growth is None, "envs", envs, "1 for a learner that grows")
+    for name, number in decisions.items():
+        more = -(-number // envs) * envs
+        check(more == number, name, number, f"a multiple of envs = {envs}, all of which it counts, such as {more}")
 
 
 def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:

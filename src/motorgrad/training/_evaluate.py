@@ -28,6 +28,7 @@ class Evaluation:
       without a body.
     - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
+    - `act`: the state of activation dynamics in that motion, `(seeds, decisions, na)`; `None` without any.
     """
 
     metrics: pa.Table
@@ -38,6 +39,7 @@ class Evaluation:
     sensors: dict[str, np.ndarray] | None = None
     activation: np.ndarray | None = None
     measures: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    act: np.ndarray | None = None
 
     def __repr__(self) -> str:
         means = {"reward": self.reward, **self.readings}
@@ -97,4 +99,5 @@ def evaluate(
     state = stepper.batch.unpack(np.stack([packed for packed, _ in motion], axis=1))
     activation = np.stack([a for _, a in motion], axis=1)
     measures = run.task.measures(state)
-    return Evaluation(metrics, reward, readings, time, state.position, state.sensors, activation, measures)
+    moved = (state.position, state.sensors, activation)
+    return Evaluation(metrics, reward, readings, time, *moved, measures, state.activation)

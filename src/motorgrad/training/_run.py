@@ -140,7 +140,12 @@ class Run:
         task, seeds = self.task, self.lanes
         one = jax.eval_shape(task.init, jax.ShapeDtypeStruct((task.init_uniforms,), np.float32))
         template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((seeds, *leaf.shape), leaf.dtype), one)
-        return fill_tree(template, self._memory)
+        if self.config["run"].get("envs", 1) == 1:
+            return fill_tree(template, self._memory)
+        sizes = {name_of(place): leaf.ndim for place, leaf in jax.tree_util.tree_leaves_with_path(template)}
+        # of several environments the first: what outlives an episode, such as the scale of observations, is shared
+        first = {name: array[:, 0] if array.ndim > sizes[name] else array for name, array in self._memory.items()}
+        return fill_tree(template, first)
 
     def policy(self, seed: int | None = None) -> Policy:
         """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""

@@ -53,6 +53,8 @@ def train(
     window: int | None = None,
     checkpoint_every: float = 30.0,
     threads: int = 0,
+    envs: int = 1,
+    workers: int = 0,
     progress: bool = True,
     tensorboard: bool = False,
     initial: Policy | None = None,
@@ -67,7 +69,8 @@ def train(
     - `task`: a task, or the name of one.
     - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner.
       A run whose parts are all registered can be resumed from its directory alone (`resume`).
-    - `steps`: decisions per seed. If the directory holds a run with more decisions, that run is returned.
+    - `steps`: decisions per seed, those of all its environments together. If the directory holds a run with more
+      decisions, that run is returned.
     - `seeds`: their number (0, 1, 2 …), or a list of them.
     - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
       for bit; if it is finished, it is returned, or continued where `steps` are more than before.
@@ -78,6 +81,11 @@ def train(
       directory has.
     - `checkpoint_every`: seconds of wall time between checkpoints.
     - `threads`: for bodies, the threads of physics and learning; 0 for one per processor.
+    - `envs`: environments that feed the learner of each seed, for bodies and Gymnasium environments. Each has its own
+      episodes and its own trace; policy, critic, normalizations and metric are shared. `steps` and `window` must be
+      multiples of it.
+    - `workers`: processes in which Gymnasium environments are stepped; 0 for this process. The number changes no
+      result.
     - `progress`: whether to show progress.
     - `tensorboard`: whether to write TensorBoard event files to `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint exactly once, also after a kill.
@@ -102,7 +110,7 @@ def train(
     ```
     """
     arguments = check_training(
-        task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after
+        task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers
     )
     if tensorboard:
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
@@ -110,7 +118,7 @@ def train(
         check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
-        training = _Training(arguments, saving, window, threads)
+        training = _Training(arguments, saving, threads)
         if directory is not None:
             training.open(directory, window, trust, allow_changed)
             training.write_events(directory, tensorboard)
@@ -123,12 +131,13 @@ def resume(
     *,
     checkpoint_every: float = 30.0,
     threads: int = 0,
+    workers: int = 0,
     progress: bool = True,
     give_up_after: float = GIVE_UP_AFTER,
     trust: bool = False,
     allow_changed: bool = False,
 ) -> Run:
-    """Resume the run in a directory, with its own task, learner, seeds and sweep.
+    """Resume the run in a directory, with its own task, learner, seeds, environments and sweep.
 
     **Arguments:**
 
@@ -155,6 +164,8 @@ def resume(
         path,
         checkpoint_every=checkpoint_every,
         threads=threads,
+        envs=run.get("envs", 1),
+        workers=workers,
         progress=progress,
         initial=given_initial(path),
         sweep=config.get("sweep"),
@@ -167,22 +178,25 @@ def resume(
 class _Training:
     """One call of `train`."""
 
-    def __init__(self, arguments: TrainingArguments, saving: Saving | None, window: int | None, threads: int):
-        task, agent, steps, seeds, initial, settings = arguments
+    def __init__(self, arguments: TrainingArguments, saving: Saving | None, threads: int):
+        task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
         self.task, self.saving = task, saving
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
         mark = None if initial is None else fingerprint(initial)
         if initial is not None and settings:
             initial = jax.tree.map(lambda leaf: np.concatenate([leaf] * len(settings)), initial)
-        self.stepper = training_stepper_for(task, agent, lanes, threads, initial, numbers)
+        self.stepper = training_stepper_for(task, agent, lanes, threads, initial, numbers, envs, workers)
+        self.envs = envs
         self.config: dict[str, Any] = {
-            "run": {"steps": steps, "seeds": seeds, "window": int(window or max(1, steps // 200))},
+            "run": {"steps": steps, "seeds": seeds, "window": window},
             "task": {"name": task.name, **table(task)},
             "agent": agent_table(agent),
         }
         if settings:
             self.config["sweep"] = settings
+        if envs > 1:
+            self.config["run"]["envs"] = envs
         if mark is not None:
             self.config["run"]["initial"] = mark
         start = self.stepper.state["cycle"].agent
@@ -295,7 +309,7 @@ class _Training:
         ):
             while stepper.decision < steps and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
-                made, start = min(count, due - stepper.decision), time.perf_counter()
+                made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
                 stepper.advance(made)
                 took = max(time.perf_counter() - start, 1e-6)
                 self.wall += took

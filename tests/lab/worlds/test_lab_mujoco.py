@@ -73,9 +73,9 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
     [
         ({"xml": "<mujoco><worldbody>"}, "xml: not well-formed XML"),
         ({"xml": "<mujoco><worldbody><geom/></worldbody></mujoco>"}, "xml: MuJoCo cannot compile it.*size"),
-        ({"xml": ""}, "xml: not well-formed XML"),
+        ({"xml": ""}, "xml = '': must be MJCF as text"),
         ({"xml": 3}, "xml = 3: must be a string"),
-        ({"file": "nowhere.xml"}, "file = 'nowhere.xml': must be an existing MJCF file"),
+        ({"file": "nowhere.xml"}, r"file = '.*nowhere.xml'.*: must be an existing MJCF file"),
         (
             {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
             "xml: memory = 53687091200: must be such that the model takes at most 2 GiB",

@@ -136,6 +136,21 @@ def _readings(spec: Any, sensor: Any) -> tuple[str, Any, float]:
     return "dim", sensor.dim, float(sensor.dim)
 
 
+def asset_files(spec: Any, folders: Iterable[Path]) -> dict[str, list[Path]]:
+    """The files that the assets of a description may mean, by the name that it gives them."""
+    folders, found = [Path(spec.modelfiledir), *folders], {}
+    for each in (*spec.textures, *spec.hfields, *spec.meshes, *spec.skins):
+        for name in filter(None, [each.file, *getattr(each, "cubefiles", ())]):
+            found[name] = _paths(each, name, folders)
+    return found
+
+
+def _paths(asset: Any, file: str, folders: list[Path]) -> list[Path]:
+    """The files that an asset may mean. Its folder depends on the compiler's settings."""
+    inner = {"", asset.compiler.meshdir, asset.compiler.texturedir}
+    return sorted({*files_of(file, folders, inner), *files_of(Path(file).name, folders, inner)})
+
+
 def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
     for each in spec.textures:
         name = f"texture {each.name!r}"
@@ -160,13 +175,12 @@ def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
 def _file(
     spec: Any, asset: Any, name: str, file: str, folders: list[Path], image: bool
 ) -> Iterator[tuple[str, Any, float]]:
-    """Each file that an asset may mean, as its folder depends on the compiler's settings."""
+    """Each file that an asset may mean."""
     if not file:
         return
     for given in {file, Path(file).name} & set(spec.assets):
         yield from _content(name, file, spec.assets[given], image)
-    inner = {"", asset.compiler.meshdir, asset.compiler.texturedir}
-    for path in {*files_of(file, folders, inner), *files_of(Path(file).name, folders, inner)}:
+    for path in _paths(asset, file, folders):
         size = file_size(path)
         check_bytes(f"{name}: bytes of {file}", size, size)
         yield from _content(name, file, path.read_bytes(), image)

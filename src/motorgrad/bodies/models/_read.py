@@ -3,15 +3,17 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
-from collections.abc import Callable, Iterable
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import mujoco
 
 from motorgrad._errors import check, check_finite
-from motorgrad.bodies.models._bounds import check_size
-from motorgrad.bodies.models._scan import read_bytes, scan
+from motorgrad.bodies.models._bounds import asset_files, check_size
+from motorgrad.bodies.models._scan import Documents, read_bytes, scan
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
 
 T = TypeVar("T")
@@ -41,21 +43,50 @@ def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | Non
     model = mg.bodies.read_model("<mujoco><worldbody><geom size='0.1'/></worldbody></mujoco>")
     ```
     """
-    where = f"file = {str(source)!r}" if isinstance(source, Path) else "xml"
-    try:
-        if isinstance(source, Path):
-            check(source.is_file(), "file", str(source), "an existing MJCF file")
-            folders = scan(read_bytes(source), source.parent)
-            spec = _guarded("read", lambda: mujoco.MjSpec.from_file(str(source)))
-        else:
-            folders = scan(source.encode(), Path())
-            spec = _guarded("read", lambda: mujoco.MjSpec.from_string(source))
+
+    def read() -> mujoco.MjModel:
+        spec, documents = read_spec(source)
         if edit is not None:
             edit(spec)
-        return compile_spec(spec, folders)
+        return compile_spec(spec, documents.folders)
+
+    return in_source(source, read)
+
+
+def in_source(source: Path | str, do: Callable[[], T]) -> T:
+    """Call a function; its errors name the model, in one line."""
+    where = f"file = {str(source)!r}" if isinstance(source, Path) else "xml"
+    try:
+        return do()
     except ValueError as error:
         told = " ".join(str(error).split())
         raise ValueError(told if told.startswith(where) else f"{where}: {told}") from None
+
+
+def read_spec(source: Path | str, assets: Mapping[str, bytes] | None = None) -> tuple[mujoco.MjSpec, Documents]:
+    """Read a description within the limits, without compiling it.
+
+    **Arguments:** `source`: as `read_model`; `assets`: the content of files that a document given as text names.
+
+    **Returns:** the description, and where its documents are.
+    """
+    if isinstance(source, Path):
+        check(source.is_file(), "file", str(source), "an existing MJCF file")
+        documents = scan(read_bytes(source), source.parent)
+        return _guarded("read", lambda: mujoco.MjSpec.from_file(str(source))), documents
+    documents = scan(source.encode(), Path())
+    given = None if assets is None else dict(assets)
+    return _guarded("read", lambda: mujoco.MjSpec.from_string(source, assets=given)), documents
+
+
+def checksum_of(source: Path, spec: mujoco.MjSpec, documents: Documents) -> str:
+    """A checksum of a model's file and of all files that it includes or names, wherever their folder is."""
+    more = {*documents.files, *(path for paths in asset_files(spec, documents.folders).values() for path in paths)}
+    named = {os.path.relpath(path, source.parent): path for path in more if path.is_file()}
+    found = hashlib.sha256(source.read_bytes())
+    for name, path in sorted(named.items()):
+        found.update(name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return found.hexdigest()[:32]
 
 
 def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.MjModel:

@@ -24,7 +24,14 @@ _UNCOPIED = ("asset", "compiler", "custom", "default", "extension", "keyframe", 
 _SQUARED = ("supersphere", "supertorus")
 
 
-def scan(text: bytes, folder: Path) -> set[Path]:
+class Documents(NamedTuple):
+    """What belongs to a model: the `folders` of all its documents, and the `files` that it includes."""
+
+    folders: set[Path]
+    files: set[Path]
+
+
+def scan(text: bytes, folder: Path) -> Documents:
     """Refuse a document that would exhaust memory while MuJoCo reads it.
 
     Copies, included files, attached models and generated grids are made while reading, before there is a description to
@@ -32,13 +39,13 @@ def scan(text: bytes, folder: Path) -> set[Path]:
 
     **Arguments:** `text`: the document; `folder`: where its files are.
 
-    **Returns:** the folders of all files that belong to it.
+    **Returns:** the folders of all documents that belong to it, and the files that it includes.
 
     **Raises:** `ValueError`.
     """
     reading = _Reading()
     _Document(reading, folder).count(text, folder)
-    return reading.folders
+    return Documents(reading.folders, reading.files)
 
 
 class _Reading:
@@ -47,6 +54,7 @@ class _Reading:
     def __init__(self) -> None:
         self.text, self.depth = 0, 0
         self.folders: set[Path] = set()
+        self.files: set[Path] = set()
 
 
 class _Element(NamedTuple):
@@ -139,9 +147,11 @@ class _Document:
         inside = 0.0
         if tag == "include" and "file" in given:
             for path in self._found(given["file"], folder):
+                self._reading.files.add(path)
                 self._read(read_bytes(path), path.parent)
         elif tag == "model" and "file" in given:
             for path in self._found(given["file"], folder):
+                self._reading.files.add(path)
                 parts = _Document(self._reading, path.parent).count(read_bytes(path), path.parent)
                 self._models[given.get("name", "")] = parts
                 inside += parts

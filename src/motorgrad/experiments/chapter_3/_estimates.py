@@ -48,7 +48,7 @@ def along(found: Float[np.ndarray, "*runs parameters"], direction: Float[np.ndar
     return found @ direction / (direction @ direction)
 
 
-def _undirected(mdp: FiniteMDP) -> Softmax:
+def _undirected(mdp: FiniteMDP) -> Policy:
     return softmax(mdp.states, mdp.actions)
 
 

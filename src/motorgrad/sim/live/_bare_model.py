@@ -23,7 +23,7 @@ BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_
 class BareModel:
     """A model without a learner, driven by controls that are set by hand; a decision is some physics steps.
 
-    It starts in its keyframe 0, if it has one.
+    It starts in the keyframe of its setup, by default the first that it has.
     """
 
     frozen = False
@@ -33,6 +33,7 @@ class BareModel:
         if np.any(self.model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
             install_muscle_callback()
         self._data: Any = mujoco.MjData(self.model)
+        self._key = setup.key if self.model.nkey else -1
         self.tick = self._pushed_until = 0
         self.substeps = max(1, round(DECISION / self.model.opt.timestep))
         self.period = self.substeps * self.model.opt.timestep
@@ -62,7 +63,7 @@ class BareModel:
                 self._data.xfrc_applied[:] = 0
             if self._data.warning.number[BAD].any():  # diverged, and reset by MuJoCo to its reference pose
                 self._data.warning.number[:] = 0
-                self._to_first_keyframe()
+                self._to_start()
 
     def step(self) -> Sample:
         self.advance(1)
@@ -102,7 +103,7 @@ class BareModel:
     def begin_again(self) -> None:
         self.tick = self._pushed_until = 0
         mujoco.mj_resetData(self.model, self._data)
-        self._to_first_keyframe()
+        self._to_start()
 
     def edit(self, name: str, value: float) -> None:
         check_number(name, self._numbers[name], value)
@@ -143,7 +144,7 @@ class BareModel:
                 self._numbers[name].apply(self.model, value)
         self.settings = dict(settings)
 
-    def _to_first_keyframe(self) -> None:
-        if self.model.nkey:
-            mujoco.mj_resetDataKeyframe(self.model, self._data, 0)
+    def _to_start(self) -> None:
+        if self._key >= 0:
+            mujoco.mj_resetDataKeyframe(self.model, self._data, self._key)
         mujoco.mj_forward(self.model, self._data)

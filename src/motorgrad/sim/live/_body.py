@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.bodies import actuators_of, group_places
 from motorgrad.training import BodyStepper, Stepper
 
 MUSCLE_FIELDS = ("actuator_gainprm", "actuator_biasprm", "actuator_lengthrange", "tendon_damping")
@@ -106,9 +107,10 @@ class BodyPart:
         touch = mujoco.mjtSensor.mjSENS_TOUCH
         self.feet = [model.sensor(i).name for i in range(model.nsensor) if model.sensor_type[i] == touch]
         self.numbers = muscle_numbers(model)
-        group_of = {each.name: each.group for each in (*batch.body.muscles, *getattr(batch.body, "servos", ()))}
-        self._driven = [i for i, name in enumerate(self.muscles) if name in group_of]
-        self._source = [self.groups.index(group_of[self.muscles[i]]) for i in self._driven]
+        self._driven = [model.actuator(each.name).id for each in actuators_of(batch.body)]
+        self._source = group_places(batch.body)
+        limited = np.array(model.actuator_ctrllimited, bool)[:, None]
+        self._limits = np.where(limited, model.actuator_ctrlrange, (-np.inf, np.inf))[self._driven].T
 
     def fields(self, stepper: Stepper) -> dict[str, np.ndarray]:
         """The arrays of an engine's model that edits change."""
@@ -135,7 +137,7 @@ class BodyPart:
         """The control of every actuator until the next decision, `(seeds, actuators)`."""
         told = np.zeros((len(stepper.seeds), len(self.muscles)))
         if isinstance(stepper, BodyStepper):
-            told[:, self._driven] = np.clip(stepper.activation, 0, 1)[:, self._source]
+            told[:, self._driven] = np.clip(stepper.activation[:, self._source], *self._limits)
         return told
 
     def push(self, body: str, force: Any, stepper: Stepper) -> None:

@@ -64,11 +64,12 @@ class Learner:
         width = {name: array.shape[1] for name, array in self._probe_bodies().items() if array.ndim == 2}
         body, readings, units = self._body, list(self.task.reports), width["probability"]
         room = int(np.clip(ROOM / self.period, 200, 4000))
-        moved = (width["position"], width["velocity"], 0, len(body.muscles))
+        moved = (width["position"], width["velocity"], width["activation"], len(body.muscles))
         learned = (width["observation"], units, width["parameters"])
         sizes = Sizes(*moved, *learned, len(body.feet), room, len(readings))
         inputs = list(self.task.observation_names)
-        actions = body.groups if len(body.groups) == units else [f"unit {i}" for i in range(units)]
+        named = [getattr(self.task, "action_names", ()), body.groups, [f"unit {i}" for i in range(units)]]
+        actions = next(list(names) for names in named if len(names) == units)
         return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
 
     def advance(self, ticks: int) -> None:
@@ -253,7 +254,6 @@ class Learner:
     def _make_sample(self, before: Probed | None) -> Sample:
         after = self._last = self._probe_bodies()
         sample = {name: after[name] for name in after if name not in ("reward_sum", "rates", "batch")}
-        sample["activation"] = np.zeros((len(after["position"]), 0))
         unknown = np.full(len(after["position"]), np.nan)
         known = before is not None and len(before["reward_sum"]) == len(after["reward_sum"])
         sample["reward"] = (

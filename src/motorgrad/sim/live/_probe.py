@@ -9,6 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
+from motorgrad.bodies import BodyState
 from motorgrad.learning import SGD, RunningMean
 from motorgrad.policies import trainable
 from motorgrad.training import Stepper
@@ -37,6 +38,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
         return {
             "position": position,
             "velocity": velocity,
+            "activation": _active(state),
             "contacts": jnp.stack(touched) if touched else jnp.zeros(0),
             "observation": cycle.observation,
             "action": _wide(cycle.action, probability.shape[0]),
@@ -64,6 +66,12 @@ def gradient_norm(before: Probed, after: Probed) -> np.ndarray:
     known = np.isfinite(steps)
     norm = np.sqrt(np.sum(np.where(known, steps, 0.0) ** 2, axis=-1))
     return np.where(known.any(axis=-1), norm, np.nan)
+
+
+def _active(state: Any) -> Array:
+    """The activations of a body, where it has any."""
+    found = state.activation if isinstance(state, BodyState) else None
+    return jnp.zeros(0) if found is None else found
 
 
 def _moved(state: Any) -> tuple[Array, Array]:

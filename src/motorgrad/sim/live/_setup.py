@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import BODIES, Body, Terrain, WrappedBody, compile_model, read_model
+from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy, policy_of_run
@@ -165,6 +165,7 @@ class Setup:
     - `frozen`: whether to start without learning.
     - `model`: of the body in view, with the page's cameras; None for worlds in JAX.
     - `folder`: of the run whose policy is the first.
+    - `key`: the keyframe in which a bare model starts; −1 for its reference pose.
     """
 
     name: str
@@ -176,6 +177,7 @@ class Setup:
     frozen: bool = False
     model: mujoco.MjModel | None = None
     folder: Path | None = None
+    key: int = 0
 
 
 def setup_of(
@@ -245,11 +247,14 @@ def _of_model(subject: Any, stage: Stage) -> Setup:
         check(stage.empty, "stage", stage, "left out where the model is compiled")
         return Setup("model", model=subject)
     if isinstance(subject, Path | str) and subject not in BODIES:
-        return Setup(Path(subject).stem, model=read_model(Path(subject), stage.put_into))
-    body: Any = BODIES[subject]() if isinstance(subject, str) else subject
+        name, body = Path(subject).stem, Mjcf(Path(subject))
+    else:
+        body: Any = BODIES[subject]() if isinstance(subject, str) else subject
+        name = subject if isinstance(subject, str) else type(subject).__name__.lower()
     spec = body.spec()
     stage.put_into(spec)
-    return Setup(subject if isinstance(subject, str) else type(subject).__name__.lower(), model=compile_model(spec))
+    model = compile_model(spec)
+    return Setup(name, model=model, key=start_key(body, model))
 
 
 def acting(run: Run, seed: int) -> Agent:

@@ -142,7 +142,7 @@ class PlanetBatch(BodyBatch):
             self._carry(frame, frame.levelled(self._ellipsoid, root))
         self._update_patch()
 
-    def reset(self, rows: Any = None) -> None:
+    def reset(self, rows: Any = None) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return the body to its start; as `BodyBatch.reset`."""
         self._update_patch(self.body.planet.start)
         super().reset(rows)
@@ -197,7 +197,10 @@ def on_planet(task: T, planet: Planet) -> T:
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
     assert isinstance(task, BodyTask)
     kind: Any = type(task)
-    check(kind.batch is BodyTask.batch, "task", task.name, "a task on level ground, to be moved to a planet")
+    level = kind.batch is BodyTask.batch and kind.begin is BodyTask.begin
+    check(
+        level, "task", task.name, "a task on level ground that begins in the body's own pose, to be moved to a planet"
+    )
     moved = OnPlanet(task.dynamics, planet)
     moved.spec()
 

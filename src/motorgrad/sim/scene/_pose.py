@@ -7,7 +7,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from motorgrad.bodies import install_muscle_callback
+from motorgrad.bodies import actuator_levels, install_muscle_callback
 from motorgrad.sim.film import bounding_box
 from motorgrad.sim.live import Snapshot
 
@@ -66,25 +66,12 @@ class Pose:
             data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = (*(array[row] for array in state[:3]), control)
             data.time = snapshot.seconds
             mujoco.mj_forward(model, data)
-            self.activation[row] = _activation(model, data)
+            self.activation[row] = actuator_levels(model, data.ctrl, data.act)
 
     @property
     def centre(self) -> np.ndarray:
         """The centre of mass of the first body, `(3,)`, as drawn."""
         return self.bodies[0].subtree_com[0] + self.offset[0] if self.bodies else self.middle
-
-
-def _activation(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """The activation of each actuator, in [0, 1]: its last activation state, else its control as a share of the
-    maximum.
-    """
-    last = model.actuator_actadr + model.actuator_actnum - 1
-    level = np.array(data.ctrl)
-    has_state = model.actuator_actadr >= 0
-    level[has_state] = data.act[last[has_state]]
-    most = np.abs(model.actuator_ctrlrange).max(axis=1)
-    bounded = (model.actuator_ctrllimited > 0) & (most > 0) & ~has_state
-    return np.clip(np.abs(np.where(bounded, level / np.where(bounded, most, 1), level)), 0, 1)
 
 
 def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:

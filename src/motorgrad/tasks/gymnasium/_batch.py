@@ -2,16 +2,18 @@
 
 import contextlib
 import functools
+import math
 import pickle
 import pickletools
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad._myosuite import is_of_myosuite, register
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
 
@@ -27,6 +29,8 @@ class EnvironmentState(NamedTuple):
     - `observation` (size): flattened, before any reset, unscaled.
     - `reward`: the sum over the decision's steps; `steps`, their number.
     - `terminated`, `truncated`: as reported by the environment.
+    - `info` (keys): the sum over these steps of each number that is read from the environment's `info`; `told` (keys),
+      in how many of the steps it was there and finite.
     """
 
     observation: Any
@@ -34,13 +38,16 @@ class EnvironmentState(NamedTuple):
     terminated: Any
     truncated: Any
     steps: Any
+    info: Any = None
+    told: Any = None
 
 
 class EnvironmentBatch:
     """One environment per seed, which seeds its random numbers; they are stepped one after the other.
 
-    For each seed, `packed` holds the observation, reward, terminated, truncated, steps, and a flag: 1 if an observation
-    or reward was not finite. Such a row keeps its previous observation, with reward 0.
+    For each seed, `packed` holds the observation, reward, terminated, truncated, steps, the sums and counts of what is
+    read from `info`, and a flag: 1 if an observation or reward was not finite. Such a row keeps its previous
+    observation, with reward 0.
     """
 
     def __init__(
@@ -52,12 +59,14 @@ class EnvironmentBatch:
         code: ActionCode,
         repeat: int,
         saved_as: "SavedAs",
+        info: Sequence[str] = (),
     ):
+        self.info = tuple(info)
         self.seeds, self.repeat, self.saved_as = [int(seed) for seed in seeds], repeat, saved_as
         self._env_id, self._decode, self._size = env_id, code.decode, size
         self._environments = [make_environment(env_id, kwargs) for _ in self.seeds]
         self._close = weakref.finalize(self, _close_all, self._environments)
-        self.packed = np.zeros((len(self.seeds), size + 5), np.float32)
+        self.packed = np.zeros((len(self.seeds), size + 5 + 2 * len(self.info)), np.float32)
         self._before = self.packed.copy()
         self.lost = False
         for row, seed in enumerate(self.seeds):
@@ -65,21 +74,23 @@ class EnvironmentBatch:
 
     def step(self, actions: Float[np.ndarray, "seeds size"]) -> None:
         np.copyto(self._before, self.packed)
-        repeat = self.repeat
+        repeat, keys = self.repeat, self.info
         seen: list[Any] = []
         outcomes: list[tuple[Any, ...]] = []
         for row, (environment, action) in enumerate(zip(self._environments, self._decode(actions), strict=True)):
             try:
-                observation, reward, terminated, truncated, _ = environment.step(action)
-                made = 1
+                observation, reward, terminated, truncated, info = environment.step(action)
+                made, read = 1, numbers_in(info, keys) if keys else ()
                 while made < repeat and not (terminated or truncated):
-                    observation, more, terminated, truncated, _ = environment.step(action)
+                    observation, more, terminated, truncated, info = environment.step(action)
                     reward, made = float(reward) + float(more), made + 1
+                    if keys:
+                        read = [a + b for a, b in zip(read, numbers_in(info, keys), strict=True)]
             except Exception as error:
                 error.add_note(f"in a step of {self._env_id} of seed {self.seeds[row]}, action {action!r}")
                 raise
             seen.append(observation)
-            outcomes.append((reward, terminated, truncated, made, 0.0))
+            outcomes.append((reward, terminated, truncated, made, *read, 0.0))
         packed, size = self.packed, self._size
         with np.errstate(over="ignore"):  # numbers beyond single precision become infinite, which is detected below
             packed[:, :size] = np.asarray(seen).reshape(len(seen), size)
@@ -88,7 +99,8 @@ class EnvironmentBatch:
         if self.lost:
             broken = ~np.isfinite(packed).all(axis=1)
             packed[broken, :size] = self._before[broken, :size]
-            packed[broken, size:] = (0.0, 0.0, 0.0, 0.0, 1.0)
+            packed[broken, size:-1] = 0.0
+            packed[broken, -1] = 1.0
 
     def reset(self, rows: Any = None) -> None:
         """Start a new episode; an environment's random numbers continue."""
@@ -97,7 +109,7 @@ class EnvironmentBatch:
 
     @property
     def unpack(self) -> Callable[[Any], EnvironmentState]:
-        return functools.partial(_unpack, self._size)
+        return functools.partial(_unpack, self._size, len(self.info))
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """The environments as bytes, empty if they cannot be saved, and the packed rows."""
@@ -132,6 +144,11 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
     """`gymnasium.make(env_id, **kwargs)`, with any failure as a one-line `ValueError`."""
     import gymnasium
 
+    if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
+        try:
+            register()
+        except ValueError as error:
+            raise ValueError(f"env_id = {env_id!r}: {error}") from None
     try:
         return gymnasium.make(env_id, **kwargs)
     except gymnasium.error.UnregisteredEnv as error:
@@ -148,6 +165,45 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
         raise ValueError(
             f"env_id = {env_id!r}: cannot be made{given}: {type(error).__name__}: {_one_line(error)}"
         ) from None
+
+
+def numbers_in(info: Mapping[str, Any], keys: Sequence[str]) -> list[float]:
+    """The numbers of these keys in a step's `info`, 0 where one is missing or not finite; then 1 for each that is
+    there, else 0."""
+    values = [_number(info[key]) if key in info else None for key in keys]
+    return [0.0 if value is None else value for value in values] + [0.0 if value is None else 1.0 for value in values]
+
+
+def _number(value: Any) -> float | None:
+    """A number, a flag, or an array of one, as a finite number in single precision; `None` for anything else."""
+    try:
+        found = float(np.float32(np.asarray(value).item()))
+    except (TypeError, ValueError):  # an array of several, text, an object
+        return None
+    return found if math.isfinite(found) else None
+
+
+class Info(NamedTuple):
+    """What environments say in `info`: the keys of single numbers, and all keys, in the order in which they came."""
+
+    numbers: tuple[str, ...]
+    keys: tuple[str, ...]
+
+
+def find_info(environment: "gymnasium.Env", wanted: Collection[str]) -> Info:
+    """The keys of `info` in the first step of an episode of random actions. If `wanted` keys are missing, as those
+    are that come with the end of an episode alone, in all of its steps up to a thousand."""
+    numbers: dict[str, None] = {}
+    keys: dict[str, None] = {}
+    environment.action_space.seed(0)
+    environment.reset(seed=0)
+    for _ in range(1000 if wanted else 1):
+        _, _, terminated, truncated, info = environment.step(environment.action_space.sample())
+        keys |= dict.fromkeys(map(str, info))
+        numbers |= dict.fromkeys(str(key) for key, value in info.items() if _number(value) is not None)
+        if terminated or truncated or numbers.keys() >= set(wanted):
+            break
+    return Info(tuple(numbers), tuple(keys))
 
 
 SavedAs = Literal["data", "pickle", "nothing"]
@@ -269,9 +325,10 @@ def _copied_as_data(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium
     return copy
 
 
-def _unpack(size: int, packed: Any) -> EnvironmentState:
+def _unpack(size: int, keys: int, packed: Any) -> EnvironmentState:
     flags = (packed[..., size], packed[..., size + 1] > 0, packed[..., size + 2] > 0, packed[..., size + 3])
-    return EnvironmentState(packed[..., :size], *flags)
+    first, end = size + 4, size + 4 + keys
+    return EnvironmentState(packed[..., :size], *flags, packed[..., first:end], packed[..., end : end + keys])
 
 
 def _close_all(environments: Sequence["gymnasium.Env"]) -> None:

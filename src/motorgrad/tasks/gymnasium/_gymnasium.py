@@ -4,14 +4,15 @@ import dataclasses
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check, check_integer, unknown
+from motorgrad._presets import PRESETS, STEPS
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
@@ -21,6 +22,7 @@ from motorgrad.tasks.gymnasium._batch import (
     EnvironmentState,
     HowSaved,
     called_by,
+    find_info,
     how_saved,
     is_pickle,
     make_environment,
@@ -33,25 +35,39 @@ from motorgrad.tasks.gymnasium._spaces import (
     action_code,
     observation_scaling,
 )
+from motorgrad.tasks.gymnasium._workers import WorkerBatch
+
+if TYPE_CHECKING:
+    import gymnasium
 
 CLIP = 5.0  # standard deviations
+SUCCESS = ("solved", "success", "is_success")
+"""Keys of `info` by which environments report success: MyoSuite's, Meta-World's and Gymnasium-Robotics'."""
+TAKEN = ("return", "length", "reward", "episodes", "diverged", "baseline", "parameters", "seed", "decision")
+TAKEN += ("simulated_time", "wall_time", "setting", "units", "adding")  # other columns of the metrics
 
 
 class EnvironmentMemory(NamedTuple):
     """The memory of a task on an environment: return and length of the current episode, running mean and variance of
-    the observations (`None` without running scaling), and whether these are frozen."""
+    the observations (`None` without running scaling), whether these are frozen, and on how many steps of the episode
+    the task was solved (`None` where the environment does not say)."""
 
     returned: Scalar
     length: Scalar
     mean: RunningMean | None
     variance: RunningMean | None
     frozen: Flag
+    solved: Scalar | None = None
 
 
 class _Facts(NamedTuple):
     scaling: ObservationScaling
     code: ActionCode
     period: float
+    info: tuple[str, ...]
+    """The keys of `info` that are read, that of success first where there is one."""
+    succeeds: bool
+    """Whether there is one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +76,8 @@ class Gymnasium(HostTask):
 
     Observed: the environment's observation, flattened and scaled; with discrete actions also a constant 1, because a
     softmax has no bias. Reported for each episode: its `return`, the sum of the environment's rewards, and its `length`
-    in steps.
+    in steps. Where the environment reports success in its `info`, as `solved`, `success` or `is_success`, so are
+    `success`, the share of episodes that succeed, and `solved`, the share of steps on which the task is solved.
 
     **Arguments:**
 
@@ -70,17 +87,20 @@ class Gymnasium(HostTask):
     - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
       mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
       within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
-    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"antagonists"`, or `"auto"` for the default of the
-      action space; see `docs/foreign-environments.md`.
+    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"` for the
+      default of the action space; see `docs/foreign-environments.md`.
     - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
       a time limit). If every step has the same reward, only the ends inform an average reward.
+    - `info`: further keys of the `info` dictionary of a step that are read: each is a single number or a flag, whose
+      mean over steps is recorded under its name. One of `solved`, `success` and `is_success` says which of them means
+      success, where the environment reports several.
+    - `success_steps` (steps): on how many of its steps, at least, a successful episode must be solved.
 
     **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
     setting that does not fit it.
     """
 
     name: ClassVar[str] = "gymnasium"
-    reports: ClassVar[tuple[str, ...]] = ("return", "length")
     episodic: ClassVar[bool] = True
 
     env_id: str = "CartPole-v1"
@@ -89,6 +109,8 @@ class Gymnasium(HostTask):
     scaling: Scaling = "auto"
     code: Code = "auto"
     end_reward: float = 0.0
+    info: tuple[str, ...] = ()
+    success_steps: int = 1
 
     def __post_init__(self) -> None:
         for name, value in self._kwargs.items():
@@ -96,6 +118,8 @@ class Gymnasium(HostTask):
             check(plain, f"kwargs.{name}", value, "a number, a string, true or false, so that the run can be described")
         check_fields(self)
         check_integer("repeat", self.repeat, 1)
+        check_integer("success_steps", self.success_steps, 1, 2**24, "steps")
+        check(len(set(self.info)) == len(self.info), "info", self.info, "different keys")
         _ = self._facts  # raises for unsupported spaces
 
     @property
@@ -112,10 +136,31 @@ class Gymnasium(HostTask):
             scaling = observation_scaling(environment.observation_space, self.scaling, self.env_id)
             code = action_code(environment.action_space, self.code, self.env_id)
             step: Any = getattr(environment.unwrapped, "dt", None)
+            info = self._info(environment)
         finally:
             environment.close()
         timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
-        return _Facts(scaling, code, self.repeat * float(step) if timed else 1.0)
+        return _Facts(
+            scaling, code, self.repeat * float(step) if timed else 1.0, info, any(key in SUCCESS for key in info)
+        )
+
+    def _info(self, environment: "gymnasium.Env") -> tuple[str, ...]:
+        """The keys of `info` to be read, that of success first. **Raises** `ValueError` for one that is not there."""
+        for key in self.info:
+            free = key not in TAKEN and not key.endswith("_count")
+            check(free, "info", key, f"another key: metrics have a column of that name ({', '.join(TAKEN)})")
+        try:
+            found = find_info(environment, self.info)
+        except Exception as error:  # an environment's own code may raise anything
+            if self.info:
+                raise ValueError(f"info = {self.info!r}: a step of {self.env_id} fails: {error!r}") from None
+            return ()  # training will say what fails
+        for key in self.info:
+            if key not in found.keys:
+                raise unknown(f"info of {self.env_id}:", key, found.keys)
+            check(key in found.numbers, f"info of {self.env_id}", key, "the key of one finite number or flag")
+        reported = [key for key in (*self.info, *found.numbers) if key in SUCCESS][:1]
+        return (*reported, *(key for key in self.info if key not in SUCCESS))
 
     @property
     def dynamics(self) -> str:
@@ -123,13 +168,21 @@ class Gymnasium(HostTask):
         return self.env_id
 
     @property
-    def actions(self) -> Literal["binary", "discrete"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def actions(self) -> Literal["binary", "discrete", "graded"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._facts.code.actions
 
     @property
+    def reports(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        facts = self._facts
+        read = ("success", "solved", *facts.info[1:]) if facts.succeeds else facts.info
+        return ("return", "length", *read)
+
+    @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        policy = "softmax" if self.actions == "discrete" else "hyperplanes"
-        return {"policy": policy, "decay": 0.99, "baseline": "none", "optimizer": "adam", "learning_rate": 0.003}
+        return self.learner_for(STEPS)
+
+    def learner_for(self, steps: int) -> Mapping[str, Any]:
+        return PRESETS["natural"](self, steps)
 
     @property
     def observation_size(self) -> int:
@@ -138,6 +191,10 @@ class Gymnasium(HostTask):
     @property
     def action_size(self) -> int:
         return self._facts.code.size
+
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        return self._facts.code.bounds or super().action_range
 
     @property
     def period(self) -> float:
@@ -161,22 +218,26 @@ class Gymnasium(HostTask):
 
     @classmethod
     def runs(cls, snapshot: Mapping[str, np.ndarray]) -> list[str]:
-        saved = snapshot["environments"].tolist() if "environments" in snapshot else []
+        saved = np.ravel(snapshot["environments"]).tolist() if "environments" in snapshot else []
         return list(dict.fromkeys(name for each in saved if is_pickle(each) for name in called_by(each)))
 
-    def batch(self, seeds: Sequence[int], threads: int = 0) -> EnvironmentBatch:
+    def batch(self, seeds: Sequence[int], threads: int = 0, workers: int = 0) -> EnvironmentBatch | WorkerBatch:
+        """One environment per seed, stepped one after the other in this process, or in so many `workers`."""
         del threads
-        size = len(self._facts.scaling.centre)
-        saved_as = self._how_saved.saved_as
-        return EnvironmentBatch(self.env_id, self._kwargs, seeds, size, self._facts.code, self.repeat, saved_as)
+        facts, size = self._facts, len(self._facts.scaling.centre)
+        settings = (size, facts.code, self.repeat, self._how_saved.saved_as, facts.info)
+        kind = functools.partial(WorkerBatch, workers) if workers else EnvironmentBatch
+        return kind(self.env_id, self._kwargs, seeds, *settings)
 
     def init(self, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
         scaling, zero = self._facts.scaling, jnp.zeros(())
         nothing = running_mean(jnp.zeros(scaling.centre.shape)) if scaling.running.any() else None
-        return EnvironmentMemory(zero, zero, nothing, nothing, jnp.zeros((), bool))
+        solved = zero if self._facts.succeeds else None
+        return EnvironmentMemory(zero, zero, nothing, nothing, jnp.zeros((), bool), solved)
 
     def renew(self, memory: EnvironmentMemory, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
-        return memory._replace(returned=jnp.zeros(()), length=jnp.zeros(()))
+        zero = jnp.zeros(())
+        return memory._replace(returned=zero, length=zero, solved=None if memory.solved is None else zero)
 
     def freeze(self, memory: EnvironmentMemory) -> EnvironmentMemory:
         return memory._replace(frozen=jnp.ones((), bool))
@@ -190,18 +251,18 @@ class Gymnasium(HostTask):
             mean, variance = jax.tree.map(
                 lambda old, new: jnp.where(memory.frozen, old, new),
                 (memory.mean, memory.variance),
-                _add_observation(memory.mean, memory.variance, seen),
+                add_observation(memory.mean, memory.variance, seen),
             )
             memory = memory._replace(mean=mean, variance=variance)
-            deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
-            standard = jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)
-            observation = jnp.where(scaling.running, standard, observation)
+            observation = jnp.where(scaling.running, standardised(mean, variance, seen), observation)
         return memory, jnp.append(observation, 1.0) if self.actions == "discrete" else observation
 
     def reward(
         self, memory: EnvironmentMemory, state: EnvironmentState, action: Array
     ) -> tuple[EnvironmentMemory, Scalar, Flag]:
         memory = memory._replace(returned=memory.returned + state.reward, length=memory.length + state.steps)
+        if memory.solved is not None:
+            memory = memory._replace(solved=memory.solved + state.info[0])
         reward = state.reward + self.end_reward * state.terminated if self.end_reward else state.reward
         return memory, reward, state.terminated
 
@@ -209,9 +270,18 @@ class Gymnasium(HostTask):
         return state.truncated
 
     def readings(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Reading]:
-        """Of an episode that has just ended: `return`, the sum of its rewards, and `length`, its number of steps."""
-        ended = state.terminated | state.truncated
-        return {"return": (memory.returned, ended), "length": (memory.length, ended)}
+        """Of an episode that has just ended: `return`, the sum of its rewards, `length`, its number of steps, and
+        `success`, whether it was solved on `success_steps` of them. Of a decision: `solved`, on which share of its
+        steps, and the mean of each key of `info`."""
+        ended, facts = state.terminated | state.truncated, self._facts
+        found = {"return": (memory.returned, ended), "length": (memory.length, ended)}
+        if memory.solved is not None:
+            found["success"] = (jnp.where(memory.solved >= self.success_steps, 1.0, 0.0), ended)
+        names = ("solved", *facts.info[1:]) if facts.succeeds else facts.info
+        for index, name in enumerate(names):
+            told = state.told[index]
+            found[name] = (state.info[index] / jnp.maximum(told, 1), told > 0)
+        return found
 
 
 def from_gymnasium(
@@ -221,12 +291,15 @@ def from_gymnasium(
     scaling: Scaling = "auto",
     code: Code = "auto",
     end_reward: float = 0.0,
+    info: Sequence[str] = (),
+    success_steps: int = 1,
     **kwargs: Any,
 ) -> Gymnasium:
     """A Gymnasium environment as a task, for our agents to learn.
 
-    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; `repeat`, `scaling`, `code` and `end_reward`, as in
-    `Gymnasium` (whose `kwargs` also accept an environment's own arguments of these names).
+    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; `repeat`, `scaling`, `code`, `end_reward`,
+    `info` and `success_steps`, as in `Gymnasium` (whose `kwargs` also accept an environment's own arguments of these
+    names).
 
     **Raises:** as `Gymnasium`.
 
@@ -235,11 +308,17 @@ def from_gymnasium(
     run = mg.train(task, steps=100_000, seeds=4)
     ```
     """
-    return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward)
+    return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward, tuple(info), success_steps)
 
 
-def _add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
+def add_observation(mean: RunningMean, variance: RunningMean, seen: Array) -> tuple[RunningMean, RunningMean]:
     """Update the running mean and variance of observations with one more (Welford, 1962)."""
     after = add_sample(mean, seen)
     product = (seen - mean.mean - mean.carry) * (seen - after.mean - after.carry)
     return after, add_sample(variance, product)
+
+
+def standardised(mean: RunningMean, variance: RunningMean, seen: Array) -> Array:
+    """An observation relative to its running mean, in standard deviations, clipped."""
+    deviation = jnp.sqrt(jnp.where(variance.mean > 0, variance.mean, 1.0))
+    return jnp.clip((seen - mean.mean - mean.carry) / deviation, -CLIP, CLIP)

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from gymnasium.spaces import Box
 
 
-Code = Literal["auto", "choice", "count", "bits", "each", "antagonists"]
+Code = Literal["auto", "choice", "count", "bits", "each", "graded", "antagonists"]
 Scaling = Literal["auto", "bounds", "running", "none"]
 CODES = {  # the first is what "auto" stands for
     "Discrete": ("choice", "count", "bits"),
     "MultiDiscrete": ("count", "choice", "bits"),
     "MultiBinary": ("each",),
-    "Box": ("each", "antagonists"),
+    "Box": ("graded", "each", "antagonists"),
 }
 MOST = 4096  # alternatives of one choice
 USABLE = 1e6  # a bound beyond this carries no information about the observations
@@ -29,13 +29,16 @@ USABLE = 1e6  # a bound beyond this carries no information about the observation
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ActionCode:
-    """How a policy's numbers become an environment's action: `size` units (binary) or alternatives (discrete)."""
+    """How a policy's numbers become an environment's action: `size` units (binary or graded) or alternatives
+    (discrete)."""
 
-    actions: Literal["binary", "discrete"]
+    actions: Literal["binary", "discrete", "graded"]
     size: int
     decode: Callable[[Float[np.ndarray, "seeds numbers"]], np.ndarray]
-    """Maps the units (0 or 1), or the one alternative, of every seed to the actions of all seeds, along a leading
-    axis."""
+    """Maps the units (0 or 1, or graded), or the one alternative, of every seed to the actions of all seeds, along a
+    leading axis."""
+    bounds: tuple[tuple[float, float], ...] | None = None
+    """Of graded units."""
 
 
 def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
@@ -87,12 +90,21 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
 
 
 def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
-    """Units that drive every number of the action to the bounds of its range."""
+    """Units that are the numbers of the action, or drive them to the bounds of their ranges."""
     low, high, shape = np.ravel(space.low), np.ravel(space.high), space.shape
     if not (np.isfinite(low) & np.isfinite(high)).all():
         refuse_space(
             env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
         )
+    if code == "graded":
+        whole = np.issubdtype(low.dtype, np.integer)
+
+        def within(units: Float[np.ndarray, "seeds numbers"]) -> np.ndarray:
+            numbers = np.rint(units) if whole else units
+            return np.clip(numbers, low, high).astype(low.dtype).reshape(-1, *shape)
+
+        bounds = tuple(zip(low.tolist(), high.tolist(), strict=True))
+        return ActionCode("graded", low.size, within, bounds)
     if code == "each":
         return ActionCode("binary", low.size, lambda units: np.where(units > 0, high, low).reshape(-1, *shape))
     rest, eye = np.clip(0, low, high).astype(low.dtype), np.eye(low.size)

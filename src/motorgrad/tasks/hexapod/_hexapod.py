@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
+from motorgrad._presets import natural_actor_critic
 from motorgrad.bodies import (
     LEGS,
     Body,
@@ -37,32 +38,16 @@ MOST_LAG = 1_000
 LEVEL = Terrain(difficulty=0.0)
 BATCH = 160  # decisions per update of the parameters
 UPDATES = 1200  # updates after which annealing ends
-MUSCLE_LEARNER: Mapping[str, Any] = {
-    "policy": "hyperplanes",
-    "estimator": {
-        # generalised advantages: the trace's decay is the critic's discount times 0.95
-        "trace": {"kind": "exponential", "decay": 0.9215},
-        "baseline": {
-            "kind": "critic",
-            "features": {"squares": True, "actions": True},
-            "discount": 0.97,
-            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
-        },
-        "improve": BATCH,
-        "normalization": {"rate": 1 / (10 * BATCH)},
-        "entropy": {"kind": "annealed", "start": 0.05, "end": 0.0, "steps": UPDATES},
-    },
-    "metric": {
-        "kind": "fisher",
-        "rate": 1 / (20 * BATCH),
-        "initial": 0.05,
-        "damping": 0.01,
-        "kl": {"kind": "annealed", "start": 0.03, "end": 0.003, "steps": UPDATES},
-    },
-    # the step's length is that of the KL limit: the natural gradient of a batch this small is longer
-    "optimizer": {"learning_rate": 1.0},
-    "averaging": {"start": UPDATES - 150},
-}
+MUSCLE_LEARNER: Mapping[str, Any] = natural_actor_critic(
+    "hyperplanes",
+    batch=BATCH,
+    updates=UPDATES,
+    discount=0.97,
+    memory=20,
+    features={"squares": True, "actions": True},
+    kl=(0.03, 0.003),
+    entropy=0.05,
+)
 
 
 class HexapodMemory(NamedTuple):

@@ -40,12 +40,14 @@ def stepper_for(
     threads: int = 0,
     initial: Policy | None = None,
     numbers: Mapping[str, Any] | None = None,
+    envs: int = 1,
+    workers: int = 0,
 ) -> Stepper:
-    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments."""
-    if isinstance(task, BodyTask):
-        return BodyStepper(task, agent, seeds, mode, threads, initial, numbers)
+    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments, or in
+    so many `workers`. Several `envs` feed each learner, where their dynamics run on the host."""
     if isinstance(task, HostTask):
-        return HostStepper(task, agent, seeds, mode, threads, initial, numbers)
+        kind = BodyStepper if isinstance(task, BodyTask) else HostStepper
+        return kind(task, agent, seeds, mode, threads, initial, numbers, envs=envs, workers=workers)
     engine = SparseStepper if isinstance(agent, SparseAgent) and mode == "learn" else WorldStepper
     return engine(task, agent, seeds, mode, initial, numbers)
 
@@ -57,8 +59,10 @@ def training_stepper_for(
     threads: int = 0,
     initial: Policy | None = None,
     numbers: Mapping[str, Any] | None = None,
+    envs: int = 1,
+    workers: int = 0,
 ) -> Stepper:
     """The engine for training: as `stepper_for`, or several side by side for many seeds in a body."""
     if isinstance(task, BodyTask) and len(seeds) > MOST:
-        return SideBySide(task, agent, seeds, threads, initial, numbers)
-    return stepper_for(task, agent, seeds, "learn", threads, initial, numbers)
+        return SideBySide(task, agent, seeds, threads, initial, numbers, envs)
+    return stepper_for(task, agent, seeds, "learn", threads, initial, numbers, envs, workers)

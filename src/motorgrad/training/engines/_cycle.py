@@ -88,14 +88,36 @@ class Cycle:
         uniforms: Float[Array, " _"],
     ) -> CycleState:
         """The state before the first decision, with the dynamics in `state`."""
-        memory, observation = observe(self.task, self.task.init(init), state, uniforms)
-        policy = agent.policy
-        action = policy.mode(observation)
+        return self.look(self.blank(agent, numbers, init), state, uniforms)
+
+    def blank(self, agent: AgentState, numbers: Float[Array, " numbers"], init: Float[Array, " _"]) -> CycleState:
+        """The state before the first observation."""
+        memory, observation = self.task.init(init), jnp.zeros(self.task.observation_size)
+        action = agent.policy.mode(observation)
         readings = len(self.task.reports)
         zero = jnp.zeros(1 + readings)
         tally = Tally(zero, zero, jnp.zeros(readings + 2, jnp.int32))
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
+
+    def look(self, cycle: CycleState, state: Any, uniforms: Float[Array, " _"]) -> CycleState:
+        """The state after an observation of the dynamics in `state`."""
+        memory, observation = observe(self.task, cycle.memory, state, uniforms)
+        return cycle._replace(memory=memory, observation=observation)
+
+    def belongs(self, cycle: CycleState, init: Float[Array, " _"], uniforms: Float[Array, " _"]) -> list[bool]:
+        """Which leaves of a state belong to the environment that acts, where several feed one learner: those that an
+        action or a new episode changes. What is learned is changed by neither, and shared."""
+        acted = self.act(cycle, uniforms)
+        after = acted._replace(
+            agent=self.agent.restart(acted.agent),
+            memory=self.task.renew(acted.memory, init),
+            observation=jnp.zeros_like(acted.observation),
+            action=jnp.zeros_like(acted.action),
+            elapsed=None if acted.elapsed is None else jnp.zeros_like(acted.elapsed),
+        )
+        pairs = zip(jax.tree.leaves(cycle), jax.tree.leaves(after), strict=True)
+        return [before is not after for before, after in pairs]
 
     def resume_from(
         self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], uniforms: Float[Array, " _"]

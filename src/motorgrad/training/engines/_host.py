@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._compiler import in_one_piece
+from motorgrad._errors import check
 from motorgrad._random import BLOCK, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Agent
@@ -31,44 +32,54 @@ class HostProgram(Program):
     """The compiled functions of a `HostStepper`, each for all seeds. Several threads may call them.
 
     **Arguments:** as `Program`; an `example` of the batch, for the layout of its rows; how many `seeds` at most;
-    whether policies to begin from are `given`.
+    whether policies to begin from are `given`; how many environments, `envs`, feed each learner. With several, the
+    state of a seed has a leading axis of environments in the leaves that belong to one, and a decision of the seed is
+    one of each environment, in turn.
     """
 
     task: HostTask
 
-    def __init__(self, task: HostTask, agent: Agent, mode: Mode, example: Any, seeds: int, given: Any):
+    def __init__(self, task: HostTask, agent: Agent, mode: Mode, example: Any, seeds: int, given: Any, envs: int):
         super().__init__(task, agent, mode, diverges=True)
-        self._unpack_row = example.unpack
+        self._unpack_row, self._envs = example.unpack, envs
         row = jnp.asarray(example.packed[0])
         width = len(row)
         numbers = jnp.asarray(self.cycle.numbers.vector(agent.hyperparameters, agent.precision))
-        begun = jax.eval_shape(self._begin, jnp.int32(0), numbers, row, given)
+        single = jax.eval_shape(self._begin, jnp.int32(0), numbers, row, given)
         sizes = {"policy": self.policy.uniforms, "observe": task.uniforms}
         self.sizes = sizes | {"memory": task.init_uniforms, "look": task.uniforms}
         self._ends = np.cumsum([width, *self.sizes.values()])
         self._width = width
         uniforms = {name: jnp.zeros(size) for name, size in self.sizes.items()}
-        packing = Packing(begun, seeds, self._still(begun, row, uniforms) if self.cycle.rests else ())
+        begun, begin = single, self._begin
+        if envs > 1:
+            self._own = self._belonging(single, uniforms)
+            begin = self._begin_all
+            begun = jax.eval_shape(begin, jnp.int32(0), numbers, jnp.stack([row] * envs), given)
+        packing = Packing(begun, seeds, self._still(single, row, uniforms) if self.cycle.rests else ())
         pack, unpack = packing.pack, packing.unpack
 
         @jax.jit
-        def drawn(seeds: Array, block: Array) -> Float[Array, "decisions seeds size"]:
-            parts = [draw_block(seeds, name, block, size) for name, size in self.sizes.items()]
-            return jnp.swapaxes(jnp.concatenate(parts, axis=1), 1, 2)
+        def drawn(seeds: Array, block: Array) -> Float[Array, "decisions rows size"]:
+            parts = [draw_block(seeds, name, block, envs * size) for name, size in self.sizes.items()]
+            rows = [jnp.swapaxes(part, 1, 2).reshape(BLOCK, len(seeds) * envs, -1) for part in parts]
+            return jnp.concatenate(rows, axis=2)
 
         def harvest(cycle: Packed) -> tuple[Packed, dict[str, Array]]:
             state, found = self.summarize(unpack(cycle))
             return pack(state), found
 
         def view(view: View) -> Any:
-            one = jax.vmap(lambda cycle, row: view(cycle, self._unpack_row(row)))
-            return jax.jit(lambda cycles, rows: one(jax.vmap(unpack)(cycles), rows))
+            one = jax.vmap(lambda cycle, row: view(self._first(cycle), self._unpack_row(row)))
+            return jax.jit(lambda cycles, rows: one(jax.vmap(unpack)(cycles), rows[::envs]))
 
         compiled = functools.partial(self._over_seeds, packing)
         self._drawn = drawn
         self.pack = jax.jit(jax.vmap(pack))
         self.unpack = jax.jit(jax.vmap(unpack))
-        self.start = jax.jit(jax.vmap(lambda seed, n, row, own: pack(self._begin(seed, n, row, own))))
+        self.start = jax.jit(
+            lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own)
+        )
         self.first = compiled(self._act)
         self.learn = compiled(self._learn_and_act)
         self.learn_resting = compiled(functools.partial(self._learn_and_act, resting=True), packing.still)
@@ -76,14 +87,19 @@ class HostProgram(Program):
         self._merge = jax.jit(jax.vmap(lambda one, x, y: jax.tree.map(lambda a, b: jnp.where(one, a, b), x, y)))
         self.again = compiled(self._restart_and_act)
         self.harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
-        self.with_rest = jax.jit(jax.vmap(lambda cycle, row: jnp.append(row, self._rest(unpack(cycle), row.dtype))))
+        self.rest = jax.jit(jax.vmap(lambda cycle: self._rest(self._first(unpack(cycle)), jnp.result_type(float))))
         self.resume = jax.jit(jax.vmap(self._resume))
         self.viewer = view
 
-    def draw(self, seeds: np.ndarray, block: int) -> Float[np.ndarray, "decisions seeds size"]:
+    def draw(self, seeds: np.ndarray, block: int) -> Float[np.ndarray, "decisions rows size"]:
         """The random numbers of a block of decisions, those of all purposes side by side."""
         with _alone:
             return np.asarray(self._drawn(seeds, np.uint32(block)))
+
+    def first_numbers(self, seeds: np.ndarray) -> Float[np.ndarray, "seeds size"]:
+        """The random numbers of all seeds for the start of their first episode."""
+        with _alone:
+            return np.asarray(jax.vmap(self.start_memory)(jnp.asarray(seeds)))
 
     def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, where `resting` by the shorter program.
@@ -100,20 +116,25 @@ class HostProgram(Program):
         rested, due = self.learn_resting(spare, row), self.learn(cycles, row)
         with _alone:
             cycles = jax.block_until_ready(self._merge(resting, rested[0], due[0]))
-        return cycles, np.where(resting[:, None], rested[1], due[1])
+        return cycles, np.where(np.repeat(resting, self._envs)[:, None], rested[1], due[1])
 
     def _over_seeds(self, packing: Packing, function: Any, still: Set[str] = frozenset()) -> Any:
         """`function(cycle, packed, uniforms, *rest) -> (cycle, out)` compiled for all seeds. It does not change the
         arrays named in `still`, so they need not come back."""
-        pack, unpack, width = packing.pack, packing.unpack, self._width
+        pack, unpack, width, envs = packing.pack, packing.unpack, self._width, self._envs
+        function = self._in_turn(function) if envs > 1 else function
 
         def one(moving: Packed, still: Packed, row: Array, *rest: Any) -> tuple[Packed, Array]:
-            uniforms = dict(zip(self.sizes, jnp.split(row, self._ends)[1:], strict=False))
-            after, out = function(unpack(moving | still), row[:width], uniforms, *rest)
+            uniforms = dict(zip(self.sizes, jnp.split(row, self._ends, axis=-1)[1:], strict=False))
+            after, out = function(unpack(moving | still), row[..., :width], uniforms, *rest)
             after = pack(after)
             return {name: after[name] for name in moving}, out
 
-        compiled = in_one_piece(jax.vmap(one))
+        def every(moving: Packed, still: Packed, *rest: Any) -> tuple[Packed, Array]:
+            moving, out = jax.vmap(one)(moving, still, *map(self._by_seed, rest))
+            return moving, out if envs == 1 else out.reshape(-1, out.shape[-1])
+
+        compiled = in_one_piece(every)
 
         def in_turn(moving: Packed, still: Packed, *rest: Any) -> tuple[Packed, np.ndarray]:
             with _alone:
@@ -128,6 +149,69 @@ class HostProgram(Program):
             return cycles | moving, out
 
         return call
+
+    def _by_seed(self, rows: Array) -> Array:
+        """Rows of environments by seed, each seed's with a leading axis where it has several."""
+        return rows if self._envs == 1 else rows.reshape(-1, self._envs, *rows.shape[1:])
+
+    def _first(self, cycle: CycleState) -> CycleState:
+        """The state of a seed as its first environment has it."""
+        if self._envs == 1:
+            return cycle
+        shared, own = self._split(cycle)
+        return self._join(shared, [leaf[0] for leaf in own])
+
+    def _belonging(self, example: CycleState, uniforms: Uniforms) -> list[bool]:
+        """Which leaves of a state belong to one environment."""
+        found: list[bool] = []
+
+        def trace(cycle: CycleState) -> None:
+            found.extend(self.cycle.belongs(cycle, uniforms["memory"], uniforms["policy"]))
+
+        jax.eval_shape(trace, example)
+        self._structure = jax.tree.structure(example)
+        return found
+
+    def _split(self, cycle: CycleState) -> tuple[list[Array], list[Array]]:
+        """The leaves that environments share, and those that belong to one."""
+        leaves = list(zip(jax.tree.leaves(cycle), self._own, strict=True))
+        return [leaf for leaf, own in leaves if not own], [leaf for leaf, own in leaves if own]
+
+    def _join(self, shared: list[Array], own: list[Array]) -> CycleState:
+        """The inverse of `_split`."""
+        left = {False: iter(shared), True: iter(own)}
+        return jax.tree.unflatten(self._structure, [next(left[own]) for own in self._own])
+
+    def _in_turn(self, function: Any) -> Any:
+        """`function(cycle, *of_one) -> (cycle, out)` for one environment after the other, as if they were one stream
+        of decisions of the learner; the arguments have a leading axis of environments."""
+
+        def one(shared: list[Array], each: tuple[Any, ...]) -> tuple[list[Array], tuple[Any, ...]]:
+            own, *of_one = each
+            cycle, out = function(self._join(shared, own), *of_one)
+            shared, own = self._split(cycle)
+            return shared, (own, out)
+
+        def all_in_turn(cycle: CycleState, *of_all: Any) -> tuple[CycleState, Any]:
+            shared, own = self._split(cycle)
+            shared, (own, outs) = jax.lax.scan(one, shared, (own, *of_all))
+            return self._join(shared, own), outs
+
+        return all_in_turn
+
+    def _begin_all(self, seed: Array, numbers: Array, rows: Array, own: Policy | None) -> CycleState:
+        """The state of one seed with several environments."""
+        agent = self.fresh(seed, numbers, own)
+        init, uniforms = (jnp.stack(parts) for parts in zip(*self._starts(seed), strict=True))
+        blank = jax.vmap(lambda init: self.cycle.blank(agent, numbers, init))(init)
+        shared, of_each = self._split(blank)
+        begun = self._join([leaf[0] for leaf in shared], of_each)
+        look = self._in_turn(lambda cycle, row, u: (self.cycle.look(cycle, self._unpack_row(row), u), ()))
+        return look(begun, rows, uniforms)[0]
+
+    def _starts(self, seed: Array) -> list[tuple[Array, Array]]:
+        """The random numbers for memory and observation before the first decision of each environment."""
+        return [self.start_numbers(seed, environment) for environment in range(self._envs)]
 
     def _still(self, example: CycleState, row: Array, uniforms: Uniforms) -> list[int]:
         """The leaves of a cycle that a decision learned from resting returns unchanged."""
@@ -188,7 +272,8 @@ class HostStepper(Stepper):
     Data cross once each way per decision, in packed arrays.
 
     **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them;
-    `room`, for how many seeds the shared program is made, by default as many as there are.
+    `room`, for how many seeds the shared program is made, by default as many as there are; `envs`, the environments
+    that feed each learner; `workers`, the processes in which Gymnasium environments are stepped, 0 for this one.
     """
 
     task: HostTask
@@ -203,31 +288,40 @@ class HostStepper(Stepper):
         initial: Policy | None = None,
         numbers: Mapping[str, Any] | None = None,
         room: int = 0,
+        envs: int = 1,
+        workers: int = 0,
     ):
         super().__init__(cast(Task, task), agent, seeds, mode, initial, numbers)
-        self.batch = task.batch(list(map(int, self.seeds)), threads)
+        self.envs = envs
+        rows = [seed_of(int(seed), environment) for seed in self.seeds for environment in range(envs)]
+        self.batch = task.batch(rows, threads, **({"workers": workers} if workers else {}))
         given = jax.tree.map(lambda leaf: leaf[0], self._initial)
         room = max(room, len(self.seeds))
-        more = (mode, room, self.batch.packed.shape[1], given is None)
+        more = (mode, room, self.batch.packed.shape[1], given is None, envs)
         self.program = shared(
-            HostProgram, task, agent, more, lambda: HostProgram(task, agent, mode, self.batch, room, given)
+            HostProgram, task, agent, more, lambda: HostProgram(task, agent, mode, self.batch, room, given, envs)
         )
         self.cycle = self.program.cycle
         width, drawn = self.batch.packed.shape[1], sum(self.program.sizes.values())
-        self._seen = np.empty((len(self.seeds), width + drawn), np.float32)
+        self._seen = np.empty((len(rows), width + drawn), np.float32)
         self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
         self._block, self._drawn = -1, np.empty(0)
+        first = sum(self.program.sizes[name] for name in ("policy", "observe"))
+        self._for_memory = self._chance[:, first : first + task.init_uniforms]
+        if task.init_uniforms and (start := task.begin(self.program.first_numbers(self.seeds))):
+            self.batch.reset(None, **start)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
         cycles = self.program.start(self.seeds, self._start_vector, self.batch.packed, self._initial)
         self._cycles, self._out = self.program.first(cycles, self._input())
 
     def advance(self, decisions: int) -> None:
-        program, rests, has_episodes = self.program, self.cycle.rests, self.task.has_episodes
-        for _ in range(decisions):
-            rest = self._out[:, -1] > 0
+        program, rests, has_episodes, envs = self.program, self.cycle.rests, self.task.has_episodes, self.envs
+        check(decisions % envs == 0, "decisions", decisions, f"a multiple of the {envs} environments of a learner")
+        for _ in range(decisions // envs):
+            rest = self._out[envs - 1 :: envs, -1] >= envs
             self.batch.step(self._out[:, :-2])
-            self.decision += 1
+            self.decision += envs
             if rests:
                 self._cycles, self._out = program.learn_each(self._cycles, rest, self._input())
             else:
@@ -236,21 +330,28 @@ class HostStepper(Stepper):
             if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
                 ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
-                self.batch.reset(np.flatnonzero(ended))
+                rows = np.flatnonzero(ended)
+                self.batch.reset(rows, **self.task.begin(self._for_memory[rows]))
                 self._cycles, self._out = program.again(self._cycles, self._input(), ended, self._out)
 
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self.program.unpack(self._cycles)
         # How long it may rest follows from the cycle and the mode, so it is not kept.
-        parts = {"cycle": cycle, "action": self._out[:, :-1], "physics": self.batch.snapshot()}
-        return jax.tree.map(np.array, {"decision": self.decision, **parts})
+        parts = {"action": self._out[:, :-1], "physics": self.batch.snapshot()}
+        if self.envs > 1:  # seeds lead
+            parts = jax.tree.map(lambda x: np.reshape(x, (len(self.seeds), self.envs, *np.shape(x)[1:])), parts)
+        return jax.tree.map(np.array, {"decision": self.decision, "cycle": cycle, **parts})
 
     def restore(self, state: PyTree[np.ndarray]) -> None:
         fits(state, self.state)
-        self.batch.restore(state["physics"])
+        parts = {"action": state["action"], "physics": state["physics"]}
+        if self.envs > 1:
+            parts = jax.tree.map(lambda x: np.reshape(x, (-1, *np.shape(x)[2:])), parts)
+        self.batch.restore(parts["physics"])
         self._cycles = self.program.pack(state["cycle"])
-        self._out = np.asarray(self.program.with_rest(self._cycles, jnp.array(state["action"])))
+        rest = np.repeat(self.program.rest(self._cycles), self.envs)
+        self._out = np.append(np.array(parts["action"]), rest[:, None], axis=1)
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -283,12 +384,17 @@ class HostStepper(Stepper):
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
-        block = self.decision // BLOCK
+        block, index = divmod(self.decision // self.envs, BLOCK)
         if block != self._block:
             self._block, self._drawn = block, self.program.draw(self.seeds, block)
         self._dynamics[...] = self.batch.packed
-        self._chance[...] = self._drawn[self.decision % BLOCK]
+        self._chance[...] = self._drawn[index]
         return self._seen
+
+
+def seed_of(seed: int, environment: int) -> int:
+    """The seed of an environment of a learner: of the first its own, of the others one that follows from both."""
+    return seed if environment == 0 else int(np.random.SeedSequence([seed, environment]).generate_state(1)[0] >> 1)
 
 
 class BodyStepper(HostStepper):

@@ -41,6 +41,7 @@ class SideBySide(Stepper):
         threads: int = 0,
         initial: Policy | None = None,
         numbers: Mapping[str, Any] | None = None,
+        envs: int = 1,
     ):
         super().__init__(task, agent, seeds, "learn", initial, numbers)
         threads = threads or os.cpu_count() or 1
@@ -53,7 +54,8 @@ class SideBySide(Stepper):
             own = jax.tree.map(lambda leaf, share=share: leaf[share], initial)
             part = {path: np.broadcast_to(values, len(self.seeds))[share] for path, values in (numbers or {}).items()}
             each, chosen = max(1, threads // count), self.seeds[share].tolist()
-            self.engines.append(BodyStepper(task, agent, chosen, "learn", each, own, part, room=len(shares[0])))
+            more = {"room": len(shares[0]), "envs": envs}
+            self.engines.append(BodyStepper(task, agent, chosen, "learn", each, own, part, **more))
         self.cycle = self.engines[0].cycle
 
     def advance(self, decisions: int) -> None:

@@ -1,6 +1,7 @@
 """What every engine of training is: something that can be advanced, saved and restored."""
 
 import abc
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -41,11 +42,16 @@ class Program:
         agent = self.cycle.agent.with_numbers(self.cycle.numbers, numbers)
         return (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
 
-    def start_numbers(self, seed: Array) -> tuple[Array, Array]:
-        """One seed's random numbers for the memory and the observation before its first decision."""
-        sizes = (("start-memory", self.task.init_uniforms), ("start-look", self.task.uniforms))
-        memory, look = (jax.random.uniform(key_of(seed, name), (size,)) for name, size in sizes)
-        return memory, look
+    def start_numbers(self, seed: Array, environment: int = 0) -> tuple[Array, Array]:
+        """One seed's random numbers for the memory and the observation before its first decision, by `environment`
+        where it has several."""
+        name = f"start-look-{environment}" if environment else "start-look"
+        return self.start_memory(seed, environment), jax.random.uniform(key_of(seed, name), (self.task.uniforms,))
+
+    def start_memory(self, seed: Array, environment: int = 0) -> Array:
+        """One seed's random numbers for the start of its first episode, by `environment` where it has several."""
+        name = f"start-memory-{environment}" if environment else "start-memory"
+        return jax.random.uniform(key_of(seed, name), (self.task.init_uniforms,))
 
     def summarize(self, state: CycleState) -> tuple[CycleState, dict[str, Array]]:
         """One seed's tallies and the visible state of its learner; the tallies begin anew."""
@@ -173,10 +179,17 @@ def validate(task: Task, policy: Policy) -> None:
                 f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
             )
     if policy.actions not in task.accepted_actions:
-        takes = " or ".join(task.accepted_actions)
+        takes = " or ".join(map(_told, task.accepted_actions))
         raise ValueError(
-            f"policy {type(policy).__name__}: {policy.actions} actions, but the task {task.name!r} takes {takes}"
+            f"policy {type(policy).__name__}: {_told(policy.actions)} actions, but the task {task.name!r} takes {takes}"
         )
+
+
+def _told(actions: str | tuple[str, ...]) -> str:
+    """A kind of actions in words, such as "binary" or "2 binary, 3 graded"."""
+    if isinstance(actions, str):
+        return actions
+    return ", ".join(f"{len(list(run))} {kind}" for kind, run in itertools.groupby(actions))
 
 
 def validate_episodes(task: Task, agent: Agent) -> None:

@@ -59,6 +59,7 @@ class _Run:
     steps: int
     seeds: tuple[int, ...]
     window: int
+    envs: int = 1
     initial: str | None = None
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
-from motorgrad._errors import check, choice
-from motorgrad.bodies import read_model, tension
+from motorgrad._errors import check
+from motorgrad.bodies import Mjcf, tension
 from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
 
 LONGEST = 1_000_000  # characters of MJCF in a diagram
@@ -141,8 +141,6 @@ class MujocoModel(HostBlock):
     keyframe: Annotated[str, Setting("name of the initial keyframe; empty for the model's default state")] = ""
 
     def validate(self) -> None:
-        if self.keyframe:
-            choice("keyframe", self.keyframe, [self.model.key(i).name for i in range(self.model.nkey)])
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
             for name in names:
                 check(name not in taken, "name in the model", name, f"different from {', '.join(taken)}")
@@ -150,13 +148,21 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
+        return self.body.model
+
+    @functools.cached_property
+    def body(self) -> Mjcf:
+        """The model as a body, in which every part that has a port has a name."""
+        if self.file:
+            return Mjcf(Path(self.file), self.keyframe or None)
         check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
-        return read_model(Path(self.file) if self.file else self.xml)
+        check("<" in self.xml, "xml", self.xml, "MJCF as text")
+        return Mjcf(self.xml, self.keyframe or None)
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:
         """The names of the actuators."""
-        return tuple(self.model.actuator(i).name or f"actuator {i + 1}" for i in range(self.model.nu))
+        return self.body.groups
 
     @functools.cached_property
     def sensors(self) -> dict[str, slice]:
@@ -165,7 +171,7 @@ class MujocoModel(HostBlock):
         for i in range(self.model.nsensor):
             sensor = self.model.sensor(i)
             start = int(sensor.adr[0])
-            found[sensor.name or f"sensor {i + 1}"] = slice(start, start + int(sensor.dim[0]))
+            found[sensor.name] = slice(start, start + int(sensor.dim[0]))
         return found
 
     @property

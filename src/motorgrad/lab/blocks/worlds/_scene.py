@@ -141,6 +141,9 @@ class TaskHost(Host):
 
     def __init__(self, task: HostTask, batch: HostBatch, compiled: Functions, numbers: np.ndarray):
         self.task, self.batch, self._compiled = task, batch, compiled
+        init = self.task.init_uniforms
+        if init and (start := task.begin(numbers[:, :init])):
+            batch.reset(None, **start)
         self._scene = _to_numpy(compiled.begin(batch.packed.copy(), numbers))
 
     def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
@@ -152,7 +155,8 @@ class TaskHost(Host):
         self.batch.step(control.reshape(len(control), -1))
         scene, ended = _to_numpy(self._compiled.advance(self._scene, action, self.batch.packed.copy(), numbers))
         if ended.any():
-            self.batch.reset(np.flatnonzero(ended))
+            rows, look = np.flatnonzero(ended), self.task.uniforms
+            self.batch.reset(rows, **self.task.begin(numbers[rows, look : look + self.task.init_uniforms]))
             scene = _to_numpy(self._compiled.restart(scene, self.batch.packed.copy(), ended, numbers))
         self._scene = scene
 

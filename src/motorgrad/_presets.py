@@ -1,0 +1,94 @@
+"""Learners that are described once, as tables of settings, for tasks of ours and for those of others."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+STEPS = 100_000
+"""Decisions per seed of a training, unless said otherwise."""
+FEATURES = {"nonlinear": 64, "scale": 1.5}
+"""What policy and critic see beside their inputs."""
+POLICIES: dict[str, dict[str, Any]] = {
+    "binary": {"kind": "hyperplanes", "features": FEATURES},
+    "discrete": {"kind": "softmax", "features": FEATURES},
+    "graded": {"kind": "bounded-hyperplanes", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+    "mixed": {"kind": "mixed", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+}
+"""The policy for a task's kind of actions."""
+
+
+def natural_actor_critic(
+    policy: str | Mapping[str, Any],
+    *,
+    batch: int,
+    updates: int,
+    discount: float,
+    memory: float,
+    features: Mapping[str, Any],
+    kl: tuple[float, float],
+    entropy: float | None,
+) -> dict[str, Any]:
+    r"""The natural actor-critic as a table: generalised advantages from a least-squares critic, normalised, and steps
+    along the natural gradient that change the policy by a given divergence, which is annealed.
+
+    **Arguments:**
+
+    - `policy`: the initial policy.
+    - `batch` (decisions): from one step of the parameters to the next.
+    - `updates` (steps of the parameters): after which annealing ends; the last eighth is averaged.
+    - `discount`: of the critic.
+    - `memory` (batches): of the critic's and the Fisher matrix's means.
+    - `features`: what the critic sees.
+    - `kl` (nats): how far the first and the last step may change the policy.
+    - `entropy`: what a nat of entropy is worth at the start, in usual advantages; 0 at the end. None for nothing.
+    """
+    rate = 1 / (memory * batch)
+    return {
+        "policy": policy,
+        "estimator": {
+            # generalised advantages: the trace's decay is the critic's discount times 0.95
+            "trace": {"kind": "exponential", "decay": discount * 0.95},
+            "baseline": {
+                "kind": "critic",
+                "features": features,
+                "discount": discount,
+                "fit": {"kind": "least-squares", "rate": rate, "interval": batch},
+            },
+            "improve": batch,
+            "normalization": {"rate": 1 / (10 * batch)},
+            "entropy": None if entropy is None else annealed(entropy, 0.0, updates),
+        },
+        "metric": {
+            "kind": "fisher",
+            "rate": rate,
+            "initial": 0.05,
+            "damping": 0.01,
+            "kl": annealed(*kl, updates),
+        },
+        # the step's length is that of the KL limit: the natural gradient of a batch this small is longer
+        "optimizer": {"kind": "sgd", "learning_rate": 1.0},
+        "averaging": {"start": updates - updates // 8},
+    }
+
+
+def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
+    """A number that moves from `start` to `end` in so many steps of the parameters, as a table."""
+    return {"kind": "annealed", "start": start, "end": end, "steps": steps}
+
+
+def natural(task: Any, steps: int) -> dict[str, Any]:
+    """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions."""
+    batch = min(1000, max(100, steps // 100))
+    return natural_actor_critic(
+        POLICIES.get(task.actions, POLICIES["mixed"]),
+        batch=batch,
+        updates=max(1, steps // batch),
+        discount=0.99,
+        memory=5,
+        features={"squares": True, **FEATURES, "nonlinear": 128},
+        kl=(0.05, 0.005),
+        entropy=0.1,
+    )
+
+
+PRESETS: dict[str, Callable[[Any, int], dict[str, Any]]] = {"natural": natural}
+"""Presets by name: functions of a task and the decisions of a training."""

@@ -1,0 +1,1 @@
+"""Bodies from MJCF: anyone's models, and their parts by name."""

@@ -1,0 +1,175 @@
+"""Graded units that act between two bounds."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check, choice
+from motorgrad.policies._densities import DENSITIES, Density
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
+from motorgrad.policies._policy import fixed, sizes
+
+Shape = Literal["squashed", "clipped", "truncated", "beta"]
+
+
+class BoundedUnits(GradedUnits):
+    r"""A pool of $N$ units with activations in [low, high], each drawn from a density of location $m_i(y)$ and spread
+    $s_i = s_{\min} + e^{\lambda_i}$.
+
+    The density is one of `DENSITIES`, on [−1, 1], which stands for [low, high]: $a = c + h u$ with the middle $c$ and
+    half the range $h$. So location and spread are in units of half the range, whatever the range is.
+
+    The score is $\partial_m \log\pi\,\nabla m$ and $\partial_{\log s} \log\pi\,e^\lambda/s$, and finite for every
+    action, the bounds included. The Fisher matrix is exact, with cross terms of location and spread.
+
+    A subclass defines `inputs`, `mean_gradient` and `mean`, which is the location in units of half the range from its
+    middle, and not the mean activation.
+    """
+
+    low: eqx.AbstractVar[Float[Array, " units"]]
+    high: eqx.AbstractVar[Float[Array, " units"]]
+    density: eqx.AbstractVar[str]
+
+    @property
+    def _density(self) -> Density:
+        return DENSITIES[self.density]
+
+    def _spread_out(self, u: Float[Array, " units"]) -> Float[Array, " units"]:
+        """From [−1, 1] to [low, high], whose ends are reached exactly."""
+        inside = (self.low + self.high) / 2 + (self.high - self.low) / 2 * u
+        inside = jnp.clip(inside, self.low, self.high)
+        return jnp.where(u <= -1, self.low, jnp.where(u >= 1, self.high, inside))
+
+    def _folded(self, action: Float[Array, " units"]) -> Float[Array, " units"]:
+        """The inverse of `_spread_out`. What lies outside counts as at the end."""
+        inside = (action - (self.low + self.high) / 2) / ((self.high - self.low) / 2)
+        least = 1 - jnp.finfo(inside.dtype).epsneg
+        inside = jnp.clip(inside, -least, least)
+        return jnp.where(action <= self.low, -1, jnp.where(action >= self.high, 1, inside))
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        """The mean activations, of squashed units the median."""
+        return self._spread_out(self._density.mean(self.mean(observation), self.deviation))
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]) -> Float[Array, " units"]:
+        return self._spread_out(self._density.sample(self.mean(observation), self.deviation, uniforms))
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        """The most probable activations, of squashed units the median."""
+        return self._spread_out(self._density.mode(self.mean(observation)))
+
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        """Log-density of each unit's activation; at a bound that has a probability of its own, its logarithm."""
+        u = self._folded(action)
+        log = self._density.log_prob(self.mean(observation), self.deviation, u)
+        return jnp.where(self._density.at_end(u), log, log - jnp.log((self.high - self.low) / 2))
+
+    def _slopes(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> tuple[Float[Array, " units"], Float[Array, " units"]]:
+        return self._density.slopes(self.mean(observation), self.deviation, self._folded(action))
+
+    def _information(self, observation: Float[Array, " inputs"]) -> tuple[Array, Array, Array]:
+        of_m, both, of_s = self._density.information(self.mean(observation), self.deviation)
+        location = jnp.sqrt(jnp.maximum(of_m, 0))
+        cross = jnp.where(location > 0, both / jnp.where(location > 0, location, 1), 0)
+        return location, cross, jnp.sqrt(jnp.maximum(of_s - cross * cross, 0))
+
+    def entropies(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        """Entropy of each unit, in nats."""
+        density, m, s = self._density, self.mean(observation), self.deviation
+        return density.entropy(m, s) + density.inside(m, s) * jnp.log((self.high - self.low) / 2)
+
+
+class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
+    r"""Units that act in [low, high], with a location linear in the inputs, $m_i = w_i \cdot y + b_i$, and a spread of
+    their own, the same at all inputs.
+
+    | `density` | an activation in [−1, 1] | mode |
+    |---|---|---|
+    | `"squashed"` | $\tanh(m + s\varepsilon)$ (Haarnoja et al., 2018) | $\tanh m$, the median |
+    | `"clipped"` | $m + s\varepsilon$, clipped; the ends have a probability (Fujita & Maeda, 2018) | $m$, clipped |
+    | `"truncated"` | normal, given that it is within (Burkardt, 2014) | $m$, clipped |
+    | `"beta"` | beta distribution with $\alpha, \beta \ge 1$ (Chou et al., 2017) | $\tanh m$ |
+
+    **Arguments:** `slope` $w$ of shape `(units, inputs)`; `level` $b$ and `log_deviation` $\lambda$, both `(units,)`;
+    not trainable: `floor` $s_{\min}$, the lower bound of the spread, positive; `low` and `high`, the bounds, `(units,)`
+    or one number for all; `density`, by name.
+
+    **Example:**
+
+    ```python
+    units = BoundedHyperplanes(slope=[[0.5, -1.0]], level=[0.2], log_deviation=[-1.0], low=0.0, high=1.0)
+    ```
+    """
+
+    low: Float[Array, " units"] = fixed(converter=jnp.asarray, default=-1.0)
+    high: Float[Array, " units"] = fixed(converter=jnp.asarray, default=1.0)
+    density: str = eqx.field(static=True, default="squashed")
+
+    def __check_init__(self) -> None:
+        GradedHyperplanes.__check_init__(self)
+        choice("density", self.density, DENSITIES)
+        for name in ("low", "high"):
+            shape = getattr(self, name).shape
+            check(shape in ((), self.slope.shape[:1]), name, shape, f"one number, or of shape {self.slope.shape[:1]}")
+        if not isinstance(self.low, Tracer) and not isinstance(self.high, Tracer):
+            low, high = np.asarray(self.low), np.asarray(self.high)
+            bounded = np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()
+            check(bounded, "low, high", (low.tolist(), high.tolist()), "finite, low < high")
+
+
+def bounded_hyperplanes(
+    task: Any,
+    units: int | None = None,
+    density: Shape = "squashed",
+    level: float = 0.0,
+    deviation: float = 0.5,
+    floor: float = 0.02,
+    features: FeatureMap = INPUTS,
+) -> BoundedHyperplanes | Featured:
+    """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
+    task.
+
+    All units have zero slopes: their most probable activation is the same for every observation.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `density`: of an activation: a squashed, clipped or truncated normal one, or beta.
+    - `level`: the most probable activation at the start, as a fraction of half the range from its middle.
+    - `deviation`: the spread at the start, in units of half the range.
+    - `floor`: the least spread that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
+    """
+    inputs, outputs = sizes(task, units)
+    ranges = bounds_of(task, outputs)
+    return featured(features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor))
+
+
+def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:
+    """The range of each action of a task; from −1 to 1 without a task."""
+    ranges = getattr(task, "action_range", ((-1.0, 1.0),) * outputs)
+    check(len(ranges) == outputs, "units", outputs, f"{len(ranges)}, one for each action of the task")
+    return ranges
+
+
+def start_bounded(
+    inputs: int, ranges: Sequence[tuple[float, float]], density: str, level: float, deviation: float, floor: float
+) -> BoundedHyperplanes:
+    """Bounded hyperplanes with zero slopes, one for each of the `ranges`."""
+    choice("density", density, DENSITIES)
+    check(-1 < level < 1, "level", level, "above -1 and below 1")
+    noise = log_deviations(len(ranges), deviation, floor)
+    least = jnp.asarray(floor, noise.dtype)
+    low, high = jnp.asarray(ranges, noise.dtype).T
+    location = jnp.full(len(ranges), DENSITIES[density].location(level))
+    return BoundedHyperplanes(jnp.zeros((len(ranges), inputs)), location, noise, least, low, high, density)

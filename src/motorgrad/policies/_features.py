@@ -1,0 +1,119 @@
+"""What linear units and critics see beside their inputs: products, and fixed random or radial features."""
+
+import functools
+import math
+from typing import Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check, choice
+from motorgrad._tree import Part, count, static
+
+Kind = Literal["tanh", "fourier", "radial", "grid"]
+KINDS = ("tanh", "fourier", "radial", "grid")
+
+
+class FeatureMap(Part):
+    r"""The inputs $y$ and fixed functions of them, side by side.
+
+    Beside $n$ inputs, which should have a scale of about 1, there may be $K$ nonlinear features of one `shape`:
+
+    | `shape` | $\varphi_k(y)$ | drawn once, from `seed` |
+    |---|---|---|
+    | `"tanh"` | $\tanh(c\,(w_k \cdot y/\sqrt n + b_k))$ | $w_k, b_k$ from $\mathcal N(0, 1)$ |
+    | `"fourier"` | $\sqrt2\cos(c\,w_k \cdot y/\sqrt n + b_k)$ | $w_k$ likewise, $b_k$ from U[0, 2π) |
+    | `"radial"` | $\exp(-c^2 \lVert y - \mu_k\rVert^2/2n)$ | $\mu_k$ from $\mathcal N(0, 1)$ |
+    | `"grid"` | the same | nothing: $\mu_k$ are spread evenly over [−1, 1] in every input |
+
+    Fourier features approximate the kernel of the radial ones (Rahimi & Recht, 2007); for these, see Broomhead & Lowe
+    (1988). The random numbers are
+    those of NumPy's `RandomState`, which never change: the settings say all that there is to know of a map, and it
+    needs no storing.
+
+    **Arguments:**
+
+    - `squares`: whether the squares of the inputs are among the features.
+    - `products`: whether the products of all pairs of inputs are.
+    - `nonlinear`: $K$, how many nonlinear features there are.
+    - `shape`: the kind of these: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
+    - `scale`: $c$, above 0; the greater, the shorter the distance between inputs that the features tell apart.
+    - `seed`: of the random numbers. All seeds of a run have the same features.
+
+    **Raises:** `ValueError` for a value out of range.
+
+    ```python
+    policy = mg.policies.hyperplanes(task, features=mg.policies.FeatureMap(nonlinear=64))
+    ```
+    """
+
+    squares: bool = static(False)
+    products: bool = static(False)
+    nonlinear: int = count(0, 0, 100_000)
+    shape: Kind = static("tanh")
+    scale: float = static(1.0)
+    seed: int = count(0, 0)
+
+    def validate(self) -> None:
+        choice("shape", self.shape, KINDS)
+        check(0 < self.scale < math.inf, "scale", self.scale, "a number above 0")
+
+    @property
+    def adds(self) -> bool:
+        """Whether there is anything beside the inputs."""
+        return self.squares or self.products or self.nonlinear > 0
+
+    def size(self, inputs: int) -> int:
+        """The number of features of so many inputs, the inputs included."""
+        pairs = inputs * (inputs - 1) // 2
+        return inputs + inputs * self.squares + pairs * self.products + self.nonlinear
+
+    def expanded(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
+        """The inputs, their squares, their products and the nonlinear features, as far as there are any."""
+        parts = [observation]
+        parts += [jnp.square(observation)] if self.squares else []
+        if self.products:
+            first, second = np.triu_indices(observation.shape[0], 1)
+            parts += [observation[first] * observation[second]]
+        parts += [self._nonlinear(observation)] if self.nonlinear else []
+        return jnp.concatenate(parts)
+
+    def _nonlinear(self, observation: Float[Array, " inputs"]) -> Float[Array, " nonlinear"]:
+        drawn = _drawn(self.shape, self.nonlinear, observation.shape[0], self.seed)
+        directions, offsets = (jnp.asarray(each, observation.dtype) for each in drawn)
+        steepness = self.scale / math.sqrt(observation.shape[0])
+        if self.shape in ("radial", "grid"):
+            return jnp.exp(-0.5 * jnp.sum(jnp.square(steepness * (observation - directions)), axis=-1))
+        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
+        along = jnp.sum(directions * (steepness * observation), axis=-1)
+        if self.shape == "tanh":
+            return jnp.tanh(along + self.scale * offsets)
+        return math.sqrt(2) * jnp.cos(along + offsets)
+
+
+INPUTS = FeatureMap()
+"""The inputs alone."""
+
+
+@functools.lru_cache(maxsize=64)
+def _drawn(shape: str, features: int, inputs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions, or centres, `(features, inputs)`; and offsets `(features,)`."""
+    drawn = np.random.RandomState(seed)
+    directions = 2 * lattice(features, inputs) - 1 if shape == "grid" else drawn.standard_normal((features, inputs))
+    offsets = 2 * np.pi * drawn.random_sample(features) if shape == "fourier" else drawn.standard_normal(features)
+    return directions, offsets
+
+
+def lattice(places: int, inputs: int) -> np.ndarray:
+    """`places` points `(places, inputs)` spread evenly over the unit cube, at the centres of cells."""
+    points = np.full((places, inputs), 0.5)
+    for column in range(inputs - 1):
+        rows = max(1, round(places ** (1 / (inputs - column))))
+        if rows > 1:  # in the columns before, all are in the middle
+            for n, part in enumerate(np.array_split(points[:, column:], rows)):
+                part[:, 0] = (n + 0.5) / rows
+                part[:, 1:] = lattice(*part[:, 1:].shape)
+            return points
+    points[:, -1] = (np.arange(places) + 0.5) / places
+    return points

@@ -1,0 +1,99 @@
+"""Binary and graded units side by side in one policy."""
+
+import itertools
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array
+
+from motorgrad._errors import check
+from motorgrad.policies._binary import zero_hyperplanes
+from motorgrad.policies._bounded import Shape, bounds_of, start_bounded
+from motorgrad.policies._composed import Pools
+from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._policy import Policy, sizes
+
+
+class Mixed(Pools):
+    r"""Pools of binary and of graded units side by side on one observation: $\log\pi = \sum_k \log\pi_k$.
+
+    The action is a vector of the pools' actions one after the other: zeros and ones of binary pools, real numbers of
+    graded ones. `actions` tells the kind of each.
+
+    **Arguments:** `pools`, at least one pool of binary or graded units, over observations of the same length.
+
+    **Example:**
+
+    ```python
+    grasp = Hyperplanes(weights=[[1.0, 0.0]], bias=[0.0])
+    muscles = BoundedHyperplanes(slope=[[0.5, 1.0]], level=[0.2], log_deviation=[-1.0], low=0.0)
+    Mixed([grasp, muscles]).actions  # ("binary", "graded")
+    ```
+    """
+
+    pools: tuple[Policy, ...] = eqx.field(converter=tuple)
+
+    def __check_init__(self) -> None:
+        super().__check_init__()
+        kinds = [pool.actions for pool in self.pools]
+        vectors = all(isinstance(kind, tuple) or kind in ("binary", "graded") for kind in kinds)
+        check(vectors, "pools", kinds, "pools of binary or graded units")
+
+    @property
+    def actions(self) -> str | tuple[str, ...]:
+        """The kind of each number; only one if all are of it."""
+        kinds: list[str] = []
+        for pool in self.pools:
+            kinds += pool.actions if isinstance(pool.actions, tuple) else [pool.actions] * pool.outputs
+        return tuple(kinds) if len(set(kinds)) > 1 else kinds[0]
+
+    def enumerate(self) -> Array:
+        raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
+
+
+def mixed(
+    task: Any,
+    units: int | None = None,
+    binary: int = 1,
+    density: Shape = "squashed",
+    level: float = 0.0,
+    deviation: float = 0.5,
+    floor: float = 0.02,
+    features: FeatureMap = INPUTS,
+) -> Mixed | Featured:
+    """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero slopes.
+
+    **Arguments:**
+
+    - `task`: a task, or a number of inputs.
+    - `units`: the number of units, by default one for each action of the task.
+    - `binary`: how many of the first units are binary, where the task does not tell the kind of each action.
+    - `density`: of a graded activation: a squashed, clipped or truncated normal one, or beta.
+    - `level`: the most probable graded activation at the start, as a fraction of half the range from its middle.
+    - `deviation`: the spread of graded activations at the start, in units of half the range.
+    - `floor`: the least spread that learning may reach.
+    - `features`: what the units see beside the inputs; by default nothing.
+    """
+    inputs, outputs = sizes(task, units)
+    kinds = getattr(task, "actions", None)
+    if not isinstance(kinds, tuple):
+        check(0 < binary < outputs, "binary", binary, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
+        kinds = ("binary",) * binary + ("graded",) * (outputs - binary)
+    check(len(kinds) == outputs, "units", outputs, f"{len(kinds)}, one for each action of the task")
+    ranges = bounds_of(task, outputs)
+
+    def pools(inputs: int) -> Mixed:
+        start, found = 0, []
+        for kind, run in itertools.groupby(kinds):
+            own = ranges[start : start + len(list(run))]
+            graded = kind == "graded"
+            found.append(
+                start_bounded(inputs, own, density, level, deviation, floor)
+                if graded
+                else zero_hyperplanes(inputs, len(own))
+            )
+            start += len(own)
+        return Mixed(found)
+
+    return featured(features, inputs, pools)

@@ -1,0 +1,43 @@
+"""Presets: learners for any task, in proportion to a budget, whose parts can be changed one by one."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from motorgrad._presets import PRESETS, STEPS
+from motorgrad.learning import Agent
+from motorgrad.tasks import Task
+from motorgrad.training import agent_for
+
+__all__ = ["PRESETS", "natural"]
+
+
+def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""The natural actor-critic (Peters & Schaal, 2008), which learned to walk on 24 muscles, for any task.
+
+    It is made of generalised advantages (Schulman et al., 2016) from a least-squares critic (Boyan, 2002), which are
+    divided by their running root mean square; of the natural gradient of each unit, which is followed as far as a limit
+    on the Kullback-Leibler divergence allows; and of the average of the last parameters. The policy is that of the
+    task's own learner; or it goes with the task's actions: softmax for discrete ones, hyperplanes for binary and
+    squashed normal units for graded ones. These see 64 fixed random features beside their inputs, and the critic 128.
+
+    What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, from 100 to 1,000
+    decisions; the limit on the divergence falls from 0.05 to 0.005 nats over the training, and the worth of entropy
+    from 0.1 to nothing; averaging begins with its last eighth; critic and metric have a memory of five batches.
+
+    **Arguments:**
+
+    - `task`: a task, or the name of one.
+    - `steps` (decisions): of the training, per seed.
+    - `changes`, `more`: settings to be changed, by path, by short name or as parts, as in `agent_for`.
+
+    **Returns** an `Agent`.
+
+    **Raises:** `ValueError` as `agent_for`.
+
+    ```python
+    task = mg.tasks.from_gymnasium("CartPole-v1")
+    agent = mg.presets.natural(task, steps=50_000, damping=0.02)
+    run = mg.train(task, agent, steps=50_000, seeds=10)
+    ```
+    """
+    return agent_for(task, changes, preset="natural", steps=steps, **more)

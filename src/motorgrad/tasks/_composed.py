@@ -1,0 +1,421 @@
+"""Tasks that are composed of terms rather than written."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._errors import check
+from motorgrad._running import RunningMean, running_mean
+from motorgrad._settings import build, check_fields
+from motorgrad._tree import kind_of
+from motorgrad.bodies import Body, BodyState, start_pose
+from motorgrad.tasks._composing import LEARNER, Drive, body_of, body_table, drive_of, reach, with_absolute_paths
+from motorgrad.tasks._host_task import BodyTask
+from motorgrad.tasks._task import Flag, Reading, Scalar
+from motorgrad.tasks.gymnasium._gymnasium import add_observation, standardised
+from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Target
+from motorgrad.tasks.terms._term import Now, bound
+
+FIXED: Mapping[str, Any] = {"option": False}
+"""Of fields that are too much for an option of the command line."""
+
+
+class ComposedMemory(NamedTuple):
+    """The memory of a composed task.
+
+    - `decisions`: made in this episode; `ended`: whether it has just ended, by itself or by its limit.
+    - `control`: of each group of actuators in the last decision.
+    - `drawn`: by name, what each target drew for the episode.
+    - `terms`: what terms remember, in their order.
+    - `mean`, `variance`: of the observations so far, `None` without scaling; `frozen`: whether they stay as they are.
+    """
+
+    decisions: Int[Array, ""]
+    ended: Flag
+    control: Float[Array, " groups"]
+    drawn: dict[str, Any]
+    terms: tuple[Any, ...]
+    mean: RunningMean | None
+    variance: RunningMean | None
+    frozen: Flag
+
+
+class _Bindings(NamedTuple):
+    """The terms of a task, bound to its body."""
+
+    scene: Scene
+    body: Body
+    observe: tuple[tuple[float, Bound], ...]
+    reward: tuple[tuple[float, Bound], ...]
+    terminate: tuple[tuple[Quantity, Bound], ...]
+    readings: tuple[tuple[str, bool, Bound], ...]
+    reset: tuple[BoundReset, ...]
+    remembering: tuple[Bound, ...]
+    """Those that remember something, whose memories are in this order."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Composed(BodyTask):
+    """A task on any body, composed of terms: what is observed, aimed at, rewarded and recorded, where episodes begin
+    and end.
+
+    Each term is an instance of a class in `motorgrad.tasks.terms`, its name, or a table with its `kind` and settings.
+    Without a body, it is the reach of a two-joint arm with six muscles for places that it can reach.
+
+    **Arguments:**
+
+    - `body`: a body; the path of an MJCF file, MJCF as text, or a `mujoco.MjSpec`; or a table of `Mjcf`, or with the
+      `kind` of another body.
+    - `observations`: what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`.
+    - `rewards`: what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`.
+    - `targets`: what other terms refer to (`Target`).
+    - `resets`: where episodes begin (`Reset`), by default in the body's keyframe. Short name: `reset`.
+    - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
+    - `recorded`: what is recorded (`Quantity`). Short name: `readings`.
+    - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
+      muscle, and two that oppose each other for an actuator that works in both directions.
+    - `groups`: for each unit the actuators that it drives, a name or a pattern such as `"flexor*"`, or a list of them.
+      Actuators in no group stay at rest. By default each has its own unit.
+    - `scaling`: of observations: `"running"` subtracts the running mean of this seed's observations and divides by
+      their standard deviation, clipped to ±5; `"none"` leaves them as the terms have them.
+    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
+    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
+    - `commands`: what the actions of units are: `"controls"` in the actuators' ranges; or, as in MyoSuite, `"sigmoid"`:
+      numbers a in [−1, 1], of which a muscle has the control 1 / (1 + exp(−5 (a − 0.5))), another actuator a itself, or
+      the corresponding one in its range where the body has no muscle. A unit that is off has −1.
+
+    **Raises:** `ValueError` for a name that does not exist, with the nearest one, for a model that MuJoCo refuses, and
+    for settings that do not go together.
+
+    ```python
+    from motorgrad.tasks import compose, terms
+
+    task = compose(
+        "arm6",
+        targets=[terms.Reach("hand")],
+        observe=["joint-positions", "joint-velocities", "target-error"],
+        reward=[terms.Distance(), terms.Effort(weight=-0.1)],
+        reset=["random-joints"],
+        readings=["distance", terms.Within(tolerance=0.03, name="solved")],
+    )
+    print(task.observation_names[-3:])  # → ('target error x', 'target error y', 'target error z')
+    ```
+    """
+
+    name: ClassVar[str] = "composed"
+
+    aliases: ClassVar[Mapping[str, str]] = {
+        "observe": "observations",
+        "reward": "rewards",
+        "reset": "resets",
+        "terminate": "terminations",
+        "readings": "recorded",
+    }
+
+    body: Any = dataclasses.field(default=None, metadata={**FIXED, "plain": body_table})
+    observations: tuple[Observation | Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
+    rewards: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
+    targets: tuple[Target, ...] = dataclasses.field(default=(), metadata=FIXED)
+    resets: tuple[Reset, ...] = dataclasses.field(default=(), metadata=FIXED)
+    terminations: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
+    recorded: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
+    actions: Literal["graded", "binary"] = "graded"  # pyright: ignore[reportIncompatibleVariableOverride]
+    groups: tuple[str | tuple[str, ...], ...] | None = dataclasses.field(default=None, metadata=FIXED)
+    scaling: Literal["running", "none"] = "running"
+    action_period: float = 0.02
+    time_limit: float | None = None
+    commands: Literal["controls", "sigmoid"] = "controls"
+
+    def __post_init__(self) -> None:
+        if self.body is None:
+            for name, value in reach().items():
+                if getattr(self, name) in ((), None):
+                    object.__setattr__(self, name, value)
+        object.__setattr__(self, "body", body_of(self.body))
+        check_fields(self)
+        check(self.observations, "observations", self.observations, "at least one term, given as `observe`")
+        check(self.rewards, "rewards", self.rewards, "at least one term, given as `reward`")
+        self.check_times()
+        whole = self.commands == "controls" or self.groups is None
+        check(whole, "groups", self.groups, "left out with the commands 'sigmoid'")
+        names = self.reports
+        for name in names:
+            check(names.count(name) == 1, "name of a reading", name, "given once")
+        for term in (*self.rewards, *self.recorded, *self.terminations):
+            limited = term.above is not None or term.below is not None
+            ends = term in self.terminations
+            check(limited or not ends, f"terminate: {kind_of(term)}", "no limit", "above or below a limit")
+        self._drive  # noqa: B018 (raises for unknown actuators)
+        self._bound  # noqa: B018 (raises for unknown names)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # bound terms are functions, so they are made again
+        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    def with_setting(self, value: Mapping[str, Any], where: str = "task") -> "Composed":
+        """The task with some settings changed. Terms belong to a body, so another body takes none of them over."""
+        known = isinstance(value, Mapping)
+        check(known, where, value, "a table of the settings of a composed task")
+        return build(Composed, value, where, None if "body" in value else self)
+
+    @classmethod
+    def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        return with_absolute_paths(settings, folder)
+
+    @property
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Natural gradients with a critic, as for the hexapod's muscles, on units for these actions."""
+        graded = {"kind": "bounded-hyperplanes", "deviation": 1.0}
+        return {**LEARNER, "policy": graded if self.actions == "graded" else "hyperplanes"}
+
+    @functools.cached_property
+    def _bound(self) -> _Bindings:
+        scene = Scene(self.body, self.action_period, self.targets)
+        remembering: list[Bound] = []
+
+        def bind(what: str, term: Any) -> Bound:
+            found = bound(what, term, scene)
+            if found.init is not None:
+                remembering.append(found)
+            return found
+
+        observe = []
+        for term in self.observations:
+            found, scale = bind("observe", term), getattr(term, "scale", 1.0)
+            observe.append((scale, found._replace(names=found.names or (_label(term),))))
+            if found.init is not None:
+                remembering[-1] = observe[-1][1]
+        reward = tuple((term.weight, bind("reward", term)) for term in self.rewards)
+        terminate = tuple((term, bind("terminate", term)) for term in self.terminations)
+        readings = tuple((_label(term), term.at_end, bind("readings", term)) for term in self.recorded)
+        reset = tuple(bound("reset", term, scene) for term in self.resets)
+        return _Bindings(scene, scene.sensed, tuple(observe), reward, terminate, readings, reset, tuple(remembering))
+
+    @property
+    def dynamics(self) -> Body:
+        """The body, with the sensors that the terms need."""
+        return self._bound.body
+
+    # -- actions
+
+    @functools.cached_property
+    def _drive(self) -> Drive:
+        return drive_of(Scene(self.body, self.action_period), self.groups, self.actions == "binary")
+
+    @property
+    def action_size(self) -> int:
+        return len(self._drive.names)
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """What each unit drives."""
+        return self._drive.names
+
+    @property
+    def action_range(self) -> tuple[tuple[float, float], ...]:
+        if self.commands == "sigmoid" and self.actions == "graded":
+            return ((-1.0, 1.0),) * self.action_size
+        return tuple((float(low), float(high)) for low, high in self._drive.range)
+
+    def control(self, action: Any, memory: Any = None) -> Any:
+        """The control of each group of actuators, within its range."""
+        del memory
+        drive = self._drive
+        if self.commands == "sigmoid":
+            return self._commanded(action)
+        if self.actions == "graded":
+            low, high = jnp.asarray(drive.range, jnp.float32).T
+            action = jnp.clip(action, low, high)
+        control = action if drive.plain else drive.rest + action @ drive.matrix
+        return control if drive.plain else jnp.clip(control, *drive.limits.T)
+
+    @functools.cached_property
+    def _muscles(self) -> Bool[np.ndarray, " groups"]:
+        return self._bound.scene.muscles
+
+    def _commanded(self, action: Any) -> Any:
+        """The controls for numbers in [−1, 1], or for units that are on or off."""
+        command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
+        if not self._muscles.any():
+            low, high = self._drive.limits.T
+            return (low + high) / 2 + command * (high - low) / 2
+        return jnp.where(self._muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
+
+    # -- observations
+
+    @property
+    def observation_size(self) -> int:
+        return len(self.observation_names)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return tuple(name for _, each in self._bound.observe for name in each.names)
+
+    def observe(
+        self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[ComposedMemory, Float[Array, " inputs"]]:
+        del uniforms
+        look = self._looks(memory, state)
+        seen = jnp.concatenate([scale * jnp.atleast_1d(look(each)) for scale, each in self._bound.observe])
+        if memory.mean is None or memory.variance is None:
+            return memory, seen
+        mean, variance = jax.tree.map(
+            lambda old, new: jnp.where(memory.frozen, old, new),
+            (memory.mean, memory.variance),
+            add_observation(memory.mean, memory.variance, seen),
+        )
+        return memory._replace(mean=mean, variance=variance), standardised(mean, variance, seen)
+
+    # -- episodes
+
+    @property
+    def init_uniforms(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        parts = self._bound
+        return sum(t.uniforms for t in parts.scene.targets.values()) + sum(each.uniforms for each in parts.reset)
+
+    @property
+    def episodic(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return bool(self.terminations)
+
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> ComposedMemory:
+        parts, drawn, place = self._bound, {}, 0
+        for name, target in parts.scene.targets.items():
+            drawn[name] = target.draw(uniforms[place : place + target.uniforms])
+            place += target.uniforms
+        nothing = running_mean(jnp.zeros(self.observation_size)) if self.scaling == "running" else None
+        return ComposedMemory(
+            jnp.zeros((), jnp.int32),
+            jnp.zeros((), bool),
+            jnp.zeros(len(self.body.groups)),
+            drawn,
+            tuple(each.init() for each in parts.remembering),
+            nothing,
+            nothing,
+            jnp.zeros((), bool),
+        )
+
+    def renew(self, memory: ComposedMemory, uniforms: Float[Array, " init_uniforms"]) -> ComposedMemory:
+        return self.init(uniforms)._replace(mean=memory.mean, variance=memory.variance, frozen=memory.frozen)
+
+    def freeze(self, memory: ComposedMemory) -> ComposedMemory:
+        return memory._replace(frozen=jnp.ones((), bool))
+
+    def begin(self, uniforms: Float[np.ndarray, "rows init_uniforms"]) -> Mapping[str, np.ndarray]:
+        parts = self._bound
+        if not parts.reset:
+            return {}
+        place = sum(target.uniforms for target in parts.scene.targets.values())
+        position, velocity = (np.tile(each, (len(uniforms), 1)) for each in start_pose(self.body, parts.scene.model))
+        for each in parts.reset:
+            chance = np.asarray(uniforms[:, place : place + each.uniforms], float)
+            position, velocity = each.apply(position, velocity, chance)
+            place += each.uniforms
+        return {"position": position, "velocity": velocity}
+
+    def reward(
+        self, memory: ComposedMemory, state: BodyState, action: Float[Array, " units"]
+    ) -> tuple[ComposedMemory, Scalar, Flag]:
+        parts = self._bound
+        memory = memory._replace(decisions=memory.decisions + 1, control=self.control(action, memory))
+        if parts.remembering:
+            now = self._now(memory, state)
+            pairs = zip(parts.remembering, memory.terms, strict=True)
+            after = (each.step(now._replace(memory=own)) if each.step else own for each, own in pairs)
+            memory = memory._replace(terms=tuple(after))
+        look = self._looks(memory, state)
+        reward = jnp.asarray(sum(weight * look(each) for weight, each in parts.reward))
+        ended: Any = False
+        for term, each in parts.terminate:
+            value = look(each)
+            for over in ([value > term.above] if term.above is not None else []) + (
+                [value < term.below] if term.below is not None else []
+            ):
+                ended = over if ended is False else ended | over
+        limit = self.episode_limit
+        over = ended if limit is None else (memory.decisions >= limit) | ended
+        return memory._replace(ended=jnp.asarray(over)), reward, ended
+
+    # -- readings
+
+    @property
+    def reports(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return tuple(_label(term) for term in self.recorded)
+
+    def readings(self, memory: ComposedMemory, state: BodyState) -> dict[str, Reading]:
+        """Those that were asked for."""
+        look = self._looks(memory, state)
+        return {name: (look(each), memory.ended if late else True) for name, late, each in self._bound.readings}
+
+    def _now(self, memory: ComposedMemory, state: BodyState) -> Now:
+        return Now(state, memory.control, memory.decisions * self.action_period, memory.drawn)
+
+    def _looks(self, memory: ComposedMemory, state: BodyState) -> Any:
+        """A function that reads a term, with what the term remembers."""
+        now, remembering = self._now(memory, state), self._bound.remembering
+
+        def look(bound: Bound) -> Array:
+            if bound.init is None:
+                return bound.read(now)
+            place = next(i for i, each in enumerate(remembering) if each is bound)
+            return bound.read(now._replace(memory=memory.terms[place]))
+
+        return look
+
+
+def compose(
+    body: Any,
+    *,
+    observe: Sequence[Any],
+    reward: Sequence[Any],
+    targets: Sequence[Any] = (),
+    reset: Sequence[Any] = (),
+    terminate: Sequence[Any] = (),
+    readings: Sequence[Any] = (),
+    actions: Literal["graded", "binary"] = "graded",
+    groups: Sequence[Any] | None = None,
+    scaling: Literal["running", "none"] = "running",
+    action_period: float = 0.02,
+    time_limit: float | None = None,
+    commands: Literal["controls", "sigmoid"] = "controls",
+) -> Composed:
+    """A task on a body, put together from terms: an instance of `Composed`, which describes the arguments.
+
+    A term is an instance of a class in `motorgrad.tasks.terms`; its name, such as `"joint-positions"`; or a table such
+    as `{"kind": "within", "tolerance": 0.03}`.
+
+    ```python
+    task = mg.tasks.compose(
+        "arm6",
+        targets=["reach"],
+        observe=["joint-positions", "joint-velocities", "target-error"],
+        reward=["distance", {"kind": "effort", "weight": -0.1}],
+        time_limit=2.0,
+    )
+    ```
+    """
+    return Composed(
+        body,
+        tuple(observe),
+        tuple(reward),
+        tuple(targets),
+        tuple(reset),
+        tuple(terminate),
+        tuple(readings),
+        actions,
+        None if groups is None else tuple(groups),
+        scaling,
+        action_period,
+        time_limit,
+        commands,
+    )
+
+
+def _label(term: Any) -> str:
+    """The name of a quantity as a reading."""
+    return term.name or kind_of(term)

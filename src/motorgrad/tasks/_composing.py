@@ -1,0 +1,158 @@
+"""What composed tasks are made from beside their terms: bodies from settings, units that drive actuators, a learner."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check, unknown
+from motorgrad._settings import build, table
+from motorgrad.bodies import BODIES, BUNDLED, Mjcf
+from motorgrad.tasks.terms import (
+    Closeness,
+    Distance,
+    Effort,
+    JointPositions,
+    JointVelocities,
+    RandomJoints,
+    Reach,
+    Scene,
+    TargetError,
+    TargetPosition,
+    Within,
+)
+
+BATCH = 160  # decisions per update of the parameters
+UPDATES = 375  # updates after which annealing ends: 60,000 decisions
+DISCOUNT = 0.9  # a muscle moves a limb within some tenths of a second
+LEARNER: Mapping[str, Any] = {
+    "estimator": {
+        # generalised advantages: the trace's decay is the critic's discount times 0.95
+        "trace": {"kind": "exponential", "decay": 0.95 * DISCOUNT},
+        "baseline": {
+            "kind": "critic",
+            "features": {"squares": True},
+            "discount": DISCOUNT,
+            "fit": {"kind": "least-squares", "rate": 1 / (20 * BATCH), "interval": BATCH},
+        },
+        "improve": BATCH,
+        "normalization": {"rate": 1 / (10 * BATCH)},
+        # without it graded units soon stop exploring
+        "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": UPDATES},
+    },
+    "metric": {
+        "kind": "fisher",
+        "rate": 1 / (20 * BATCH),
+        "initial": 0.05,
+        "damping": 0.01,
+        "kl": {"kind": "annealed", "start": 0.05, "end": 0.005, "steps": UPDATES},
+    },
+    "optimizer": {"learning_rate": 1.0},
+    "averaging": {"start": UPDATES - 50},
+}
+
+
+class Drive(NamedTuple):
+    """How units drive groups of actuators.
+
+    `names` and `range` of the units; `matrix` from units to groups; the `rest` and the `limits` of each group; whether
+    it is `plain`, so that each group has its own unit and range.
+    """
+
+    names: tuple[str, ...]
+    range: Float[np.ndarray, "units 2"]
+    matrix: Float[np.ndarray, "units groups"]
+    rest: Float[np.ndarray, " groups"]
+    limits: Float[np.ndarray, "groups 2"]
+    plain: bool
+
+
+def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binary: bool) -> Drive:
+    """How the units of a task drive the actuators of its body, by `groups` or each its own."""
+    limits = scene.control_range.astype(np.float32)
+    rest = np.clip(np.zeros(len(limits), np.float32), *limits.T)
+    if groups is None:
+        driven = {name: np.array([place]) for place, name in enumerate(scene.body.groups)}
+    else:
+        check(groups, "groups", groups, "at least one unit")
+        named = [(each,) if isinstance(each, str) else each for each in groups]
+        driven = {" + ".join(each): scene.groups(each) for each in named}
+        check(len(driven) == len(named), "groups", groups, "all different")
+    check(driven, "actuators of the body", (), "at least one, or nothing can act")
+    names, ranges, rows = [], [], []
+    for name, places in driven.items():
+        row = np.zeros(len(limits), np.float32)
+        if not binary:
+            same = np.ptp(limits[places], axis=0).max() == 0
+            check(same, f"groups: ranges of {name}", limits[places].tolist(), "the same for all actuators of one unit")
+            row[places] = 1.0
+            names, ranges, rows = [*names, name], [*ranges, limits[places[0]]], [*rows, row]
+            continue
+        for end, suffix in ((1, ""), (0, " backwards")):
+            row = np.zeros(len(limits), np.float32)
+            row[places] = limits[places, end] - rest[places]
+            if row.any():
+                names, ranges, rows = [*names, name + suffix], [*ranges, (0.0, 1.0)], [*rows, row]
+    matrix = np.stack(rows)
+    plain = groups is None and not binary
+    base = rest if binary else np.where(matrix.any(axis=0), 0, rest).astype(np.float32)
+    return Drive(tuple(names), np.array(ranges, np.float32), matrix, base, limits, plain)
+
+
+def body_of(value: Any) -> Any:
+    """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
+    if isinstance(value, str) and value in BODIES:
+        return BODIES[value]()
+    if isinstance(value, str | Path | mujoco.MjSpec):
+        return Mjcf(value)  # type: ignore[arg-type]
+    if isinstance(value, Mapping):
+        settings = dict(value)
+        kind = settings.pop("kind", "mjcf")
+        if kind not in BODIES:
+            raise unknown("kind of body", kind, BODIES)
+        return build(BODIES[kind], settings, "body")
+    check(hasattr(value, "spec") and hasattr(value, "groups"), "body", value, "a body, or the path of an MJCF file")
+    return value
+
+
+def body_table(body: Any) -> dict[str, Any]:
+    """A body as a table with its kind, unless it is an `Mjcf`."""
+    if isinstance(body, Mjcf):
+        return table(body)
+    names = [name for name, kind in BODIES.items() if kind is type(body)]
+    return {"kind": names[0] if names else f"{type(body).__module__}.{type(body).__qualname__}", **table(body)}
+
+
+def with_absolute_paths(settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Settings whose paths are meant from a folder. They are those of a model, and files of terms."""
+
+    def walk(value: Any, key: str = "") -> Any:
+        if isinstance(value, Mapping):
+            return {name: walk(item, name) for name, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [walk(item) for item in value]
+        named = isinstance(value, str) and key in ("body", "source", "file")
+        if not named or "<" in value or value in BUNDLED or (key == "body" and value in BODIES):
+            return value
+        return str(folder / value)
+
+    return walk(settings)
+
+
+def reach() -> dict[str, Any]:
+    """The task without a body: the arm that comes with the library reaches."""
+    return {
+        "body": Mjcf(),
+        "observations": (JointPositions(), JointVelocities(), TargetPosition(), TargetError()),
+        "rewards": (Distance(), Closeness(width=0.05), Effort(weight=-0.05)),
+        "targets": (Reach("hand", low=(0.0, 0.25, 0.0), high=(0.3, 0.45, 0.0)),),
+        "resets": (RandomJoints(share=0.5),),
+        "recorded": (Distance(), Within(tolerance=0.03, name="solved")),
+        "time_limit": 2.0,
+    }

@@ -1,0 +1,341 @@
+"""Numbers that say how things are: of them composed tasks make rewards, ends of episodes and readings."""
+
+from dataclasses import KW_ONLY
+from typing import Literal, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad._tree import count, number, static
+from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scene, by_name, norm, vector
+
+
+class Distance(Quantity):
+    """How far the body is from a target: the length of the error, in m or rad, to a power.
+
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `power`: to which the length is raised.
+    - `weight`: in the reward, by default −1.
+    """
+
+    target: str = static("target")
+    power: float = number(1.0, 0, open_low=True)
+    _: KW_ONLY
+    weight: float = number(-1.0)
+
+    def bind(self, scene: Scene) -> Bound:
+        read, power = _distance(scene, self.target), self.power
+        return Bound(read if power == 1 else lambda now: read(now) ** power)
+
+
+class Closeness(Quantity):
+    r"""How close the body is to a target, $e^{-d^2/2w^2}$ of the distance $d$: 1 there, 0 far away.
+
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `width` (m or rad): $w$, where it has fallen to 0.61.
+    - `weight`: in the reward, by default 1.
+    """
+
+    target: str = static("target")
+    width: float = number(0.1, 0, open_low=True)
+
+    def bind(self, scene: Scene) -> Bound:
+        read = _distance(scene, self.target)
+        return Bound(lambda now: jnp.exp(-0.5 * (read(now) / self.width) ** 2))
+
+
+class Within(Quantity):
+    """Whether the body is within a tolerance of a target, 1 or 0: a bonus in the reward, the solved share as a reading.
+
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `tolerance` (m or rad): distance below which it counts.
+    - `weight`: in the reward, by default 1.
+    """
+
+    target: str = static("target")
+    tolerance: float = number(0.05, 0, open_low=True)
+
+    def bind(self, scene: Scene) -> Bound:
+        read = _distance(scene, self.target)
+        return Bound(lambda now: jnp.where(read(now) < self.tolerance, 1.0, 0.0))
+
+
+class Beyond(Quantity):
+    """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward.
+
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `limit` (m or rad): distance above which it counts.
+    - `after` (s): time in an episode from which it counts.
+    - `weight`: in the reward, by default −1.
+    """
+
+    target: str = static("target")
+    limit: float = number(0.5, 0, open_low=True)
+    after: float = number(0.0, 0)
+    _: KW_ONLY
+    weight: float = number(-1.0)
+
+    def bind(self, scene: Scene) -> Bound:
+        read, half = _distance(scene, self.target), scene.period / 2  # times are multiples of the period, but rounded
+        return Bound(lambda now: jnp.where((read(now) > self.limit) & (now.time > self.after - half), 1.0, 0.0))
+
+
+class Success(Quantity):
+    """Whether the body was within a tolerance of a target at more than so many decisions of the episode, 1 or 0. As a
+    reading it is recorded at the end of each episode.
+
+    **Arguments:**
+
+    - `target`: name of the target.
+    - `tolerance` (m or rad): distance below which it counts.
+    - `decisions`: after how many it succeeds.
+    - `weight`: in the reward, by default 1.
+    """
+
+    target: str = static("target")
+    tolerance: float = number(0.05, 0, open_low=True)
+    decisions: int = count(5)
+    _: KW_ONLY
+    at_end: bool = static(True)
+
+    def bind(self, scene: Scene) -> Bound:
+        read = _distance(scene, self.target)
+        return Bound(
+            lambda now: jnp.where(now.memory > self.decisions, 1.0, 0.0),
+            init=lambda: jnp.zeros((), jnp.int32),
+            step=lambda now: now.memory + (read(now) < self.tolerance),
+        )
+
+
+class Height(Quantity):
+    """The height of a site, body or geom, in m.
+
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `weight`: in the reward, by default 1.
+    """
+
+    part: str = static("")
+
+    def bind(self, scene: Scene) -> Bound:
+        point = scene.point(self.part)
+        return Bound(lambda now: point(now.state)[2])
+
+
+class Upright(Quantity):
+    """The cosine of the angle between an axis of a site, body or geom and the vertical: 1 upright, −1 upside down.
+
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `axis`: of the part, `"x"`, `"y"` or `"z"`.
+    - `weight`: in the reward, by default 1.
+    """
+
+    part: str = static("")
+    axis: Literal["x", "y", "z"] = static("z")
+
+    def bind(self, scene: Scene) -> Bound:
+        sensor = scene.sensor(f"FRAME{self.axis.upper()}AXIS", *scene.place(self.part))
+        return Bound(lambda now: now.state.sensors[sensor][2])
+
+
+class Along(Quantity):
+    """The velocity of a site, body or geom along a direction of the world, in m/s.
+
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `direction`: in the world; its length does not matter.
+    - `most` (m/s): a higher velocity counts as this one.
+    - `weight`: in the reward, by default 1.
+    """
+
+    part: str = static("")
+    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0))
+    most: float | None = number(None, 0)
+
+    def validate(self) -> None:
+        check(any(self.direction), "direction", self.direction, "three numbers that are not all 0")
+
+    def bind(self, scene: Scene) -> Bound:
+        motion = scene.motion(self.part)
+        ahead = np.asarray(self.direction, float) / np.linalg.norm(self.direction)
+
+        def read(now: Now) -> Array:
+            speed = jnp.sum(motion(now.state) * ahead)
+            return speed if self.most is None else jnp.minimum(speed, self.most)
+
+        return Bound(read)
+
+
+class Speed(Quantity):
+    """The speed of a site, body or geom in m/s; without one, the root of the mean square velocity of the joints.
+
+    **Arguments:**
+
+    - `part`: name of a site, body or geom, or none.
+    - `joints`: names or patterns of joints.
+    - `weight`: in the reward, by default −1.
+    """
+
+    part: str | None = static(None)
+    joints: Names = by_name("*")
+    _: KW_ONLY
+    weight: float = number(-1.0)
+
+    def bind(self, scene: Scene) -> Bound:
+        if self.part is not None:
+            motion = scene.motion(self.part)
+            return Bound(lambda now: norm(motion(now.state)))
+        places = scene.velocities(self.joints)[1]
+        return Bound(lambda now: norm(now.state.velocity[places]) / len(places) ** 0.5)
+
+
+class Outside(Quantity):
+    """Whether a site, body or geom is outside a box, 1 or 0. As a termination, it needs no limit.
+
+    **Arguments:**
+
+    - `part`: name of a site, body or geom.
+    - `low` (m): the lowest corner of the box.
+    - `high` (m): the highest corner of the box.
+    - `weight`: in the reward, by default −1.
+    """
+
+    part: str = static("")
+    low: Numbers = vector((-1.0, -1.0, -1.0))
+    high: Numbers = vector((1.0, 1.0, 1.0))
+    _: KW_ONLY
+    weight: float = number(-1.0)
+    above: float | None = number(0.5)
+
+    def validate(self) -> None:
+        fine = len(self.low) == len(self.high) == 3 and all(a < b for a, b in zip(self.low, self.high, strict=True))
+        check(fine, "low, high", (self.low, self.high), "three numbers each, low < high")
+
+    def bind(self, scene: Scene) -> Bound:
+        point, low, high = scene.point(self.part), np.array(self.low), np.array(self.high)
+        return Bound(lambda now: jnp.any((point(now.state) < low) | (point(now.state) > high)) * 1.0)
+
+
+class Effort(Quantity):
+    """The mean over actuators of the activation, or of the control as a share of its greatest, to a power.
+
+    **Arguments:**
+
+    - `of`: `"activation"`, or `"control"`, which every actuator has.
+    - `actuators`: names or patterns of actuators.
+    - `power`: 2 for the mean square.
+    - `root`: whether to take the length of the vector instead, divided by the number of actuators.
+    - `weight`: by default −1.
+    """
+
+    of: Literal["activation", "control"] = static("control")
+    actuators: Names = by_name("*")
+    power: float = number(2.0, 0, open_low=True)
+    root: bool = static(False)
+    _: KW_ONLY
+    weight: float = number(-1.0)
+
+    def bind(self, scene: Scene) -> Bound:
+        places = scene.groups(self.actuators) if self.of == "control" else scene.activations(self.actuators)[1]
+        most = np.maximum(np.abs(scene.control_range).max(axis=1), 1e-9)[places] if self.of == "control" else 1.0
+
+        def read(now: Now) -> Array:
+            level = (now.control if self.of == "control" else now.state.activation)[places] / most
+            return norm(level) / len(places) if self.root else jnp.mean(jnp.abs(level) ** self.power)
+
+        return Bound(read)
+
+
+class Compartments(NamedTuple):
+    """The shares of each muscle's fibres that are `active` and `fatigued`; the others rest."""
+
+    active: Float[Array, " muscles"]
+    fatigued: Float[Array, " muscles"]
+
+
+class Fatigue(Quantity):
+    r"""The mean share of muscle fibres that are fatigued, by the model of three compartments.
+
+    Of each muscle, the shares $M_A$ are active, $M_F$ fatigued and $M_R = 1 - M_A - M_F$ at rest. With the wanted load
+    $T$, the control of the muscle,
+
+    $$\dot M_A = C - F M_A, \qquad \dot M_F = F M_A - R' M_F,$$
+
+    where $C = L_D \min(T - M_A, M_R)$ below the load, $C = L_R (T - M_A)$ above it, and $R' = r R$ where $M_A \ge T$,
+    else $R$. Sources: Xia & Frey Law (2008), J. Biomech. 41:3046; the factor $r$ of recovery at rest from Looft,
+    Herkert & Frey Law (2018), J. Biomech. 77:16. The defaults $F$ and $R$ are those of the elbow.
+
+    **Arguments:**
+
+    - `actuators`: names or patterns of the muscles.
+    - `fatigue` (1/s): $F$, at which active fibres tire.
+    - `recovery` (1/s): $R$, at which tired fibres recover.
+    - `rest`: $r$, how much faster they recover at rest.
+    - `rise` (1/s): $L_D = L_R$, at which fibres follow the load.
+    - `hurry`: the factor by which fatigue and recovery are faster than in life, for short episodes.
+    - `weight`: by default −1.
+    """
+
+    actuators: Names = by_name("*")
+    fatigue: float = number(0.00912, 0)
+    recovery: float = number(0.00094, 0)
+    rest: float = number(15.0, 1)
+    rise: float = number(10.0, 0, open_low=True)
+    hurry: float = number(1.0, 0, open_low=True)
+    _: KW_ONLY
+    weight: float = number(-1.0)
+
+    def bind(self, scene: Scene) -> Bound:
+        places = scene.groups(self.actuators)
+        nothing = jnp.zeros(len(places))
+        return Bound(
+            lambda now: jnp.mean(now.memory.fatigued),
+            init=lambda: Compartments(nothing, nothing),
+            step=lambda now: self.after(now.memory, jnp.clip(now.control[places], 0, 1), scene.period),
+        )
+
+    def after(self, state: Compartments, load: Array, seconds: float) -> Compartments:
+        """The compartments after some seconds under a load."""
+        fast = max(self.rise, self.hurry * max(self.fatigue, self.rest * self.recovery))
+        parts = max(1, int(np.ceil(10 * seconds * fast)))
+        step = seconds / parts
+        for _ in range(parts):
+            active, fatigued = state
+            lacks = active < load
+            drive = self.rise * jnp.where(lacks, jnp.minimum(load - active, 1 - active - fatigued), load - active)
+            tires = self.hurry * self.fatigue * active
+            recovers = self.hurry * self.recovery * jnp.where(lacks, 1.0, self.rest) * fatigued
+            state = Compartments(active + step * (drive - tires), fatigued + step * (tires - recovers))
+        return state
+
+
+class Alive(Quantity):
+    """1 at every decision.
+
+    **Arguments:**
+
+    - `weight`: in the reward, by default 1.
+    """
+
+    def bind(self, scene: Scene) -> Bound:
+        del scene
+        return Bound(lambda now: jnp.ones(()))
+
+
+def _distance(scene: Scene, name: str):
+    target = scene.target(name)
+    return lambda now: norm(target.error(now, name))

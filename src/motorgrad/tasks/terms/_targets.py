@@ -1,0 +1,249 @@
+"""Targets of composed tasks: a place to reach, a pose to hold, a trajectory to follow."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad._tree import static
+from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
+
+REACHABLE = 2_048
+"""Poses from which a place to reach is drawn."""
+MOST_REACHABLE = 16_384
+"""Poses of which those are taken that reach into a box."""
+MOST = 100_000  # numbers of a trajectory
+
+
+class Reach(Target):
+    """A place that sites, bodies or geoms should reach: a fixed one, one drawn in a box, or one that a random pose
+    reaches.
+
+    **Arguments:**
+
+    - `parts`: a name, or several.
+    - `at` (m): a fixed place; three numbers for each part.
+    - `low` (m): the lowest corner of the box from which it is drawn uniformly.
+    - `high` (m): the highest corner. Without `at` or a box, the place is where the parts are in a pose whose `joints`
+      are drawn uniformly in their ranges, so that it can be reached.
+    - `reachable`: whether a place in the box is where the parts are in such a pose.
+    - `joints`: names or patterns of the joints of such poses.
+    - `name`: by which other terms refer to the target.
+    """
+
+    parts: Names = by_name("hand")
+    at: Numbers | None = vector(None)
+    low: Numbers | None = vector(None)
+    high: Numbers | None = vector(None)
+    joints: Names = by_name("*")
+    reachable: bool = static(False)
+
+    def bind(self, scene: Scene) -> BoundTarget:
+        parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+        points = [scene.point(name) for name in parts]
+        names = tuple(f"{name} {axis}" for name in parts for axis in "xyz") if len(parts) > 1 else tuple("xyz")
+        size = len(names)
+        if self.at is None and self.low is None and self.high is None:
+            uniforms, draw = 1, _one_of(_reached(scene, parts, self.joints, REACHABLE))
+        elif self.reachable:
+            _drawing(size, self.at, self.low, self.high)  # checks the box
+            table = _reached(scene, parts, self.joints, MOST_REACHABLE)
+            table = table[np.all((table >= np.array(self.low)) & (table <= np.array(self.high)), axis=1)]
+            check(len(table), "low, high", (self.low, self.high), "a box that some pose reaches")
+            uniforms, draw = 1, _one_of(table)
+        else:
+            uniforms, draw = _drawing(size, self.at, self.low, self.high)
+        return BoundTarget(
+            names, uniforms, draw, _stays, lambda state: jnp.concatenate([point(state) for point in points])
+        )
+
+
+class Pose(Target):
+    """Positions that joints should have: fixed ones, or drawn for each episode.
+
+    **Arguments:**
+
+    - `joints`: names or patterns, of hinges and slides.
+    - `at` (rad or m): fixed positions, one for each joint.
+    - `low` (rad or m): least positions; by default those of the joints' own ranges.
+    - `high` (rad or m): greatest positions, between which they are drawn uniformly.
+    - `name`: by which other terms refer to the target.
+    """
+
+    joints: Names = by_name("*")
+    at: Numbers | None = vector(None)
+    low: Numbers | None = vector(None)
+    high: Numbers | None = vector(None)
+
+    def bind(self, scene: Scene) -> BoundTarget:
+        names, places = scene.positions(self.joints)
+        low, high = self.low, self.high
+        if self.at is None and low is None and high is None:
+            low, high = (tuple(each) for each in joint_ranges(scene, self.joints).T.tolist())
+        uniforms, draw = _drawing(len(names), self.at, low, high)
+        return BoundTarget(tuple(names), uniforms, draw, _stays, lambda state: state.position[places])
+
+
+class Follow(Target):
+    """A trajectory that sites or joints should follow. Between its moments it is straight; after its end it stays, or
+    begins again.
+
+    It is given as `time` and `values`, or read once from a `file`: an NPZ file with arrays `time` and `values`, or a
+    CSV file whose first column is the time in s, with or without a line of titles. A run keeps the numbers, and does
+    not need the file again.
+
+    **Arguments:**
+
+    - `parts`: names of sites, bodies or geoms whose places (m) are followed; or
+    - `joints`: names or patterns of joints whose positions (rad or m) are followed.
+    - `file`: a path ending in .npz or .csv.
+    - `time` (s): increasing, from 0.
+    - `values`: for each moment the numbers of all parts or joints, as one list after the other.
+    - `repeats`: whether it begins again at its end.
+    - `random_start`: whether each episode begins at a random moment of it.
+    - `name`: by which other terms refer to the target.
+    """
+
+    parts: Names = by_name(())
+    joints: Names = by_name(())
+    file: str | None = static(None)
+    time: Numbers = vector(())
+    values: tuple[Numbers, ...] = static(())
+    repeats: bool = static(False)
+    random_start: bool = static(False)
+
+    def __post_init__(self) -> None:
+        self.time, self.values = tuple(map(float, self.time)), tuple(tuple(map(float, row)) for row in self.values)
+        if self.file is not None:
+            check(not self.time and not self.values, "file", self.file, "left out where time and values are given")
+            self.time, self.values = _trajectory_in(Path(self.file))
+            self.file = None
+
+    def validate(self) -> None:
+        count = len(self.time)
+        rising = all(a < b for a, b in zip(self.time, self.time[1:], strict=False))
+        fine = count >= 2 and self.time[0] == 0 and rising and all(map(math.isfinite, self.time))
+        check(fine, "time", self.time, "at least two increasing times from 0 (s)")
+        sizes = {len(row) for row in self.values}
+        check(len(self.values) == count and len(sizes) == 1, "values", len(self.values), f"{count} lists of one length")
+        finite = all(math.isfinite(value) for row in self.values for value in row)
+        few = count * (1 + min(sizes)) <= MOST
+        check(finite and few, "values", f"{count} moments", f"finite, and at most {MOST:,} numbers")
+        check(bool(self.parts) != bool(self.joints), "parts, joints", (self.parts, self.joints), "one of the two")
+
+    def bind(self, scene: Scene) -> BoundTarget:
+        if self.joints:
+            labels, places = scene.positions(self.joints)
+            names, actual = tuple(labels), lambda state: state.position[places]
+        else:
+            parts = (self.parts,) if isinstance(self.parts, str) else self.parts
+            points = [scene.point(name) for name in parts]
+            names = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
+            actual = lambda state: jnp.concatenate([point(state) for point in points])  # noqa: E731
+        wide = len(self.values[0])
+        check(wide == len(names), "values", f"{wide} numbers for each moment", f"{len(names)}: {', '.join(names)}")
+        time, values = np.array(self.time, np.float32), np.array(self.values, np.float32)
+        length = float(time[-1])
+
+        def wanted(begun: Array, now: Array) -> Array:
+            moment = begun + now
+            moment = moment % length if self.repeats else jnp.minimum(moment, length)
+            after = jnp.clip(jnp.searchsorted(time, moment, side="right"), 1, len(time) - 1)
+            before, then = jnp.asarray(time)[after - 1], jnp.asarray(time)[after]
+            part = (moment - before) / (then - before)
+            return (1 - part) * jnp.asarray(values)[after - 1] + part * jnp.asarray(values)[after]
+
+        if self.random_start:
+            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual)
+        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual)
+
+
+def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray, "joints 2"]:
+    """The ranges of hinges and slides. **Raises** `ValueError` for a joint of another type, or without a range."""
+    found = []
+    for name in scene.named("joint", joints):
+        joint = scene.model.joint(name)
+        single = int(joint.type[0]) in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+        limited = single and bool(scene.model.jnt_limited[joint.id])
+        check(limited, "joint", name, "a hinge or slide with a range; or give low and high, or other joints")
+        found.append(joint.range)
+    return np.array(found)
+
+
+def _reached(scene: Scene, parts: Sequence[str], joints: Any, poses: int) -> Float[np.ndarray, "poses numbers"]:
+    """Where parts are in random poses."""
+    model: Any = scene.model
+    places, ranges = scene.positions(joints)[1], joint_ranges(scene, joints)
+    data: Any = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    start, found = data.qpos.copy(), np.zeros((poses, 3 * len(parts)), np.float32)
+    kinds = {"SITE": "site_xpos", "GEOM": "geom_xpos", "XBODY": "xpos"}
+    where = [
+        (kinds[kind], getattr(model, "body" if kind == "XBODY" else kind.lower())(name).id)
+        for kind, name in map(scene.place, parts)
+    ]
+    share = np.random.default_rng(0).random((poses, len(places)))
+    for row, each in zip(found, ranges[:, 0] + share * (ranges[:, 1] - ranges[:, 0]), strict=True):
+        data.qpos[:] = start
+        data.qpos[places] = each
+        mujoco.mj_kinematics(model, data)
+        row[:] = np.concatenate([getattr(data, field)[number] for field, number in where])
+    return found
+
+
+def _one_of(table: np.ndarray) -> Any:
+    return lambda uniforms: jnp.asarray(table)[jnp.minimum((uniforms[0] * len(table)).astype(int), len(table) - 1)]
+
+
+def _drawing(size: int, at: Any, low: Any, high: Any) -> tuple[int, Any]:
+    """How many uniforms a draw takes, and the draw: a fixed place, or one in a box."""
+    for name, given in (("at", at), ("low", low), ("high", high)):
+        check(given is None or len(given) == size, name, given, f"{size} numbers")
+    if at is not None:
+        check(low is None and high is None, "low, high", (low, high), "left out where `at` is given")
+        return 0, lambda uniforms: jnp.asarray(at, jnp.float32)
+    check(low is not None and high is not None, "low, high", (low, high), "both given")
+    corners = np.array((low, high), np.float32)
+    check((corners[0] <= corners[1]).all(), "low, high", (low, high), "low <= high")
+    least, size_of = jnp.asarray(corners[0]), jnp.asarray(corners[1] - corners[0])
+    return size, lambda uniforms: least + uniforms * size_of
+
+
+def _stays(drawn: Array, time: Array) -> Array:
+    del time
+    return drawn
+
+
+def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
+    check(file.is_file() and file.suffix in (".npz", ".csv"), "file", str(file), "an existing file, .npz or .csv")
+    try:
+        if file.suffix == ".npz":
+            with np.load(file, allow_pickle=False) as arrays:
+                check({"time", "values"} <= set(arrays), "arrays", sorted(arrays), "time and values")
+                time, values = arrays["time"], arrays["values"]
+        else:
+            lines = file.read_text().strip().splitlines()
+            titled = bool(lines) and not _numeric(lines[0])
+            table = np.array([[float(word) for word in line.split(",")] for line in lines[titled:]])
+            time, values = table[:, 0], table[:, 1:]
+    except (ValueError, OSError, IndexError) as error:
+        raise ValueError(f"file = {str(file)!r}: {error}") from None
+    values = values.reshape(len(time), -1)
+    return tuple(time.tolist()), tuple(tuple(row) for row in values.tolist())
+
+
+def _numeric(line: str) -> bool:
+    try:
+        return bool([float(word) for word in line.split(",")])
+    except ValueError:
+        return False

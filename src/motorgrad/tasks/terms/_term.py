@@ -1,0 +1,210 @@
+"""What a term of a composed task is, and what it sees."""
+
+import abc
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check, unknown
+from motorgrad._tree import Part, kind_of, number, static
+from motorgrad.bodies import Anatomy, Body, BodyState
+
+Scalar = Float[Array, ""]
+
+
+Names = str | tuple[str, ...]
+"""A name, a pattern such as `flexor*`, or several of them."""
+Numbers = tuple[float, ...]
+
+
+def by_name(default: Any = "*") -> Any:
+    """Declare a field that holds names, or patterns of names."""
+    return eqx.field(static=True, default=default, converter=lambda v: tuple(v) if isinstance(v, list) else v)
+
+
+def vector(default: Any = None) -> Any:
+    """Declare a field that holds a row of numbers, or none."""
+    return eqx.field(static=True, default=default, converter=lambda v: v if v is None else tuple(map(float, v)))
+
+
+class Now(NamedTuple):
+    """What a term sees at a decision.
+
+    - `state`: of the body.
+    - `control` (groups): of each group of actuators in the decision that led here; zeros at the start of an episode.
+    - `time` (s): since the start of the episode.
+    - `drawn`: by name, what each target drew for this episode.
+    - `memory`: what the term itself remembers.
+    """
+
+    state: BodyState
+    control: Float[Array, " groups"]
+    time: Scalar
+    drawn: Mapping[str, Any]
+    memory: Any = ()
+
+
+class Bound(NamedTuple):
+    """A term of a certain body: pure functions of one seed.
+
+    - `read`: the quantity, or the observed numbers.
+    - `names`: of the observed numbers.
+    - `init`: what the term remembers at the start of an episode, where it remembers anything.
+    - `step`: what it remembers after a decision, from what it remembered before.
+    """
+
+    read: Callable[[Now], Any]
+    names: tuple[str, ...] = ()
+    init: Any = None
+    step: Callable[[Now], Any] | None = None
+
+
+class BoundTarget(NamedTuple):
+    """A target of a certain body: pure functions of one seed.
+
+    - `names`: of its numbers.
+    - `uniforms`: numbers from U[0, 1) that `draw` consumes.
+    - `draw(uniforms)`: what is drawn for an episode, any pytree.
+    - `wanted(drawn, time)`: where the target is, at a time (s) in the episode.
+    - `actual(state)`: where the body is.
+    """
+
+    names: tuple[str, ...]
+    uniforms: int
+    draw: Callable[[Any], Any]
+    wanted: Callable[[Any, Scalar], Array]
+    actual: Callable[[BodyState], Array]
+
+    def error(self, now: Now, name: str) -> Array:
+        """From where the body is to where the target is."""
+        return self.wanted(now.drawn[name], now.time) - self.actual(now.state)
+
+
+class Scene(Anatomy):
+    """The parts of a body by name, with the targets of a task.
+
+    **Arguments:** the `body`; the `period` (s) between two decisions; the `targets`.
+    """
+
+    def __init__(self, body: Body, period: float, targets: Sequence["Target"] = ()):
+        super().__init__(body)
+        self.period = period
+        names = [target.name for target in targets]
+        for name in names:
+            check(names.count(name) == 1, "name of a target", name, "given once")
+        self.targets = {target.name: bound("targets", target, self) for target in targets}
+
+    def target(self, name: str) -> BoundTarget:
+        """The target of this name."""
+        if name not in self.targets:
+            raise unknown("target", name, self.targets)
+        return self.targets[name]
+
+    def point(self, name: str) -> Callable[[BodyState], Float[Array, " 3"]]:
+        """The position (m) of a site, body or geom, as a function of the state."""
+        sensor = self.sensor("FRAMEPOS", *self.place(name))
+        return lambda state: state.sensors[sensor]
+
+    def motion(self, name: str) -> Callable[[BodyState], Float[Array, " 3"]]:
+        """The velocity (m/s) of a site, body or geom, as a function of the state."""
+        sensor = self.sensor("FRAMELINVEL", *self.place(name))
+        return lambda state: state.sensors[sensor]
+
+
+class Observation(Part):
+    """A term that observes numbers.
+
+    **Arguments:**
+
+    - `scale`: the factor of the observed numbers.
+    """
+
+    _: KW_ONLY
+    scale: float = number(1.0)
+
+    @abc.abstractmethod
+    def bind(self, scene: Scene) -> Bound:
+        """The term for a body: a function that reads the numbers, and their names."""
+
+
+class Target(Part):
+    """A target: where something should be, drawn anew for each episode and seed, or moving.
+
+    **Arguments:**
+
+    - `name`: by which other terms refer to it.
+    """
+
+    _: KW_ONLY
+    name: str = static("target")
+
+    @abc.abstractmethod
+    def bind(self, scene: Scene) -> BoundTarget:
+        """The target for a body."""
+
+
+class Quantity(Part):
+    """A number that says how things are at a decision. In the rewards of a task, it is multiplied by its weight; among
+    the terminations, it ends the episode beyond a limit; among the readings, it is recorded; it can be observed, too.
+
+    **Arguments:**
+
+    - `weight`: the factor in the reward.
+    - `above`: as a termination, the limit above which the episode ends.
+    - `below`: as a termination, the limit below which the episode ends.
+    - `name`: of the reading, by default that of the kind.
+    - `at_end`: whether it is recorded at the end of an episode only.
+    """
+
+    _: KW_ONLY
+    weight: float = number(1.0)
+    above: float | None = number(None)
+    below: float | None = number(None)
+    name: str | None = static(None)
+    at_end: bool = static(False)
+
+    @abc.abstractmethod
+    def bind(self, scene: Scene) -> Bound:
+        """The term for a body: a function that reads the number."""
+
+
+class Reset(Part):
+    """A term that chooses where the body begins an episode. Terms change positions and velocities one after the
+    other."""
+
+    @abc.abstractmethod
+    def bind(self, scene: Scene) -> "BoundReset":
+        """The term for a body."""
+
+
+Pose = tuple[Float[np.ndarray, "rows nq"], Float[np.ndarray, "rows nv"]]
+"""Positions and velocities of some rows."""
+
+
+class BoundReset(NamedTuple):
+    """A reset of a certain body.
+
+    - `uniforms`: numbers from U[0, 1) that `apply` consumes, for each row.
+    - `apply(position, velocity, uniforms)`: the positions and velocities to begin with, in NumPy, rows leading.
+    """
+
+    uniforms: int
+    apply: Callable[[np.ndarray, np.ndarray, np.ndarray], Pose]
+
+
+def bound(what: str, term: Any, scene: Scene) -> Any:
+    """A term bound to a body; an error says which term it is."""
+    try:
+        return term.bind(scene)
+    except ValueError as error:
+        raise ValueError(f"{what}: {kind_of(term)}: {error}") from None
+
+
+def norm(vector: Array) -> Scalar:
+    """The length of a vector."""
+    return jnp.sqrt(jnp.sum(vector * vector))

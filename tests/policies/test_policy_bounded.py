@@ -1,0 +1,273 @@
+"""Graded units that act between two bounds: distributions against SciPy, scores against automatic differentiation."""
+
+import json
+import types
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from policy_examples import Compiled
+from scipy import special, stats
+
+from motorgrad.policies import (
+    BoundedHyperplanes,
+    GradedUnits,
+    Hyperplanes,
+    Primitives,
+    bounded_hyperplanes,
+    describe,
+    rebuild,
+    split,
+    trainable,
+)
+from motorgrad.policies._densities import DENSITIES
+
+seeds = st.integers(0, 2**31)
+few = settings(max_examples=25, deadline=None, derandomize=True)
+LOW, HIGH = np.array([0.0, -1.0, -3.0]), np.array([1.0, 1.0, 5.0])
+SQUASHED_AT = 4.0  # where the normal number is clipped
+
+
+def pool_of(density, seed, scale=1.0):
+    rng = np.random.default_rng(seed)
+    levels, noise = rng.normal(size=3, scale=scale), rng.normal(size=3, scale=0.5) - 1
+    return BoundedHyperplanes(rng.normal(size=(3, 2), scale=scale), levels, noise, 0.05, LOW, HIGH, density)
+
+
+def drawn(density, seed, count=6, scale=1.0):
+    """A pool, an observation and actions: samples, and both bounds."""
+    policy, rng = pool_of(density, seed, scale), np.random.default_rng([seed, 1])
+    observation = rng.normal(size=2)
+    actions = Compiled(policy).samples(observation, rng.random((count, 3)))
+    return policy, observation, np.concatenate([actions, [LOW, HIGH]])
+
+
+class Reference:
+    """A density on [−1, 1] by SciPy: density inside, distribution function, and the probabilities of the ends."""
+
+    def __init__(self, density, m, s):
+        self.name, self.ends = density, np.zeros(2)
+        normal = stats.norm(m, s)
+        if density in ("clipped", "squashed"):
+            bound = 1.0 if density == "clipped" else SQUASHED_AT
+            self.ends = np.array([normal.cdf(-bound), normal.sf(bound)])
+            top = np.tanh(bound)
+            if density == "clipped":
+                self.logpdf, self.cdf = normal.logpdf, normal.cdf
+            else:
+                self.cdf = lambda u: normal.cdf(np.arctanh(u * top))
+                self.logpdf = lambda u: normal.logpdf(np.arctanh(u * top)) + np.log(top / (1 - (u * top) ** 2))
+        elif density == "truncated":
+            found = stats.truncnorm((-1 - m) / s, (1 - m) / s, m, s)
+            self.logpdf, self.cdf = found.logpdf, found.cdf
+        else:
+            found = stats.beta(1 + special.expit(2 * m) / s**2, 1 + special.expit(-2 * m) / s**2, -1, 2)
+            self.logpdf, self.cdf = found.logpdf, found.cdf
+
+
+SHAPES = [(0.0, 0.3), (0.5, 1.0), (1.5, 0.3), (-1.0, 0.05), (-3.0, 0.3), (2.2, 0.1), (0.2, 20.0)]
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+def test_the_density_is_that_of_its_name(density):
+    with jax.enable_x64(True):
+        for m, s in SHAPES:
+            known, family, u = Reference(density, m, s), DENSITIES[density], np.linspace(-0.999, 0.999, 41)
+            found = family.log_prob(jnp.full(41, m), jnp.full(41, s), jnp.asarray(u))
+            wanted = known.logpdf(u)
+            seen = wanted > -1e4
+            np.testing.assert_allclose(np.asarray(found)[seen], wanted[seen], rtol=1e-8, atol=1e-6)
+            ends = np.exp(family.log_prob(jnp.full(2, m), jnp.full(2, s), jnp.array([-1.0, 1.0])))
+            if family.at_end(jnp.ones(1)) is not False:
+                np.testing.assert_allclose(ends, known.ends, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("double", [False, True])
+@pytest.mark.parametrize("density", DENSITIES)
+def test_samples_invert_the_distribution_function(density, double):
+    with jax.enable_x64(double):
+        m, s = (jnp.array(column) for column in zip(*SHAPES, strict=True))
+        p = (np.arange(500) + 0.5) / 500
+        sample = jax.jit(jax.vmap(DENSITIES[density].sample, (None, None, 0)))
+        u = np.asarray(sample(m, s, jnp.broadcast_to(jnp.asarray(p)[:, None], (500, len(SHAPES)))), float)
+        edges = np.asarray(sample(m, s, jnp.array([[0.0], [1 - 2.0**-24]]) * jnp.ones(len(SHAPES))))
+    assert np.abs(u).max() <= 1
+    assert np.isfinite(edges).all()
+    for (location, spread), column in zip(SHAPES, u.T, strict=True):
+        known = Reference(density, location, spread)
+        inside = np.abs(column) < 1
+        if known.ends.any():
+            assert (np.abs((column == -1).mean() - known.ends[0])) <= 0.002
+            assert (np.abs((column == 1).mean() - known.ends[1])) <= 0.002
+        # one rounding of u counts as much as the density is high; Newton's method ends within rounding of log F
+        tolerance = 1e-8 if double else 1e-4
+        tolerance = 3e-5 if (density, location) == ("truncated", 2.2) else tolerance  # far outside, by an expansion
+        np.testing.assert_allclose(known.cdf(column[inside]), p[inside], atol=tolerance)
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+@few
+@given(seed=seeds)
+def test_the_analytic_score_is_the_derivative_of_the_log_density(density, seed):
+    with jax.enable_x64(True):
+        policy, observation, actions = drawn(density, seed)
+        ask = Compiled(policy)
+        analytic, automatic = ask.scores(observation, actions), ask.derivatives(observation, actions)
+        assert jax.tree.structure(ask.score(observation, actions[0])) == jax.tree.structure(trainable(policy))
+    assert np.isfinite(analytic).all()
+    np.testing.assert_allclose(analytic, automatic, rtol=1e-8, atol=1e-8)
+
+
+@eqx.filter_jit
+def over_the_distribution(policy, observation, actions):
+    """Blocks of scores, entropies and log-probabilities of many actions."""
+    score = jax.vmap(lambda action: policy.blocks(policy.score(observation, action))[0])(actions)
+    return score, jax.vmap(lambda action: policy.log_probs(observation, action))(actions)
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_scores_have_mean_zero_and_their_square_is_the_fisher_matrix(density, seed):
+    with jax.enable_x64(True):
+        policy, observation, _ = drawn(density, seed)
+        ask, p = Compiled(policy), (np.arange(20_000) + 0.5) / 20_000
+        actions = ask.samples(observation, np.repeat(p[:, None], 3, axis=1))
+        rows, log = map(np.asarray, over_the_distribution(policy, observation, actions))
+        (fisher,) = ask.fisher(observation, actions[0])
+        entropy, mean = ask.entropy(observation), ask.prob(observation)
+        score = ask.score(observation, actions[0])
+        again = ask.from_blocks(ask.blocks(score))
+    scale = np.sqrt(np.einsum("uii->ui", fisher)) + 1e-9
+    # quantiles cut the extreme 1/40,000 at either end, where scores are largest
+    np.testing.assert_allclose(np.mean(rows, axis=0) / scale, 0, atol=2e-3)
+    square = np.einsum("nui,nuj->uij", rows, rows) / len(p)
+    np.testing.assert_allclose(
+        square / (scale[:, :, None] * scale[:, None, :]), fisher / (scale[:, :, None] * scale[:, None, :]), atol=5e-3
+    )
+    assert -np.mean(log, axis=0).sum() == pytest.approx(float(entropy), abs=5e-3)
+    np.testing.assert_allclose(actions.mean(0), mean, atol=1e-4)
+    for found, wanted in zip(jax.tree.leaves(again), jax.tree.leaves(score), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+EXTREMES = [(m, v) for m in (-700.0, -9.0, -1.0, 0.0, 4.0, 700.0) for v in (-200.0, -1.0, 9.0)]
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+def test_nothing_is_infinite_where_a_unit_is_saturated(density):
+    """Locations up to 700 and spreads from the floor to e^9, at the bounds, beside them and in the middle."""
+    levels, noise = np.array(EXTREMES).T
+    low, high = -np.ones_like(levels), np.linspace(0.5, 9.0, len(levels))
+    beside = np.nextafter(np.float32(high), np.float32(low))
+    actions = np.stack([low, high, beside, (low + high) / 2]).astype(np.float32)
+    uniforms = np.array([0.0, 0.3, 1 - 2.0**-24])[:, None] * np.ones_like(levels)
+    found = []
+    for double in (False, True):
+        with jax.enable_x64(double):
+            policy = BoundedHyperplanes(np.zeros((len(levels), 1)), levels, noise, 0.02, low, high, density)
+            seen, ask = jnp.ones(1), Compiled(policy)
+            scores, sampled = ask.over("score", seen, jnp.asarray(actions)), ask.samples(seen, uniforms)
+            found.append(np.stack([scores.level, scores.log_deviation]))
+            slopes = [np.asarray(leaf) for leaf in jax.tree.leaves(entropy_slope(policy, seen))]
+            log = ask.over("log_probs", seen, jnp.asarray(sampled))
+            fisher = ask.fisher(seen, actions[0])[0]
+            everything = [*found, sampled, log, *slopes, fisher, ask.entropy(seen), ask.prob(seen), ask.mode(seen)]
+            assert all(np.isfinite(x).all() for x in everything)
+            assert (sampled >= policy.low).all()
+            assert (sampled <= policy.high).all()
+            assert found[-1].dtype == (np.float64 if double else np.float32)
+    # What single precision can tell: a beta density's bounds are at a distance of one rounding.
+    same = [3] if density == "beta" else [0, 1, 3]
+    single, exact = (each[:, same] for each in found)
+    assert (np.abs(single - exact) <= 1e-2 * (1 + np.abs(exact))).all()
+
+
+@eqx.filter_jit
+def entropy_slope(policy, observation):
+    parameters, rest = split(policy)
+    return jax.grad(lambda theta: eqx.combine(theta, rest).entropy(observation))(parameters)
+
+
+@pytest.mark.parametrize("density", ["clipped", "squashed"])
+def test_the_bounds_themselves_are_reached_and_have_a_probability(density):
+    policy = BoundedHyperplanes(np.zeros((3, 1)), [0.0] * 3, [np.log(5.0)] * 3, 0.02, LOW, HIGH, density)
+    p = np.repeat(((np.arange(1000) + 0.5) / 1000)[:, None], 3, axis=1).astype(np.float32)
+    ask, seen = Compiled(policy), jnp.ones(1)
+    actions = ask.samples(seen, p)
+    share = special.ndtr(-(1.0 if density == "clipped" else SQUASHED_AT) / 5.02)
+    for bound in (LOW, HIGH):
+        np.testing.assert_allclose((actions == np.float32(bound)).mean(0), share, atol=2e-3)
+        np.testing.assert_allclose(np.exp(ask.log_probs(seen, bound)), share, rtol=1e-5)
+
+
+def test_a_temperature_multiplies_the_spread_above_the_floor():
+    policy = pool_of("squashed", 0)
+    np.testing.assert_allclose(policy.with_temperature(2.0).deviation - 0.05, 2 * (policy.deviation - 0.05), rtol=1e-6)
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+def test_a_start_acts_around_its_level_within_the_range_of_the_task(density):
+    task = types.SimpleNamespace(observation_size=4, action_size=2, action_range=((0.0, 1.0), (-0.4, 0.4)))
+    policy = bounded_hyperplanes(task, density=density, level=0.5, deviation=0.3)
+    assert isinstance(policy, GradedUnits)
+    assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "graded")
+    np.testing.assert_allclose(policy.mode(jnp.ones(4)), [0.75, 0.2], rtol=1e-3)
+    np.testing.assert_allclose(policy.deviation, 0.3, rtol=1e-6)
+    np.testing.assert_array_equal(bounded_hyperplanes(3, 2).low, [-1, -1])
+
+
+def test_the_bounds_are_not_learned_and_survive_storing():
+    policy = pool_of("beta", 0)
+    assert trainable(policy).low is None
+    assert trainable(policy).high is None
+    shapes = rebuild(json.loads(json.dumps(describe(policy))))
+    assert shapes.density == "beta"
+    assert jax.tree.structure(shapes) == jax.tree.structure(policy)
+
+
+def test_primitives_move_within_bounds():
+    movement = BoundedHyperplanes(
+        np.zeros((2, 1)), [0.3, -0.2], [-1.0, -1.0], 0.05, [0.0, -2.0], [1.0, 2.0], "squashed"
+    )
+    policy = Primitives(Hyperplanes([[1.0], [0.0]], [0.0, 0.0]), movement)
+    seen = jnp.array([1.0, 1.0, 0.5])
+    actions = Compiled(policy).samples(seen, np.random.default_rng(0).random((200, 4)))
+    assert actions[:, 2].min() >= 0
+    assert np.isfinite(Compiled(policy).entropy(seen))
+    with jax.enable_x64(True):
+        ask = Compiled(jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), policy))
+        np.testing.assert_allclose(ask.scores(seen, actions[:5]), ask.derivatives(seen, actions[:5]), atol=1e-5)
+
+
+two = np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    ("build", "names"),
+    [
+        (lambda: BoundedHyperplanes(two, two, two), "slope = (2,): must be of shape (units, inputs)"),
+        (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, 0.0), "floor = 0.0: must be positive"),
+        (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, low=[0.0] * 3), "low = (3,): must be one number, or"),
+        (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, low=1.0), "low, high = (1.0, 1.0): must be finite"),
+        (
+            lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, high=np.inf),
+            "low, high = (-1.0, inf): must be finite",
+        ),
+        (
+            lambda: bounded_hyperplanes(2, 2, density="gamma"),
+            "unknown density 'gamma': known are beta, clipped, squashed, truncated",
+        ),
+        (lambda: bounded_hyperplanes(2, 2, density="betta"), "did you mean 'beta'"),
+        (lambda: bounded_hyperplanes(2, 2, level=1.0), "level = 1.0: must be above -1 and below 1"),
+        (lambda: bounded_hyperplanes(2, 2, deviation=0.01), "floor, deviation = (0.02, 0.01)"),
+        (lambda: pool_of("beta", 0).enumerate(), "BoundedHyperplanes: has infinitely many actions"),
+    ],
+)
+def test_what_is_impossible_is_refused_by_name(build, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        build()
+    assert names in str(error.value)

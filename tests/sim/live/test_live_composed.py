@@ -1,0 +1,56 @@
+"""Composed tasks and models with activation dynamics in a live run."""
+
+import mujoco
+import numpy as np
+
+import motorgrad as mg
+from motorgrad.sim import live
+from motorgrad.sim.live._bare_model import BareModel
+from motorgrad.sim.live._learner import Learner
+from motorgrad.training import agent_for, stepper_for
+
+TASK = mg.tasks.Composed(time_limit=0.1)
+
+
+def test_a_live_learner_is_the_learner_of_training_with_its_activations():
+    learner = Learner(live.setup_of(TASK, seed=3))
+    engine = stepper_for(TASK, agent_for(TASK), [3], threads=1)
+    about = learner.about()
+    assert about.sizes.activation == 6
+    assert about.actions == list(TASK.action_names)
+    for _ in range(8):  # over the end of an episode
+        sample = learner.step()
+        engine.advance(1)
+    state = engine.batch.unpack(engine.batch.packed)
+    np.testing.assert_array_equal(sample["position"], state.position)
+    np.testing.assert_array_equal(sample["activation"], state.activation)
+    np.testing.assert_array_equal(sample["control"], engine.activation)
+    assert (sample["activation"] > 0).any()
+    before = learner.state
+    learner.advance(3)
+    after = learner.sample()["position"]
+    learner.restore(before)
+    learner.advance(3)
+    np.testing.assert_array_equal(learner.sample()["position"], after)
+
+
+def test_a_stage_changes_the_surroundings_of_any_model():
+    stage = live.Stage(timestep=0.001, gravity=(0, 0, -1.6), cameras={"far": live.Camera((0, -3, 1))})
+    setup = live.setup_of(TASK, stage=stage)
+    assert setup.model.opt.timestep == 0.001
+    assert setup.task.substeps == 20
+    learner = Learner(setup)
+    learner.advance(7)
+    assert np.isfinite(learner.sample()["position"]).all()
+
+
+def test_a_model_opens_in_the_keyframe_of_its_body():
+    text = mg.bodies.BUNDLED["arm6"].read_text().replace("</keyframe>", '<key name="bent" qpos=".1 2"/></keyframe>')
+    for start, wanted in ((None, (0.6, 1.2)), ("bent", (0.1, 2.0))):
+        model = BareModel(live.setup_of(mg.bodies.Mjcf(text, start)))
+        np.testing.assert_array_equal(model.sample()["position"][0], wanted)
+        model.advance(3)
+        model.begin_again()
+        np.testing.assert_array_equal(model.sample()["position"][0], wanted)
+    assert model.about().muscles[0] == "shoulder flexor"
+    assert isinstance(model.model, mujoco.MjModel)

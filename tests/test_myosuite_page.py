@@ -1,0 +1,47 @@
+"""The page on MyoSuite: its table is that of the stored runs, and the tool that makes them works."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def tool():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT))
+        import tools.myosuite
+
+        yield tools.myosuite
+
+
+def test_the_table_is_that_of_the_stored_runs(tool):
+    page = (ROOT / "docs" / "myosuite.md").read_text(encoding="utf-8")
+    assert tool.with_table(page) == page
+    assert "\n| elbow | `natural` | 20,000 | " in page
+
+
+def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
+    for run in tool.stored():
+        assert max(run["seeds"]) < 100
+        assert run["episodes"] >= 100
+        assert all(
+            len(values) == len(run["seeds"]) for mode in tool.MODES for values in run["evaluated"][mode].values()
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+@pytest.mark.parametrize(("learner", "needed"), [("natural", "myosuite"), ("ppo", "stable_baselines3")])
+def test_a_learner_learns_and_is_stored(tool, tmp_path, monkeypatch, learner, needed):
+    pytest.importorskip("myosuite", reason="pip install 'motorgrad[myosuite]'", exc_type=ImportError)
+    pytest.importorskip(needed, reason="pip install 'motorgrad[peers]'", exc_type=ImportError)
+    monkeypatch.setattr(tool, "EPISODES", 2)
+    tool.main(["learn", "finger", "--learner", learner, "--steps", "400", "--seeds", "1", "--out", str(tmp_path)])
+    found = json.loads((tmp_path / f"myosuite-finger-{learner}.json").read_text())
+    assert found["learner"] == learner
+    assert 0 <= found["evaluated"]["mode"]["solved"][0] <= 1
+    assert len(found["curves"]["success"]) == 1
+    assert found["took"]["cpu"] > 0

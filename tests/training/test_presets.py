@@ -1,0 +1,124 @@
+"""Presets: learners for any task that scale with the budget and can be changed part by part."""
+
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad._tree import numbers_of
+from motorgrad.cli import main
+from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
+from motorgrad.tasks import from_gymnasium
+from motorgrad.training import agent_table
+
+
+@pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 1000, 500)])
+def test_schedules_scale_with_the_budget(steps, batch, updates):
+    agent: Any = mg.presets.natural("hopper", steps)
+    estimator, metric, critic = agent.estimator, agent.metric, agent.estimator.baseline
+    assert isinstance(metric, FisherMetric)
+    assert isinstance(critic, LinearCritic)
+    assert isinstance(metric.kl, Annealed)
+    assert (estimator.improve, critic.fit.interval) == (batch, batch)
+    assert (metric.kl.steps, agent.averaging.start) == (updates, updates - updates // 8)
+    np.testing.assert_allclose(
+        [metric.rate, critic.fit.rate, estimator.normalization.rate], [0.2, 0.2, 0.1] / np.array(batch)
+    )
+
+
+@pytest.mark.parametrize(
+    ("env_id", "policy"),
+    [
+        ("CartPole-v1", "softmax"),
+        ("Pendulum-v1", "bounded-hyperplanes"),
+        ("hexapod", "hyperplanes"),
+        ("arm-recruitment", "motoneurons"),
+    ],
+)
+def test_the_policy_goes_with_the_actions_or_is_the_tasks_own(env_id, policy):
+    task = from_gymnasium(env_id) if "-v" in env_id else mg.make(env_id)
+    assert mg.presets.natural(task).policy.kind == policy
+
+
+@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
+def test_foreign_environments_have_it_by_themselves_in_proportion_to_the_training(env_id):
+    task = from_gymnasium(env_id)
+    assert agent_table(mg.agent_for(task)) == agent_table(mg.presets.natural(task))
+    run = mg.train(task, {"damping": 0.02}, steps=300, progress=False)
+    wanted = mg.presets.natural(task, 300, damping=0.02)
+    assert run.config["agent"] == agent_table(wanted)
+
+
+def test_the_learner_of_24_muscles_has_the_numbers_of_its_study():
+    numbers = numbers_of(mg.agent_for("hexapod").hyperparameters)
+    wanted = {
+        "estimator.trace.decay": 0.9215,
+        "estimator.baseline.discount": 0.97,
+        "estimator.baseline.fit.rate": 1 / 3200,
+        "estimator.normalization.rate": 1 / 1600,
+        "estimator.entropy.start": 0.05,
+        "metric.rate": 1 / 3200,
+        "metric.initial": 0.05,
+        "metric.damping": 0.01,
+        "metric.kl.start": 0.03,
+        "metric.kl.end": 0.003,
+        "optimizer.learning_rate": 1.0,
+    }
+    assert {path: numbers[path] for path in wanted} == wanted
+    agent: Any = mg.agent_for("hexapod")
+    assert (agent.estimator.improve, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
+
+
+def test_parts_are_changed_one_by_one():
+    task = mg.make("particle")
+    own: Any = mg.presets.natural(task)
+    changed: Any = mg.presets.natural(task, changes={"metric.damping": 0.5}, baseline="mean")
+    assert (changed.metric.damping, type(changed.estimator.baseline)) == (0.5, MeanReward)
+    assert jax.tree.leaves(changed.metric.kl) == jax.tree.leaves(own.metric.kl)
+    with pytest.raises(ValueError, match="unknown setting of agent 'dampin': did you mean 'damping'"):
+        mg.presets.natural(task, dampin=0.5)
+    with pytest.raises(ValueError, match="unknown preset 'naturl': did you mean 'natural'"):
+        mg.agent_for(task, preset="naturl")
+
+
+def test_the_command_line_scales_and_changes_a_preset(tmp_path):
+    words = "train CartPole-v1 --steps 400 --seeds 2 --agent.metric.damping 0.02 --agent.baseline.discount 0.9"
+    assert main([*words.split(), "--out", str(tmp_path / "run")]) == 0
+    config = mg.load(tmp_path / "run").config
+    task = from_gymnasium("CartPole-v1")
+    changes = {"metric.damping": 0.02, "baseline.discount": 0.9}
+    assert config["agent"] == agent_table(mg.presets.natural(task, 400, changes))
+    assert config["task"]["env_id"] == "CartPole-v1"
+
+
+def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
+    config = tmp_path / "run.toml"
+    config.write_text('preset = "natural"\nsteps = 30000\n[task]\nname = "hopper"\n[agent]\nimprove = 50\n')
+    with pytest.raises(SystemExit) as done:
+        main(["train", "--config", str(config), "--agent.baseline.discount", "0.9", "--check"])
+    assert done.value.code == 0
+    said = capsys.readouterr().out
+    for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 300", 'kind = "fisher"'):
+        assert words in said
+    # the options of the policy of graded actions, which the task's default environment does not have
+    words = "train Pendulum-v1 --agent.policy.deviation 0.7 --agent.policy.features.nonlinear 32 --check"
+    with pytest.raises(SystemExit) as done:
+        main(words.split())
+    assert done.value.code == 0
+    said = capsys.readouterr().out
+    assert "deviation = 0.7" in said
+    assert "nonlinear = 32" in said
+    assert main(["train", "hopper", "--preset", "naturel"]) == 2
+    capsys.readouterr()
+    assert main(["train", "CartPol-v1"]) == 2
+    assert "env_id = 'CartPol-v1'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_the_preset_balances_the_pole():
+    task = from_gymnasium("CartPole-v1")
+    run = mg.train(task, steps=50_000, seeds=2, progress=False)
+    assert (mg.evaluate(run, 2_000, mode="mode").readings["return"] >= 475).all()

@@ -1,0 +1,33 @@
+"""The figure of MyoSuite: what is stored of learning its tasks, every seed, and the peers."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tools.figures._style import COLOURS, level, panels
+from tools.myosuite import TASKS, stored
+
+WORDS = {"success": "successful episodes", "solved": "solved steps"}
+
+
+def learning() -> Figure:
+    """Shares of successful episodes and of solved steps while learning; of ours every seed, median and quartiles."""
+    runs = list(stored())
+    tasks = [name for name in TASKS if any(run["task"] == name for run in runs)]
+    learners = list(dict.fromkeys(run["learner"] for run in runs))
+    figure, axes = panels(len(WORDS), 2.8 * len(tasks), len(tasks), squeeze=False, sharey=True)
+    for row, task in zip(axes, tasks, strict=True):
+        for panel, (reading, words) in zip(row, WORDS.items(), strict=True):
+            for run in (run for run in runs if run["task"] == task):
+                colour = COLOURS[learners.index(run["learner"])]
+                x = np.array(run["curves"]["steps"]) / 1000
+                values = np.array(run["curves"][reading], float)
+                if len(values) > 1:
+                    panel.plot(x, values.T, color=colour, alpha=0.3, linewidth=0.5)
+                    low, middle, high = np.nanpercentile(values, [25, 50, 75], axis=0)
+                    panel.fill_between(x, low, high, color=colour, alpha=0.25, linewidth=0)
+                    values = middle[None]
+                panel.plot(x, values[0], color=colour, linewidth=1.6, label=run["learner"])
+            level(panel, 0.9, "")
+            panel.set(title=f"{task}: {words}", xlabel="thousand decisions", ylim=(0, 1))
+    axes[0, 0].legend(loc="lower right")
+    return figure

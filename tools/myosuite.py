@@ -1,0 +1,246 @@
+"""Learners on MyoSuite's tasks, side by side: `python -m tools.myosuite`, from the root of a checkout.
+
+    python -m tools.myosuite learn elbow                 # our preset, ten seeds
+    python -m tools.myosuite learn elbow --learner sac   # a peer with its published settings, one seed
+    python -m tools.myosuite table                       # put the table of all that is stored into docs/myosuite.md
+
+Each run is evaluated over 100 episodes with fresh targets, deterministic and drawn, and stored as one JSON file in
+`docs/data`, from which the table and the figure are made.
+"""
+
+import argparse
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+
+import motorgrad as mg
+from motorgrad._myosuite import register
+from motorgrad.training import provenance
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT / "docs" / "data"
+PAGE = ROOT / "docs" / "myosuite.md"
+TASKS = {"elbow": ("myoElbowPose1D6MRandom-v0", 20_000), "finger": ("myoFingerPoseRandom-v0", 500_000)}
+"""Tasks by short name, with their budgets of decisions."""
+EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
+UPDATES, MEMORY = 100, 10  # steps of the parameters in a budget; batches that critic and metric remember
+SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
+Mode = Literal["mode", "sample"]
+MODES: tuple[Mode, ...] = ("mode", "sample")
+PEERS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "ppo": ("PPO", {}, "Stable-Baselines3's defaults, as MyoSuite 3.0's `train_sb3.py` uses them"),
+    "sac": ("SAC", {}, "Stable-Baselines3's defaults, as MyoSuite 3.0's `train_sb3.py` uses them"),
+    "ppo-2": (
+        "PPO",
+        {
+            "learning_rate": 1e-5,
+            "batch_size": 256,
+            "gamma": 0.95,
+            "policy_kwargs": {"net_arch": {"pi": [256, 128], "vf": [256, 128]}},
+        },
+        "MyoSuite 2's `hydra_myo_sb3_ppo_config.yaml`, which is meant for 15 million steps",
+    ),
+    "sac-2": (
+        "SAC",
+        {
+            "learning_rate": 7.3e-4,
+            "buffer_size": 300_000,
+            "learning_starts": 3_000,
+            "batch_size": 256,
+            "tau": 0.02,
+            "gamma": 0.98,
+        },
+        "MyoSuite 2's `hydra_myo_sb3_sac_config.yaml`, which is meant for 15 million steps",
+    ),
+}
+"""Peers: class of Stable-Baselines3, published settings, and where they are published."""
+PUBLISHED = {
+    "elbow": ("NPG: ≥ 90 % at 58,000–67,000 steps; PPO: 100 % at ≤ 20 million",),
+    "finger": ("NPG: ≥ 90 % at 1.0–1.5 million steps; PPO: 98.4 % at ≤ 32 million",),
+}
+"""What MyoSuite publishes of success: its baselines of 2022, and the checkpoints of version 3."""
+
+
+def natural(steps: int) -> dict[str, Any]:
+    """What is changed in the preset, in proportion to the budget. The same numbers serve all tasks."""
+    batch = max(100, steps // UPDATES)
+    rate, updates = 1 / (MEMORY * batch), steps // batch
+    return {
+        "policy": {"kind": "hyperplanes", "features": {"nonlinear": 128, "scale": 1.0}},
+        "estimator.trace.decay": 0.97 * 0.9,
+        "estimator.baseline.discount": 0.97,
+        "estimator.baseline.features": {"squares": True, "products": True, "nonlinear": 0, "actions": True},
+        "estimator.baseline.fit": {"rate": rate, "interval": batch},
+        "estimator.improve": batch,
+        "estimator.normalization.rate": 1 / (10 * batch),
+        "estimator.entropy": {"kind": "annealed", "start": 0.05, "end": 0.0, "steps": updates},
+        "metric": {"rate": rate, "damping": 0.03, "kl": {"start": 0.1, "end": 0.005, "steps": updates}},
+        "averaging.start": updates - updates // 8,
+    }
+
+
+class Clock:
+    """Wall and processor seconds since it was made, of all threads."""
+
+    def __init__(self) -> None:
+        self._start = self._now()
+
+    @staticmethod
+    def _now() -> tuple[float, float]:
+        return time.perf_counter(), time.process_time()
+
+    def read(self) -> dict[str, float]:
+        return {name: now - then for name, now, then in zip(("wall", "cpu"), self._now(), self._start, strict=True)}
+
+
+def learn(name: str, steps: int, seeds: list[int], threads: int) -> dict[str, Any]:
+    """Our preset on a rebuilt task."""
+    task, clock = mg.tasks.myosuite(TASKS[name][0], actions="binary"), Clock()
+    agent = mg.presets.natural(task, steps, natural(steps))
+    run = mg.train(task, agent, steps, seeds, window=max(1, steps // 40), threads=threads, progress=False)
+    took, curves = clock.read(), {}
+    for reading in ("success", "solved"):
+        x, curves[reading] = run.curve(reading)
+        curves["steps"] = x
+    found: dict[Mode, Any] = {mode: mg.evaluate(run, EPISODES * LENGTH, mode=mode, threads=threads) for mode in MODES}
+    evaluated = {mode: {key: found[mode].readings[key] for key in ("success", "solved")} for mode in MODES}
+    return {"took": took, "settings": run.config["agent"], "curves": curves, "evaluated": evaluated}
+
+
+def learn_peer(name: str, learner: str, steps: int, seed: int, threads: int) -> dict[str, Any]:
+    """A peer on MyoSuite's own environment."""
+    import stable_baselines3
+    import torch
+
+    register()
+    torch.set_num_threads(threads or os.cpu_count() or 1)
+    kind, settings, _ = PEERS[learner]
+    environment, clock = gymnasium.make(TASKS[name][0]), Clock()
+    watched = _Watched(environment)
+    model = getattr(stable_baselines3, kind)("MlpPolicy", watched, seed=seed, device="cpu", **settings)
+    model.learn(steps)
+    took = clock.read()
+    evaluated: dict[str, Any] = {}
+    for mode in MODES:
+        trial = _Watched(gymnasium.make(TASKS[name][0]))
+        observation, _ = trial.reset(seed=seed + 1_000_000)
+        while len(trial.solved) < EPISODES:
+            action, _ = model.predict(observation, deterministic=mode == "mode")
+            observation, _, terminated, truncated, _ = trial.step(action)
+            if terminated or truncated:
+                observation, _ = trial.reset()
+        steps_solved = np.array(trial.solved)
+        evaluated[mode] = {"success": [(steps_solved > SUCCESSFUL).mean()], "solved": [steps_solved.mean() / LENGTH]}
+    solved = np.array(watched.solved)
+    width = max(1, len(solved) // 40)
+    blocks = [part for part in np.split(solved, range(width, len(solved), width)) if len(part)]
+    curves = {
+        "steps": LENGTH * np.cumsum([len(part) for part in blocks]),
+        "success": [[(part > SUCCESSFUL).mean() for part in blocks]],
+        "solved": [[part.mean() / LENGTH for part in blocks]],
+    }
+    return {"took": took, "settings": settings, "curves": curves, "evaluated": evaluated}
+
+
+class _Watched(gymnasium.Wrapper):
+    """Counts the solved steps of each episode that has ended."""
+
+    def __init__(self, environment: gymnasium.Env):
+        super().__init__(environment)
+        self.solved: list[int] = []
+        self._now = 0
+
+    def reset(self, **kwargs: Any) -> Any:
+        self._now = 0
+        return super().reset(**kwargs)
+
+    def step(self, action: Any) -> Any:
+        result = super().step(action)
+        self._now += bool(result[4]["solved"])
+        if result[2] or result[3]:
+            self.solved.append(self._now)
+        return result
+
+
+def stored() -> Iterator[dict[str, Any]]:
+    """All stored runs, by task, ours first."""
+    found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob("myosuite-*.json")]
+    names = [*TASKS]
+    yield from sorted(found, key=lambda run: (names.index(run["task"]), run["learner"] != "natural", run["learner"]))
+
+
+def table() -> str:
+    """The table of all stored runs, in Markdown."""
+    titles = ["task", "learner", "steps per seed", "wall s, all seeds", "CPU s per seed", "success", "success, drawn"]
+    titles += ["solved steps", "solved steps, drawn", "seeds with ≥ 90 % success"]
+    lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
+    for run in stored():
+        seeds, each = len(run["seeds"]), run["evaluated"]
+        passed = sum(value >= 0.9 for value in each["mode"]["success"])
+        cells = [run["task"], f"`{run['learner']}`", f"{run['steps']:,}"]
+        cells += [f"{run['took']['wall']:,.0f}", f"{run['took']['cpu'] / seeds:,.0f}"]
+        cells += [_percent(each[mode][key]) for key in ("success", "solved") for mode in MODES]
+        lines.append(f"| {' | '.join(cells)} | {passed} of {seeds} |")
+    return "\n".join(lines)
+
+
+def _percent(values: list[float]) -> str:
+    """The median of the seeds, and the worst and the best."""
+    low, middle, high = (100 * f(values) for f in (np.min, np.median, np.max))
+    return f"{middle:.0f} %" if len(values) == 1 else f"{middle:.0f} % [{low:.0f} … {high:.0f}]"
+
+
+def with_table(page: str) -> str:
+    """The page with the table in its place."""
+    return re.sub(r"(<!-- table -->\n).*?(\n<!-- end -->)", lambda at: at[1] + table() + at[2], page, flags=re.DOTALL)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Learn and store, or put the table into its page."""
+    parser = argparse.ArgumentParser(prog="python -m tools.myosuite", description=(__doc__ or "").partition("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    learning = commands.add_parser("learn", help="train, evaluate and store")
+    learning.add_argument("task", choices=TASKS)
+    learning.add_argument("--learner", choices=["natural", *PEERS], default="natural")
+    learning.add_argument("--seeds", type=int, default=None, help="how many, from --first; 10, or 1 of a peer")
+    learning.add_argument("--first", type=int, default=0, help="the first seed; settings were chosen on 100 and above")
+    learning.add_argument("--steps", type=int, default=None, help="per seed; by default the task's budget")
+    learning.add_argument("--threads", type=int, default=0, help="0 for one per processor")
+    learning.add_argument("--out", type=Path, default=DATA)
+    commands.add_parser("table", help="put the table into docs/myosuite.md")
+    given = parser.parse_args(arguments)
+    if given.command == "table":
+        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+        return
+    steps, ours = given.steps or TASKS[given.task][1], given.learner == "natural"
+    seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 1))))
+    work: Callable[[], dict[str, Any]] = (
+        (lambda: learn(given.task, steps, seeds, given.threads))
+        if ours
+        else (lambda: learn_peer(given.task, given.learner, steps, seeds[0], given.threads))
+    )
+    made = {"task": given.task, "env_id": TASKS[given.task][0], "learner": given.learner, "steps": steps}
+    machine = {key: value for key, value in provenance().items() if key != "command"}
+    made |= {"seeds": seeds, "episodes": EPISODES, "machine": machine, **work()}
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / f"myosuite-{given.task}-{given.learner}.json"
+    path.write_text(json.dumps(made, default=_plain, indent=1) + "\n", encoding="utf-8")
+    print(
+        path, {mode: {key: _percent(v) for key, v in made["evaluated"][mode].items()} for mode in MODES}, made["took"]
+    )
+
+
+def _plain(value: Any) -> Any:
+    """An array as a list of short numbers."""
+    return np.round(np.asarray(value, float), 5).tolist()
+
+
+if __name__ == "__main__":
+    main()
