@@ -5,7 +5,7 @@ import re
 import pytest
 from study_examples import failing_study, small, wait_for
 
-from motorgrad.studies import Study, _driver, _work
+from motorgrad.studies import Study, _driver, _partition
 
 
 def text_of(page):
@@ -19,7 +19,7 @@ def text_of(page):
 def test_the_page_shows_a_study_that_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(_driver, "PAUSE", 0.01)
     monkeypatch.setattr(_driver, "SHARE", 1.0)
-    train, seen, page = _work.train, [], tmp_path / "study" / "index.html"
+    train, seen, page = _partition.train, [], tmp_path / "study" / "index.html"
 
     def train_when_the_page_is_there(*arguments, **options):
         if seen:  # the first job is done
@@ -27,7 +27,7 @@ def test_the_page_shows_a_study_that_runs(tmp_path, monkeypatch):
         seen.append((text_of(page), page.read_text()) if seen else ("", ""))
         return train(*arguments, **options)
 
-    monkeypatch.setattr(_work, "train", train_when_the_page_is_there)
+    monkeypatch.setattr(_partition, "train", train_when_the_page_is_there)
     small().run(tmp_path / "study", progress=False)
     words, content = seen[-1]
     assert "study running" in words
@@ -68,7 +68,7 @@ def test_what_a_message_says_is_text_on_the_page(tmp_path, monkeypatch):
     def fail(*arguments, **options):
         raise RuntimeError("<script>alert(1)</script>")
 
-    monkeypatch.setattr(_work, "train", fail)
+    monkeypatch.setattr(_partition, "train", fail)
     results = small().run(tmp_path / "study", progress=False, attempts=1)
     content = (results.path / "index.html").read_text()
     assert "<script>" not in content

@@ -8,7 +8,7 @@ import pytest
 from study_examples import assert_same_study, small
 
 import motorgrad as mg
-from motorgrad.studies import Study, _work, run_study
+from motorgrad.studies import Study, _partition, run_study
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.training import RunDirectoryError, final_metrics
 
@@ -56,7 +56,7 @@ def test_the_index_is_made_again_from_the_run_directories(done):
 
 
 def test_a_study_that_has_run_is_not_run_again(done, monkeypatch):
-    monkeypatch.setattr(_work, "train", None)
+    monkeypatch.setattr(_partition, "train", None)
     assert run_study(done.study, done.path, progress=False).complete
 
 
@@ -75,7 +75,7 @@ def test_the_best_are_reported_over_seeds_that_did_not_choose_them(tmp_path):
 
 def failing(monkeypatch, times, which="0001-three-state"):
     """Lets the training of one job fail a number of times."""
-    train, calls = _work.train, []
+    train, calls = _partition.train, []
 
     def train_or_fail(*arguments, **options):
         if arguments[4].name == which:
@@ -84,7 +84,7 @@ def failing(monkeypatch, times, which="0001-three-state"):
                 raise RuntimeError(f"the disk is on fire, for the time number {len(calls)}")
         return train(*arguments, **options)
 
-    monkeypatch.setattr(_work, "train", train_or_fail)
+    monkeypatch.setattr(_partition, "train", train_or_fail)
     return calls
 
 

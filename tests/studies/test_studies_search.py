@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from motorgrad.studies import Search, Study, _work
+from motorgrad.studies import Search, Study, _partition
 from motorgrad.training import RunDirectoryError
 
 pytest.importorskip("optuna", reason="searches need motorgrad[search]")
@@ -57,7 +57,7 @@ def test_optuna_knows_all_values(done):
 
 @pytest.mark.parametrize("job", [0, 1, 2, 3])
 def test_a_search_that_was_stopped_asks_the_same(done, tmp_path, monkeypatch, job):
-    train, calls = _work.train, []
+    train, calls = _partition.train, []
 
     def train_or_stop(*arguments, **options):
         calls.append(arguments)
@@ -65,7 +65,7 @@ def test_a_search_that_was_stopped_asks_the_same(done, tmp_path, monkeypatch, jo
             raise KeyboardInterrupt
         return train(*arguments, **options)
 
-    monkeypatch.setattr(_work, "train", train_or_stop)
+    monkeypatch.setattr(_partition, "train", train_or_stop)
     path = tmp_path / "search"
     assert not searching().run(path, progress=False).complete
     monkeypatch.undo()
@@ -89,14 +89,14 @@ def test_successive_halving_spends_more_on_the_better(tmp_path):
 
 
 def test_a_job_that_fails_fails_its_trials_and_the_search_goes_on(tmp_path, monkeypatch):
-    train = _work.train
+    train = _partition.train
 
     def fail(task, agent, *rest, **options):
         if agent["baseline"] == "none":
             raise RuntimeError("no baseline, no luck")
         return train(task, agent, *rest, **options)
 
-    monkeypatch.setattr(_work, "train", fail)
+    monkeypatch.setattr(_partition, "train", fail)
     found = searching().run(tmp_path / "search", progress=False, attempts=1)
     assert len(found.rounds) == 2
     assert "no baseline, no luck" in found.failures[0]["message"]

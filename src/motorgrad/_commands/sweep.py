@@ -8,18 +8,18 @@ from typing import Any
 
 import tyro
 
-from motorgrad._commands import IMPORTED
 from motorgrad._commands._configuration import parse
+from motorgrad._commands._places import Places
 from motorgrad._commands._results import write_json
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad._files import check_writable, read_toml
-from motorgrad.studies import PLACES, Best, Results, Search, SearchResults, Study, settings_text
+from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Sweep:
+class Sweep(Places):
     """Run a study: tasks × settings × seeds, as a TOML file says. A list in its tables task and agent is a grid.
     Settings that are numbers of the learner, and seeds, learn side by side in one compiled call; the rest becomes jobs.
     The same command continues a study that was stopped or killed. Jobs that fail are tried again, then set aside."""
@@ -28,18 +28,6 @@ class Sweep:
     """The TOML file of the study; without it, that of the folder --out."""
     out: Path | None = None
     """The folder of the study, by default runs/NAME for NAME.toml."""
-    on: str = "here"
-    """Where jobs run: here, in this process; processes, of this machine; ray; slurm."""
-    address: str = ""
-    """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
-    slurm: tuple[str, ...] = ()
-    """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
-    workers: int = 0
-    """Jobs that run at the same time; 0 for as many as there are processors."""
-    threads: int = 0
-    """Threads of each job; 0 for its share of the processors."""
-    attempts: int = 3
-    """How often a job that fails is tried, before it is set aside and the others go on."""
     checkpoint_every: float = 30.0
     """Seconds between two checkpoints of a job."""
     metric: str = "reward"
@@ -50,11 +38,8 @@ class Sweep:
     """Also write the result to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
-        choice("on", self.on, PLACES)
+        self.check_places()
         check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
-        check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
-        check(self.on == "slurm" or not self.slurm, "slurm", self.slurm, "left out, unless --on slurm")
-        _ = self.options
         check_writable("out", self.folder, folder=True)
         try:
             self.made.check()
@@ -67,13 +52,6 @@ class Sweep:
         file = self.study or self.folder / "study.toml"
         kind = Search if "search" in read_toml(file) else Study
         return kind.read(file, trust=self.trust)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """The options of the place."""
-        if self.on == "ray":
-            return {"address": self.address}
-        return {"parameters": dict(map(_parameter, self.slurm))} if self.on == "slurm" else {}
 
     @property
     def folder(self) -> Path:
@@ -90,16 +68,7 @@ class Sweep:
 def run(arguments: list[str]) -> int:
     options = parse(Sweep, arguments, "sweep")
     print(_size(options.made), file=sys.stderr)
-    how: dict[str, Any] = {
-        "on": options.on,
-        "workers": options.workers,
-        "threads": options.threads,
-        "attempts": options.attempts,
-        "checkpoint_every": options.checkpoint_every,
-        "imports": tuple(IMPORTED),
-        "trust": options.trust,
-        "options": options.options,
-    }
+    how = {**options.how, "checkpoint_every": options.checkpoint_every, "trust": options.trust}
     if isinstance(options.made, Search):
         results, metric = options.made.run(options.folder, **how), options.made.metric
         best: Ranking = [({}, results.best())]
@@ -112,16 +81,6 @@ def run(arguments: list[str]) -> int:
         _print(results, metric, best)
     write_json(options.json, _record(results, metric, best))
     return 0 if results.complete else 1 if results.failures else 130
-
-
-def _parameter(word: str) -> tuple[str, Any]:
-    """A parameter of Slurm's jobs as name and value."""
-    name, _, value = word.partition("=")
-    check(name and value, "slurm", word, "a name and a value, such as partition=cpu")
-    try:
-        return name, int(value)
-    except ValueError:
-        return name, value
 
 
 def _size(made: Study | Search) -> str:

@@ -15,9 +15,9 @@ from motorgrad._files import check_writable
 from motorgrad._progress import Progress
 from motorgrad._signals import stop_when_asked
 from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._jobs import AnyJob, JobFolder, Work
 from motorgrad.studies._page import write_page
-from motorgrad.studies._partition import Job
-from motorgrad.studies._places import Here, Place, Processes, Work
+from motorgrad.studies._places import Here, Place, Processes
 from motorgrad.studies._ray import Ray
 from motorgrad.studies._results import Results
 from motorgrad.studies._slurm import Slurm
@@ -74,44 +74,72 @@ def run_study(
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a folder that cannot be used, before any
     work starts.
     """
+    check_writable("out", Path(out), folder=True)
+    folder = StudyFolder(out, study)
+    check(study.jobs, "study", study, "of at least one job")
+
+    def report(learned: float | None) -> None:
+        folder.write_index()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # those about the run directories have been given
+            write_page(folder, metric, learned)
+
+    told = Work(threads, checkpoint_every, tuple(imports), trust)
+    drive(folder, told, report, on=on, workers=workers, attempts=attempts, progress=progress, options=options)
+    return Results(folder)
+
+
+def drive(
+    folder: JobFolder,
+    told: Work,
+    report: Callable[[float | None], None],
+    *,
+    on: On = "here",
+    workers: int = 0,
+    attempts: int = ATTEMPTS,
+    progress: bool = True,
+    options: Mapping[str, Any] | None = None,
+) -> bool:
+    """Do the jobs of a folder that are not done. `run_study` has the arguments that are not said here.
+
+    **Arguments:** `told`: what every job is told; `report`: writes down how things stand, now and then and at the end,
+    given the seconds of learning in this session, while it lasts.
+
+    **Returns** whether it has come to its end, rather than been asked to stop.
+    """
     if on not in PLACES:
         raise unknown("on", on, PLACES)
     check_integer("attempts", attempts, 1)
-    check_integer("threads", threads, 0, 4096)
-    check_writable("out", Path(out), folder=True)
-    given = dict(options or {})
-    folder = StudyFolder(out, study)
-    check(study.jobs, "study", study, "of at least one job")
+    check_integer("threads", told.threads, 0, 4096)
     with folder:
-        folder.read_rows()
-        place = PLACES[on](folder.path, workers, Work(threads, checkpoint_every, tuple(imports), trust), **given)
-        _Driver(folder, place, attempts).run(progress, metric)
-    return Results(folder)
+        driver = _Driver(folder, PLACES[on](folder.path, workers, told, **dict(options or {})), attempts)
+        driver.run(progress, report)
+    return not driver.stopping
 
 
 class _Driver:
     """One session of a study."""
 
-    def __init__(self, folder: StudyFolder, place: Place, attempts: int):
+    def __init__(self, folder: JobFolder, place: Place, attempts: int):
         self.folder, self.place, self.attempts = folder, place, attempts
-        self.jobs = folder.study.jobs
+        self.jobs = folder.jobs
         self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
-        self.flying: dict[Any, Job] = {}
+        self.flying: dict[Any, AnyJob] = {}
         self.failed, self.killed = Counter[str](), Counter[str]()
         self.saved: dict[str, int] = {}
         self.learned = 0.0
         self.stopping = False
 
-    def run(self, progress: bool, metric: str) -> None:
+    def run(self, progress: bool, report: Callable[[float | None], None]) -> None:
         done = len(self.jobs) - len(self.waiting)
         for job in self.waiting:
             self.folder.forgive(job)
-        reporter = _Reporter(self, metric)
+        reporter = _Reporter(self, report)
         reporter.start()
         try:
             with (
                 stop_when_asked() as stopped,
-                Progress("study", "jobs", len(self.jobs), done, progress) as report,
+                Progress(self.folder.noun, self.folder.counted, len(self.jobs), done, progress) as shown,
             ):
                 while self.flying or (self.waiting and not self.stopping):
                     self._submit(stopped)
@@ -122,7 +150,7 @@ class _Driver:
                         self._take(self.flying.pop(future), future)
                     done = sum(map(self.folder.is_done, self.jobs))
                     aside = len(self.folder.failures())
-                    report.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
+                    shown.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
         finally:
             self.place.close()
             reporter.finish()
@@ -130,13 +158,13 @@ class _Driver:
     def _submit(self, stopped: Callable[[], bool]) -> None:
         while self.waiting and len(self.flying) < self.place.workers and not (stopped() or self.stopping):
             job = self.waiting.popleft()
-            self.saved[job.name] = self.folder.decision(job)
+            self.saved[job.name] = self.folder.saved(job)
             future = self.place.submit(job, self.folder.place(job))
             self.flying[future] = job
             if future.done():  # this process works itself: take the result before the next job
                 return
 
-    def _take(self, job: Job, future: Any) -> None:
+    def _take(self, job: AnyJob, future: Any) -> None:
         """Take note of how a job ended."""
         try:
             outcome = future.result()
@@ -150,21 +178,21 @@ class _Driver:
             self._again(job, error, self.failed[job.name], self.attempts)
         else:
             self.learned += outcome.learned
-            if outcome.rows is not None:
-                self.folder.add(job, outcome.rows)
+            if outcome.result is not None:
+                self.folder.add(job, outcome.result)
             elif self.place.itself and not outcome.busy:
                 self.stopping = True
             else:
-                why = "another process has its run directory" if outcome.busy else "it was stopped from outside"
+                why = "another process has its folder" if outcome.busy else "it was stopped from outside"
                 self._interrupted(job, RuntimeError(why))
 
-    def _interrupted(self, job: Job, error: BaseException) -> None:
+    def _interrupted(self, job: AnyJob, error: BaseException) -> None:
         """A job has ended early, for which it is not to blame."""
-        moved = self.folder.decision(job) > self.saved[job.name]
+        moved = self.folder.saved(job) > self.saved[job.name]
         self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
         self._again(job, error, self.killed[job.name], KILLS)
 
-    def _again(self, job: Job, error: BaseException, count: int, most: int) -> None:
+    def _again(self, job: AnyJob, error: BaseException, count: int, most: int) -> None:
         """Try a job again after the others, or set it aside."""
         if self.stopping or count < most:
             self.waiting.append(job)
@@ -177,26 +205,20 @@ class _Driver:
 class _Reporter(threading.Thread):
     """Writes the index and the page beside the driver, rarely enough to take little of the time."""
 
-    def __init__(self, driver: _Driver, metric: str):
+    def __init__(self, driver: _Driver, report: Callable[[float | None], None]):
         super().__init__(daemon=True)
-        self._driver, self._metric, self._over = driver, metric, threading.Event()
+        self._driver, self._report, self._over = driver, report, threading.Event()
 
     def run(self) -> None:
         pause = PAUSE
         while not self._over.wait(pause):
             started = time.thread_time()
             with contextlib.suppress(Exception):  # the disk may be full; the last report tells
-                self._write(self._driver.learned)
+                self._report(self._driver.learned)
             pause = max(PAUSE, (time.thread_time() - started) / SHARE)
 
     def finish(self) -> None:
         """Write the last report."""
         self._over.set()
         self.join()
-        self._write(None)
-
-    def _write(self, learned: float | None) -> None:
-        self._driver.folder.write_index()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # those about the run directories have been given
-            write_page(self._driver.folder, self._metric, learned)
+        self._report(None)

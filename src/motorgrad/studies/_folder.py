@@ -21,21 +21,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from motorgrad._files import read_json, remove_partials, write_atomically
-from motorgrad.studies._partition import Job
+from motorgrad._files import remove_partials, write_atomically
+from motorgrad.studies._jobs import JobFolder
+from motorgrad.studies._partition import Job, rows_of
 from motorgrad.studies._study import Study
-from motorgrad.studies._work import rows_of
 from motorgrad.training import RunDirectoryError, differences, load
 
 
-class StudyFolder:
+class StudyFolder(JobFolder):
     """The folder of a study. As a context manager, it is locked against other drivers.
 
     **Raises** `RunDirectoryError` for a folder that holds something else, or another study.
     """
 
     def __init__(self, path: Path | str, study: Study | None = None, trust: bool = False):
-        self.path = Path(path)
+        super().__init__(path)
         file = self.path / "study.toml"
         if file.is_file():
             self.study = Study.read(file, trust=trust or study is not None)
@@ -63,16 +63,26 @@ class StudyFolder:
             write_atomically(self.path / "study.toml", tomli_w.dumps(self.study.as_table()).encode())
         for name in ("jobs", "failures"):
             (self.path / name).mkdir(exist_ok=True)
+        try:
+            self.read_rows()
+        except BaseException:
+            self._lock.release()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         self._lock.release()
 
+    @property
+    def jobs(self) -> list[Job]:
+        """The compiled calls of the study."""
+        return self.study.jobs
+
     def place(self, job: Job) -> Path:
         """The run directory of a job."""
         return self.path / "jobs" / job.name
 
-    def decision(self, job: Job) -> int:
+    def saved(self, job: Job) -> int:
         """The decisions per seed that a job has saved."""
         return int(newest.stem) if (newest := self._newest(job)) else 0
 
@@ -80,7 +90,7 @@ class StudyFolder:
         """Find the jobs that are done: in the index, where it is as new as their run directories, or in these."""
         stored = self._stored()
         for job in self.study.jobs:
-            if self.decision(job) < job.steps:
+            if self.saved(job) < job.steps:
                 continue
             mark = self._mark(job)
             found = stored.get(job.name)
@@ -90,14 +100,14 @@ class StudyFolder:
         """Look at what the jobs that are not done have saved so far."""
         found = {}
         for job in self.study.jobs:
-            if not self.is_done(job) and self.decision(job):
+            if not self.is_done(job) and self.saved(job):
                 with contextlib.suppress(RunDirectoryError):  # it has been begun again just now
                     found[job.name] = rows_of(load(self.place(job)))
         self._begun = found
 
-    def add(self, job: Job, rows: pa.Table) -> None:
+    def add(self, job: Job, result: pa.Table) -> None:
         """Take note of a job that is done."""
-        self._rows[job.name] = rows
+        self._rows[job.name] = result
 
     def is_done(self, job: Job) -> bool:
         """Whether a job is done."""
@@ -115,7 +125,7 @@ class StudyFolder:
         lanes = [len(job.points) * len(seeds) for job in jobs]
         status, decisions = [], []
         for job, count in zip(jobs, lanes, strict=True):
-            rows, decision = self._rows.get(job.name), self.decision(job)
+            rows, decision = self._rows.get(job.name), self.saved(job)
             state = "failed" if job.name in failed else "begun" if decision else "waiting"
             status.append("done" if rows is not None else state)
             decisions.append(decision)
@@ -145,20 +155,9 @@ class StudyFolder:
         write_atomically(self.path / "index.parquet", sink.getvalue().to_pybytes())
         return table
 
-    def failures(self) -> list[dict[str, Any]]:
-        """The jobs that were set aside: `job`, `attempts`, `message`, `traceback`."""
-        return [read_json(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
-
-    def set_aside(self, job: Job, attempts: int, error: BaseException, traceback: str) -> None:
-        """Write down why a job failed."""
-        message = " ".join(f"{type(error).__name__}: {error}".splitlines())
-        about = {"job": job.name, "attempts": attempts, "message": message, "traceback": traceback}
-        about |= {"points": list(job.points), "settings": [self.study.settings[point] for point in job.points[:10]]}
-        write_atomically(self.path / "failures" / f"{job.name}.json", json.dumps(about, indent=2).encode())
-
-    def forgive(self, job: Job) -> None:
-        """Forget that a job failed, as it is tried again."""
-        (self.path / "failures" / f"{job.name}.json").unlink(missing_ok=True)
+    def about(self, job: Job) -> dict[str, Any]:
+        """What is written down about a job that failed: its points, and the settings of the first."""
+        return {"points": list(job.points), "settings": [self.study.settings[point] for point in job.points[:10]]}
 
     def _compare(self, study: Study) -> None:
         for where, now, then in differences(study.as_table(), self.study.as_table()):

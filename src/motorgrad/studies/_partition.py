@@ -2,11 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
+
 from motorgrad.studies._grid import Point, frozen, leaves, varied
+from motorgrad.studies._jobs import Outcome, Work
 from motorgrad.tasks import Task, make
-from motorgrad.training import agent_for, check_training, sweepable
+from motorgrad.training import Run, agent_for, check_training, final_metrics, sweepable, train
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +37,30 @@ class Job:
     def make_task(self) -> Task:
         """The task."""
         return _task(self.task)
+
+    def do(self, path: Path, told: Work) -> Outcome:
+        """Learn, or learn what is left, in the run directory. The result is the run's rows in the index."""
+        run = train(
+            self.make_task(),
+            self.agent,
+            self.steps,
+            self.seeds,
+            path,
+            sweep=self.sweep,
+            window=self.window,
+            checkpoint_every=told.checkpoint_every,
+            threads=told.threads,
+            trust=told.trust,
+            progress=False,
+        )
+        learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0
+        return Outcome(rows_of(run) if run.complete else None, learned)
+
+
+def rows_of(run: Run) -> pa.Table:
+    """The rows of a run in the index: the lanes in order, with their final metrics."""
+    columns = {name: np.asarray(values, float) for name, values in final_metrics(run).items()}
+    return pa.table({"decision": np.full(run.lanes, run.decision, np.int64), **columns})
 
 
 def partition(

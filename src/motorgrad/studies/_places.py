@@ -15,21 +15,11 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from motorgrad._errors import check_integer
 from motorgrad._signals import STOPS
-from motorgrad.studies._partition import Job
-from motorgrad.studies._work import Outcome, work
-
-
-class Work(NamedTuple):
-    """What every job is told beside what it is: the last arguments of `work`."""
-
-    threads: int = 0
-    checkpoint_every: float = 30.0
-    imports: tuple[str, ...] = ()
-    trust: bool = False
+from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 
 
 class Place:
@@ -46,7 +36,7 @@ class Place:
         """The jobs that are kept in flight."""
         return 1
 
-    def submit(self, job: Job, path: Path) -> Any:
+    def submit(self, job: AnyJob, path: Path) -> Any:
         """Begin a job in its run directory. Returns a future."""
         raise NotImplementedError
 
@@ -75,10 +65,10 @@ class Here(Place):
         check_integer("workers", workers, 0, 1)
         self._told = told
 
-    def submit(self, job: Job, path: Path) -> "Future[Outcome]":
+    def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         future: Future[Outcome] = Future()
         try:
-            future.set_result(work(job, path, *self._told))
+            future.set_result(work(job, path, self._told))
         except (Exception, KeyboardInterrupt) as error:
             future.set_exception(error)
         return future
@@ -105,11 +95,11 @@ class Processes(Place):
     def has_died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenProcessPool)
 
-    def submit(self, job: Job, path: Path) -> "Future[Outcome]":
+    def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         context = multiprocessing.get_context("spawn")
         executor = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
         with process_environment(self._told.threads):  # of the process, which starts with the first job
-            future = executor.submit(work, job, path, *self._told)
+            future = executor.submit(work, job, path, self._told)
         self._busy[future] = executor
         return future
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check_integer
-from motorgrad.studies._partition import Job
-from motorgrad.studies._places import Place, Work, processors, thread_settings
-from motorgrad.studies._work import work
+from motorgrad.studies._jobs import AnyJob, Work, work
+from motorgrad.studies._places import Place, processors, thread_settings
 
 AHEAD = 2  # jobs in flight for each that fits, so that a node need not wait for the driver
 
@@ -68,8 +67,8 @@ class Ray(Place):
     def has_died(self, error: BaseException) -> bool:
         return isinstance(error, self._deaths)
 
-    def submit(self, job: Job, path: Path) -> Any:
-        reference = self._task.remote(job, path.absolute(), *self._told)  # type: ignore[attr-defined]
+    def submit(self, job: AnyJob, path: Path) -> Any:
+        reference = self._task.remote(job, path.absolute(), self._told)  # type: ignore[attr-defined]
         future = reference.future()
         self._references[future] = reference
         return future

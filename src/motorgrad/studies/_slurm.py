@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, check_integer
-from motorgrad.studies._partition import Job
-from motorgrad.studies._places import Place, Work, process_environment, thread_settings
-from motorgrad.studies._work import Outcome, work
+from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
+from motorgrad.studies._places import Place, process_environment, thread_settings
 
 AT_ONCE = 64  # jobs in Slurm's queue, unless more are asked for
 POLL = 0.2  # seconds between two looks at the results
@@ -65,9 +64,9 @@ class Slurm(Place):
         died, raised = self._errors.UncompletedJobError, self._errors.FailedJobError
         return isinstance(error, died) and not isinstance(error, raised)
 
-    def submit(self, job: Job, path: Path) -> Any:
+    def submit(self, job: AnyJob, path: Path) -> Any:
         with process_environment(self._told.threads):
-            submitted = self.executor.submit(ResumableWork(), job, path.absolute(), *self._told)
+            submitted = self.executor.submit(ResumableWork(), job, path.absolute(), self._told)
         self._jobs.add(submitted)
         return submitted
 
