@@ -5,6 +5,7 @@ from motorgrad.studies._jobs import AnyJob, JobFolder, Outcome, Work
 from motorgrad.studies._page import settings_text
 from motorgrad.studies._partition import Job
 from motorgrad.studies._results import Best, Results
+from motorgrad.studies._scores import ScoreEach
 from motorgrad.studies._search import Search, SearchResults
 from motorgrad.studies._study import Design, Study
 
@@ -18,6 +19,7 @@ __all__ = [
     "On",
     "Outcome",
     "Results",
+    "ScoreEach",
     "Search",
     "SearchResults",
     "Study",
