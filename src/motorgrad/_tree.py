@@ -322,7 +322,10 @@ def _with_field(part: Any, name: str, value: Any) -> Any:
     convert = type(part).__dataclass_fields__[name].metadata.get("converter")
     object.__setattr__(made, name, value if convert is None else convert(value))
     for cls in type(part).__mro__:
-        if "__check_init__" in cls.__dict__:
+        if cls is Part:  # the other fields have been checked
+            _check_field(made, name, type(part).__dataclass_fields__[name])
+            type(made).validate(made)
+        elif "__check_init__" in cls.__dict__:
             cls.__check_init__(made)
     return made
 

@@ -102,7 +102,7 @@ class Results:
         check_integer("point", point, 0, len(self.study.points) - 1)
         job = next(job for job in self.study.jobs if point in job.points)
         run = load(self._folder.place(job))
-        return run.split()[job.points.index(point)] if run.settings else run
+        return run.of_setting(job.points.index(point)) if run.settings else run
 
     def values(self, metric: str, so_far: bool = False) -> np.ndarray:
         """A metric as `(points, seeds)`; NaN where the job is not done, or, with `so_far`, has nothing yet."""
