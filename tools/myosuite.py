@@ -85,6 +85,8 @@ def learn(name: str, steps: int, seeds: list[int], threads: int) -> dict[str, An
     """Our preset on a rebuilt task."""
     task, clock = mg.tasks.myosuite(TASKS[name][0], actions="binary"), Clock()
     run = mg.train(task, None, steps, seeds, window=max(1, steps // 40), threads=threads, progress=False)
+    if not run.complete:
+        raise SystemExit(f"stopped after {run.decision:,} of {steps:,} decisions: nothing is stored")
     took, curves = clock.read(), {}
     for reading in ("success", "solved"):
         x, curves[reading] = run.curve(reading)

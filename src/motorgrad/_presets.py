@@ -83,13 +83,12 @@ def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
 
 def natural(task: Any, steps: int) -> dict[str, Any]:
     """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions."""
-    batch = max(100, steps // 100)
+    batch = min(1000, max(100, steps // 100))
     # half an episode ahead: what comes later hardly depends on the decision, but adds its noise
     horizon = min(100.0, max(10.0, (task.longest_episode or 200) / 2))
     products = task.observation_size <= MOST_PRODUCTS
-    # the divergences and the entropies of independent units add
+    # the divergences of independent units add
     units = 1 if task.actions == "discrete" else task.action_size
-    kl = 0.05 * math.sqrt(units)
     return natural_actor_critic(
         POLICIES.get(task.actions, POLICIES["mixed"]),
         batch=batch,
@@ -99,8 +98,8 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
         memory=10,
         features={"squares": True, "products": products, "actions": True, **FEATURES},
         damping=0.03,
-        kl=(kl, 0.1 * kl),
-        entropy=0.3 / units,
+        kl=(0.05 * math.sqrt(units), 0.005),
+        entropy=0.3,
     )
 
 

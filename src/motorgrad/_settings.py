@@ -247,6 +247,9 @@ def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default
     for option in options:
         if dataclasses.is_dataclass(option) and isinstance(value, Mapping):  # what is wrong in it is worth saying
             return as_hinted(option, value, where, default)
+    lists = [option for option in options if typing.get_origin(option) is tuple]
+    if len(lists) == 1 and isinstance(value, tuple | list):
+        return as_hinted(lists[0], value, where, default)
     for option in sorted(options, key=lambda option: option is not type(value)):  # 10.0 stays a float
         try:
             return as_hinted(option, value, where, default)

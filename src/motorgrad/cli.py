@@ -38,9 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     name = "--import"
     try:
-        while arguments[:1] == ["--import"]:
-            _import(arguments[1:2])
-            arguments = arguments[2:]
+        arguments = _after_imports(arguments)
         name, *rest = arguments or ["--help"]
         if name == "--help":
             print(_help())
@@ -68,19 +66,31 @@ def _run(name: str, rest: list[str]) -> int:
     return _command(name)([*rest, "--trust"])
 
 
-def _import(names: list[str]) -> None:
+def _after_imports(arguments: list[str]) -> list[str]:
+    """Import the modules that `--import` names, before or after the command. Returns the other arguments."""
+    words, left = iter(arguments), []
+    for word in words:
+        flag, equals, name = word.partition("=")
+        if flag == "--import":
+            _import(name if equals else next(words, ""))
+        else:
+            left.append(word)
+    return left
+
+
+def _import(name: str) -> None:
     """Import a module of the user's, from the working folder or an installed one."""
     import importlib
 
-    if not names:
+    if not name:
         raise ValueError("--import needs the name of a module")
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
-        importlib.import_module(names[0])
+        importlib.import_module(name)
     except ImportError as error:
-        raise ValueError(f"cannot import {names[0]!r}: {error}") from error
-    IMPORTED.append(names[0])
+        raise ValueError(f"cannot import {name!r}: {error}") from error
+    IMPORTED.append(name)
 
 
 def _answer(name: str, error: BaseException) -> int:

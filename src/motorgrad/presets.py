@@ -21,12 +21,12 @@ def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | N
     squashed normal units for graded ones. These see 128 fixed random features beside their inputs. So does the critic,
     which also sees the last action and, of up to 40 inputs, all products of two.
 
-    What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, at least 100
-    decisions. Over the training, the limit on the divergence of n units falls from 0.05 sqrt(n) nats to a tenth of it,
-    and the worth of a nat of a unit's mean entropy from 0.3 usual advantages to nothing. Averaging begins with the last
-    eighth. Critic and metric have a memory of ten batches. The discount is 1 - 1/h, and the trace's decay 1 - 6/h, with
-    a horizon h of half the longest episode, from 10 to 100 decisions: 0.99 and 0.94, or 0.98 and 0.88 for episodes of
-    100 decisions.
+    What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, from 100 to 1,000
+    decisions. Over the training, the limit on the divergence of n units falls from 0.05 sqrt(n) to 0.005 nats, and the
+    worth of a nat of entropy from 0.3 usual advantages to nothing. Averaging begins with the last eighth.
+    Critic and metric have a memory of ten batches. The discount is 1 - 1/h, and the trace's decay 1 - 6/h, with a
+    horizon h of half the longest episode, from 10 to 100 decisions: 0.99 and 0.94, or 0.98 and 0.88 for episodes of 100
+    decisions.
 
     **Arguments:**
 

@@ -1,13 +1,17 @@
 """A task in one file, on the command line: train, resume, evaluate, watch."""
 
 import re
+import sys
 import tomllib
 
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._commands.sim import prepared
+from motorgrad._tree import KINDS
 from motorgrad.cli import main
+from motorgrad.tasks import terms
 
 REACH = """
 body = "arm.xml"
@@ -45,7 +49,7 @@ def test_a_task_in_a_file_is_trained_resumed_and_evaluated(folder, capsys):
     assert mg.load("runs/reach").task == task
     assert status("train", "--resume", "runs/reach", "--steps", 30) == 0
     whole = mg.train(task, {"decay": 0.8}, steps=30, seeds=2, progress=False)
-    np.testing.assert_array_equal(mg.load("runs/reach").policies.weights, whole.policies.weights)
+    np.testing.assert_array_equal(mg.load("runs/reach").policies.pool.weights, whole.policies.pool.weights)
     assert status("evaluate", "runs/reach", "--steps", 20, "--json", "found.json") == 0
     assert "distance: median" in capsys.readouterr().out
 
@@ -66,10 +70,34 @@ def test_options_of_the_task_and_its_learner_go_with_the_file(folder, capsys):
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["source"] == str(folder / "tasks" / "arm.xml")
 
 
+def test_the_page_of_a_task_has_the_name_of_its_file(folder):
+    assert prepared(["--task", "tasks/reach.toml"])[0].name == "reach"
+    assert prepared(["hopper"])[0].name == "hopper"
+
+
+def test_a_module_may_be_imported_after_the_command(folder, monkeypatch, capsys):
+    (folder / "my_terms.py").write_text(
+        "from motorgrad.tasks import terms\n"
+        "terms.register(terms.Quantity, 'none-at-all', lambda scene: lambda now: now.time)\n"
+    )
+    (folder / "tasks" / "reach.toml").write_text(REACH.replace('readings = ["', 'readings = ["none-at-all", "'))
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setitem(KINDS, terms.Quantity, {**KINDS[terms.Quantity]})
+    assert status("train", "--task", "tasks/reach.toml", "--check") == 2
+    assert status("train", "--task", "tasks/reach.toml", "--import", "my_terms", "--check") == 0
+    assert "none-at-all" in capsys.readouterr().out
+    assert status("train", "--import=nope", "--task", "tasks/reach.toml") == 2
+    assert "No module named 'nope'" in capsys.readouterr().err
+
+
 def test_what_is_wrong_in_the_file_is_one_line(folder, capsys):
     for change, told in (
         (("target-error", "target-eror"), "reach.toml: .*'target-eror': did you mean 'target-error'"),
         (("arm.xml", "leg.xml"), "reach.toml: .*leg.xml.*must be an existing MJCF file"),
+        (
+            ('"reach"', '{ kind = "reach", at = [0.1, nan, 0.0] }'),
+            r"targets\[0\].at\[1\] = nan: must be a finite number",
+        ),
         (("time_limit", "time_limt"), "'time_limt': did you mean 'time_limit'"),
     ):
         (folder / "tasks" / "reach.toml").write_text(REACH.replace(*change))

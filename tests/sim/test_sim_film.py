@@ -1,5 +1,6 @@
 """Films and stills: what is written, what is seen, what is refused."""
 
+import dataclasses
 import os
 import re
 import subprocess
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from motorgrad.sim import Motion, gl_problem, still, write_film
+from motorgrad.sim.film._motion import resample
 
 
 def decode(path) -> tuple[str, np.ndarray]:
@@ -56,6 +58,24 @@ def test_before_and_after_side_by_side(hop, tmp_path):
     assert np.abs(left[-1] - left[12]).mean() < 1  # the shorter one stands still at its end
 
 
+def test_marks_are_seen_and_framed(hop, renderer):
+    marks = np.zeros((26, 1, 4))
+    marks[:, 0] = (2.0, 0.0, 0.5, 0.15)  # beside the leg
+    marks[13:, 0, 0] = -1.0  # another episode, another target
+    motion = dataclasses.replace(hop, marks=marks)
+    columns = []
+    for frame in (12, 13):
+        picture = still(motion, frame, width=320, height=240, renderer=renderer).astype(int)
+        green = picture[..., 1] > picture[..., [0, 2]].max(-1) + 15
+        assert green.sum() > 50
+        columns.append(np.flatnonzero(green.any(0)).mean())
+    assert columns[0] > 240
+    assert columns[1] < 80
+    np.testing.assert_array_equal(resample(motion, np.array([0.245]))[3], marks[12:13])  # a target does not glide
+    with pytest.raises(ValueError, match=re.escape("marks.shape = (3, 1, 4): must be (26, marks, 4)")):
+        dataclasses.replace(hop, marks=marks[:3])
+
+
 def test_a_firing_muscle_is_seen(leg, renderer):
     position = np.tile([0, 0, 0.5, -0.9], (2, 1))
     activation = np.array([[0.0, 0, 0, 0], [0, 0, 1, 0]])
@@ -90,14 +110,12 @@ def test_nothing_leaves_the_frame(hop, renderer):
 def test_speed_and_rate_interpolate_rotations(tmp_path):
     import mujoco
 
-    from motorgrad.sim.film._motion import resample
-
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><freejoint/><geom size=".1 .2 .3" type="box"/></body></worldbody></mujoco>'
     )
     turned = [0, 0, 2, np.cos(0.5), 0, 0, np.sin(0.5)]
     motion = Motion(model, [0, 2], [[0, 0, 0, 1, 0, 0, 0], turned], np.zeros((2, 0)))
-    _, position, _ = resample(motion, np.array([0, 1, 2, 9]))
+    _, position, *_ = resample(motion, np.array([0, 1, 2, 9]))
     np.testing.assert_allclose(position[1], [0, 0, 1, np.cos(0.25), 0, 0, np.sin(0.25)], atol=1e-12)
     np.testing.assert_allclose(position[2:], [turned, turned], atol=1e-12)
 

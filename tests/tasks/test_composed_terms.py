@@ -8,12 +8,13 @@ import pytest
 from composed_examples import BODY, MODEL, moved, task
 from scipy.integrate import solve_ivp
 
+import motorgrad as mg
 from motorgrad._settings import build, table
 from motorgrad._tree import KINDS
 from motorgrad.bodies import Mjcf
 from motorgrad.learning import Agent
 from motorgrad.policies import bounded_hyperplanes
-from motorgrad.tasks import terms
+from motorgrad.tasks import compose, terms
 from motorgrad.tasks.terms._quantities import Compartments
 from motorgrad.tasks.terms._term import norm
 from motorgrad.training.engines import stepper_for
@@ -184,6 +185,25 @@ def test_targets_are_drawn_for_each_episode_and_seed():
     assert (apart < 0.6 + 1e-6).all()
     assert (apart > 0.32).all()  # the elbow bends to 2 rad
     assert len(np.unique(drawn[:, 0])) > 40
+
+
+def test_targets_that_are_places_are_marked():
+    follow = terms.Follow(parts="hand", time=(0.0, 1.0), values=((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)), name="path")
+    two = terms.Reach(("hand", "upper"), at=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6), name="two")
+    made = compose(
+        "arm6",
+        targets=[two, follow, terms.Pose(name="pose")],
+        observe=["joint-positions"],
+        reward=[terms.Within("two", 0.05), terms.Within("pose", 0.2)],
+        readings=[terms.Within("two", 0.04)],
+    )
+    start = made.init(jnp.zeros(made.init_uniforms))
+    later = start._replace(decisions=jnp.asarray(25))
+    marks = made.marks(later, None)  # wherever the body is
+    expected = [(0.1, 0.2, 0.3, 0.04), (0.4, 0.5, 0.6, 0.04), (0.5, 1.0, 1.5, 0.02)]
+    np.testing.assert_allclose(marks, expected, rtol=1e-6)
+    assert compose("arm6", targets=["pose"], observe=["target"], reward=["distance"]).marks(start, None).shape == (0, 4)
+    assert mg.make("hopper").marks((), None).shape == (0, 4)
 
 
 def test_trajectories_from_numbers_and_files(tmp_path):

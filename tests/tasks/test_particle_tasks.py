@@ -208,7 +208,7 @@ REFUSED = [
     ("particle", {"forces": [[1.0]]}, "forces[0] = [1.0]: must be a list of 2 entries"),
     ("particle", {"layout": "R4"}, "'R4'"),
     ("particle", {"regions": []}, "regions = (): must be None or at least one region"),
-    ("particle", {"regions": [[1, 0.5, 0.5, 0.1]]}, "regions = "),
+    ("particle", {"regions": [[1, 0.5, 0.5, 0.1]]}, "regions[0] = [1, 0.5, 0.5, 0.1]: must be a list of 5 entries"),
     ("particle", {"regions": [[1, 0.5, 0.5, 0.1, 0.1], [1, 0.5, 1.2, 0.1, 0.1]]}, "regions[1] centre = (0.5, 1.2)"),
     ("particle", {"regions": [[1, 0.5, 0.5, 0.0, 0.1]]}, "regions[0] widths = (0.0, 0.1): must be positive"),
     ("particle", {"regions": [[1, 0.5, 0.5, 0.1, -0.1]]}, "regions[0] widths = (0.1, -0.1)"),

@@ -14,7 +14,7 @@ from motorgrad.tasks import from_gymnasium
 from motorgrad.training import agent_table
 
 
-@pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 5000, 100)])
+@pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 1000, 500)])
 def test_schedules_scale_with_the_budget(steps, batch, updates):
     agent: Any = mg.presets.natural("hopper", steps)
     estimator, metric, critic = agent.estimator, agent.metric, agent.estimator.baseline
@@ -49,7 +49,7 @@ def test_divergence_and_entropy_go_with_the_number_of_units():
     for task, units in (("three-state", 1), ("chain", 1), ("hopper", mg.make("hopper").action_size)):
         numbers = numbers_of(mg.presets.natural(task).hyperparameters)
         found = [numbers[f"{name}.{at}"] for name in ("metric.kl", "estimator.entropy") for at in ("start", "end")]
-        np.testing.assert_allclose(found, [0.05 * units**0.5, 0.005 * units**0.5, 0.3 / units, 0])
+        np.testing.assert_allclose(found, [0.05 * units**0.5, 0.005, 0.3, 0])
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,10 @@ def test_a_run_resumes_bit_for_bit_and_stands_alone(tmp_path):
     assert found.readings["distance"].shape == (2,)
     assert found.position.shape == (2, 12, 2)
     assert found.activation.shape == (2, 12, 6)
+    assert found.marks.shape == (2, 12, 1, 4)
+    limit, steps = body.episode_limit, np.abs(np.diff(found.marks[:, :, 0, :3], axis=1)).max(axis=2) > 0
+    jumps = np.arange(1, 12) % limit == 0
+    np.testing.assert_array_equal(steps, np.tile(jumps, (2, 1)))  # with the first state of an episode, not before
 
 
 def test_a_run_does_not_continue_with_another_model(tmp_path):

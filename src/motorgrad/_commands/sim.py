@@ -98,6 +98,11 @@ class Place:
 def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {"-h", "--help"}:
         return _usage(0 if arguments else 2)
+    return _show(*prepared(arguments))
+
+
+def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
+    """What the arguments ask for, and the options."""
     given = read_arguments(arguments)
     place, model, scene, given = _scene_parts(given)
     given = _with_run(given)
@@ -111,7 +116,9 @@ def run(arguments: list[str]) -> int:
     else:
         options = _learner_options(given, scene)
         setup = _with_file_name(given, lambda: _setup(options, place))
-    return _show(setup, options)
+        if (file := pop_option("task", given.rest)[0]) is not None:
+            setup = dataclasses.replace(setup, name=Path(file).stem)
+    return setup, options
 
 
 def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:

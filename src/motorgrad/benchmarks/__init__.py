@@ -12,6 +12,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     from motorgrad.benchmarks._arm18 import reach18
     from motorgrad.benchmarks._bodies import (
         body_row,
+        composed_rows,
         foreign_row,
         learning_rows,
         shared_row,
@@ -47,9 +48,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
         yield row
         yield simulated_row(row, task)
-    row = body_row("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
-    yield row
-    yield simulated_row(row, reach18())
+    yield from composed_rows("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
     yield from suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")

@@ -17,19 +17,27 @@ from mujoco.batch import Batch
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import BodyBatch, compile_model, group_places
-from motorgrad.learning import Adam, Agent, olpomdp
-from motorgrad.policies import softmax
+from motorgrad.learning import SGD, Adam, Agent, olgarb, olpomdp
+from motorgrad.policies import bounded_hyperplanes, hyperplanes, softmax
 from motorgrad.presets import natural
 from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
 from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
-def body_row(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Physics steps per second while learning with the task's own learner, against `mujoco.batch` alone, replaying the
-    learner's actions."""
+def body_row(
+    name: str,
+    task: BodyTask,
+    seeds: int,
+    decisions: int,
+    pairs: int = 5,
+    wanted: str = "",
+    agent: Agent | None = None,
+) -> Row:
+    """Physics steps per second while learning with an agent, by default the task's own, against `mujoco.batch` alone,
+    replaying the learner's actions."""
 
     def make() -> BodyStepper | SideBySide:
-        found = training_stepper_for(task, agent_for(task), range(seeds))
+        found = training_stepper_for(task, agent or agent_for(task), range(seeds))
         assert isinstance(found, BodyStepper | SideBySide)
         return found
 
@@ -69,6 +77,14 @@ def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
     return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
 
 
+def composed_rows(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
+    """Learning in a composed task, by OLGARB with linear units and by the preset that is its default."""
+    units = hyperplanes if task.actions == "binary" else bounded_hyperplanes
+    plain = Agent(units(task), olgarb(0.9), SGD(1e-3))
+    for learner, agent, asked in (("OLGARB", plain, wanted), ("preset natural", None, "")):
+        yield body_row(f"{name}, {learner}", task, seeds, decisions, pairs, asked, agent)
+
+
 def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
     """Learning in a task of MyoSuite, rebuilt, as `body_row`; and MyoSuite's own steps per second, against
     `mujoco.mj_step` alone. Without MyoSuite a row that says so."""
@@ -77,7 +93,7 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
             f"{env_id} (MyoSuite is not installed: extra myosuite)", math.nan, None, "physics steps/s", wanted=wanted
         )
         return
-    yield body_row(env_id, myosuite(env_id, actions="binary"), seeds, decisions, pairs, wanted)
+    yield from composed_rows(env_id, myosuite(env_id, actions="binary"), seeds, decisions, pairs, wanted)
     theirs = gymnasium.make(env_id)
     theirs.reset(seed=0)
     inner: Any = theirs.unwrapped

@@ -208,7 +208,7 @@ class SlopeBatch(BodyBatch):
         self._gravity[:, 2] = -size * np.cos(slope)
         super().step(activation[:, :-2])
 
-    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None) -> None:
+    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None, activation: Any = None) -> None:
         """Put simulations into the start pose, or into another, on a level plane; as `BodyBatch.reset`."""
         self._gravity[slice(None) if rows is None else rows] = self._level
-        super().reset(rows, position, velocity)
+        super().reset(rows, position, velocity, activation)

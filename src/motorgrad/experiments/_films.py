@@ -122,4 +122,5 @@ def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds
     control[:, driven] = np.take(outcome.activation[row, :frames], group_places(body), axis=-1)
     active = None if outcome.act is None else outcome.act[row, :frames]
     level = actuator_levels(model, control, active)
-    return Motion(model, outcome.time[:frames], outcome.position[row, :frames], level, label)
+    marks = np.zeros((frames, 0, 4)) if outcome.marks is None else outcome.marks[row, :frames]
+    return Motion(model, outcome.time[:frames], outcome.position[row, :frames], level, label, marks)

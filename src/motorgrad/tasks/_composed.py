@@ -32,6 +32,7 @@ from motorgrad.tasks.terms._term import Now, bound
 
 FIXED: Mapping[str, Any] = {"option": False}
 """Metadata of fields that have no option on the command line, only in files and in Python."""
+MARK = 0.02  # m, the radius of the mark of a target without a tolerance
 
 
 class ComposedMemory(NamedTuple):
@@ -359,6 +360,17 @@ class Composed(BodyTask):
         """Those that were asked for."""
         look = self._looks(memory, state)
         return {name: (look(each), memory.ended if late else True) for name, late, each in self._bound.readings}
+
+    def marks(self, memory: ComposedMemory, state: BodyState) -> Float[Array, "marks 4"]:
+        """Where parts of the body should be, in balls as large as the least tolerance of a term."""
+        now, found = self._now(memory, state), [jnp.zeros((0, 4))]
+        for name, target in self._bound.scene.targets.items():
+            if target.marked:
+                at = target.wanted(now.drawn[name], now.time).reshape(-1, 3)
+                terms = [term for term in (*self.rewards, *self.recorded) if getattr(term, "target", None) == name]
+                radius = min((term.tolerance for term in terms if hasattr(term, "tolerance")), default=MARK)  # type: ignore[attr-defined]
+                found.append(jnp.column_stack([at, jnp.full(len(at), radius)]))
+        return jnp.concatenate(found)
 
     def _now(self, memory: ComposedMemory, state: BodyState) -> Now:
         return Now(state, memory.control, memory.decisions * self.action_period, memory.drawn)

@@ -177,6 +177,12 @@ class Task(abc.ABC):
         del memory, state
         return {}
 
+    def marks(self, memory: Any, state: Any) -> Float[Array, "marks 4"]:
+        """Places that pictures mark with translucent balls, such as targets: x, y, z and radius of each, in m. Their
+        number is fixed; by default there are none."""
+        del memory, state
+        return jnp.zeros((0, 4))
+
     def measures(self, recorded: Any) -> dict[str, np.ndarray]:
         """Measures of a recorded motion for each seed, in addition to the readings: numbers or words by name,
         `(seeds,)`.

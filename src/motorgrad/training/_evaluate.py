@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
+from motorgrad.tasks import Task
 from motorgrad.training._load import load
 from motorgrad.training._run import Records, Run
 from motorgrad.training.engines import BodyStepper, stepper_for
@@ -30,6 +31,7 @@ class Evaluation:
     - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
     - `act`: the state of activation dynamics in that motion, `(seeds, decisions, na)`; `None` without any.
+    - `marks`: the places that the task marks, such as targets, `(seeds, decisions, marks, 4)`; `None` without any.
     """
 
     metrics: pa.Table
@@ -41,6 +43,7 @@ class Evaluation:
     activation: np.ndarray | None = None
     measures: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     act: np.ndarray | None = None
+    marks: np.ndarray | None = None
 
     def __repr__(self) -> str:
         means = {"reward": self.reward, **self.readings}
@@ -79,11 +82,17 @@ def evaluate(
     stepper = stepper_for(run.task, agent, [(seed + FRESH) % 2**31 for seed in lanes], mode, threads)
     stepper.set_policies(policies, run.memory)
     motion: list[tuple[np.ndarray, np.ndarray]] = []
+    marks: list[np.ndarray] = []
     if isinstance(stepper, BodyStepper):
+        task, marked = run.task, type(run.task).marks is not Task.marks
+        marked_now = stepper.viewer(lambda cycle, state: task.marks(cycle.memory, state))
         for _ in range(steps):
-            action = np.array(stepper.activation)
+            action, before = np.array(stepper.activation), marked_now() if marked else None
             stepper.advance(1)
             motion.append((stepper.batch.packed.copy() if stepper.ended is None else stepper.ended, action))
+            if before is not None:  # where an episode has ended, the task already has the targets of the next one
+                renewed = (motion[-1][0] != stepper.batch.packed).any(axis=1)
+                marks.append(np.where(renewed[:, None, None], before, marked_now()))
     else:
         stepper.advance(steps)
     record = stepper.harvest()
@@ -101,4 +110,6 @@ def evaluate(
     activation = np.stack([a for _, a in motion], axis=1)
     measures = run.task.measures(state)
     moved = (state.position, state.sensors, activation)
-    return Evaluation(metrics, reward, readings, time, *moved, measures, state.activation)
+    return Evaluation(
+        metrics, reward, readings, time, *moved, measures, state.activation, np.stack(marks, axis=1) if marks else None
+    )

@@ -13,7 +13,9 @@ TASK = mg.tasks.Composed(time_limit=0.1)
 
 
 def test_a_live_learner_is_the_learner_of_training_with_its_activations():
-    learner = Learner(live.setup_of(TASK, seed=3))
+    setup = live.setup_of(TASK, seed=3)
+    assert setup.name == "arm6"
+    learner = Learner(setup)
     engine = stepper_for(TASK, agent_for(TASK), [3], threads=1)
     about = learner.about()
     assert about.sizes.activation == 6
@@ -26,6 +28,9 @@ def test_a_live_learner_is_the_learner_of_training_with_its_activations():
     np.testing.assert_array_equal(sample["activation"], state.activation)
     np.testing.assert_array_equal(sample["control"], engine.activation)
     assert (sample["activation"] > 0).any()
+    *target, radius = sample["marks"][0]
+    assert radius == np.float32(0.03)
+    np.testing.assert_array_equal(target, engine.state["cycle"].memory.drawn["target"][0])
     before = learner.state
     learner.advance(3)
     after = learner.sample()["position"]

@@ -104,7 +104,7 @@ def test_what_is_looked_at_comes_in_stretches():
 
 
 def test_a_curve_keeps_its_mean_while_it_is_thinned():
-    sizes = Sizes(0, 0, 0, 0, 0, 0, 0, 0, 200, 1)
+    sizes = Sizes(0, 0, 0, 0, 0, 0, 0, 0, 200, 1, 0)
     block = SharedArrays(layout(sizes)["curve"])
     curve, rewards = CurveRecorder(block, sizes, 1.0), np.random.default_rng(0).normal(size=3 * POINTS)
     for decision, reward in enumerate(rewards, 1):

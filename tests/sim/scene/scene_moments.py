@@ -6,7 +6,7 @@ import numpy as np
 from motorgrad.sim.live import Snapshot
 
 
-def moment(position, *, velocity=None, activation=None, control=None, decision=0, model=None):
+def moment(position, *, velocity=None, activation=None, control=None, decision=0, model=None, marks=()):
     """A snapshot of bodies `(bodies, nq)` of which nothing but the motion is known."""
     position = np.atleast_2d(np.asarray(position, float))
     count = len(position)
@@ -31,6 +31,7 @@ def moment(position, *, velocity=None, activation=None, control=None, decision=0
         baseline=unknown,
         gradient_norm=unknown,
         parameters=none,
+        marks=np.broadcast_to(np.ravel(marks), (count, np.size(marks))),
         reset_count=0,
         oldest=0,
         newest=decision,

@@ -1,5 +1,8 @@
 """What is drawn, as viser's server has it; without a browser."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,11 +10,13 @@ from scene_moments import moment, standing, walk
 
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
 from motorgrad.sim.film import FIRING, SILENT, ground_height
+from motorgrad.sim.live._snapshot import Sizes
 from motorgrad.sim.scene import Pose
-from motorgrad.sim.scene._bodies import Bodies
+from motorgrad.sim.scene._bodies import Bodies, Targets
 from motorgrad.sim.scene._contacts import Balance, touches
 from motorgrad.sim.scene._muscles import SILENT_OPACITY, Muscles, peak_force, tendon_tension
 from motorgrad.sim.scene._surroundings import height_field_glb
+from motorgrad.tasks import Composed
 
 
 def layer_of(scene, kind):
@@ -71,6 +76,21 @@ def test_nothing_is_added_again_as_a_body_moves(hexapod, staged):
         now = [pool.handle for layer in scene.layers for pool in layer.pools]
         assert handles is None or all(a is b for a, b in zip(handles, now, strict=True))
         handles = now
+
+
+def test_targets_stand_beside_each_body(hopper, server):
+    sizes = Sizes(*(0,) * 10, marks=8)
+    session: Any = SimpleNamespace(model=hopper, task=Composed(), sizes=sizes)
+    layer, pose = Targets(), Pose(hopper)
+    layer.build(server, session)
+    marks = [(0.1, 0.2, 0.3, 0.05), (0.4, 0.5, 0.6, 0.02)]
+    pose.place(moment(np.stack([hopper.key_qpos[0]] * 2), marks=marks, model=hopper))
+    layer.draw(pose)
+    handle = layer.pools[0].handle
+    expected = np.concatenate([np.array(marks)[:, :3] + offset for offset in pose.offset])
+    np.testing.assert_allclose(handle.batched_positions, expected, atol=1e-6)
+    np.testing.assert_allclose(handle.batched_scales[:, 0], [0.05, 0.02] * 2)
+    assert (handle.batched_opacities < 1).all()
 
 
 def test_geoms_are_where_the_engine_has_them(hexapod, staged):

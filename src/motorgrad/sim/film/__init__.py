@@ -6,6 +6,8 @@ The other names are shared with the page: how a model looks, where a camera must
 
 from motorgrad.sim.film._appearance import (
     FIRING,
+    MARK,
+    MARK_OPACITY,
     SILENT,
     geom_colours,
     height_grid,
@@ -27,6 +29,8 @@ from motorgrad.sim.film._scenery import nice_step
 __all__ = [
     "FIRING",
     "GAP",
+    "MARK",
+    "MARK_OPACITY",
     "SILENT",
     "Drawing",
     "Film",

@@ -40,6 +40,8 @@ def texture_pixels(model: mujoco.MjModel, texture: int) -> np.ndarray:
     return model.tex_data[first : first + high * wide * channels].reshape(high, wide, channels)
 
 
+MARK = np.array([0.10, 0.60, 0.34])  # places that a task marks, such as targets
+MARK_OPACITY = 0.45
 SILENT = np.array([0.95, 0.70, 0.66])
 FIRING = np.array([0.80, 0.02, 0.06])
 PASSIVE = np.array([0.50, 0.53, 0.57])  # a tendon without an actuator

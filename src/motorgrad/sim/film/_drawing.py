@@ -10,6 +10,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.sim.film._appearance import (
+    MARK,
+    MARK_OPACITY,
     check_posture,
     geom_colours,
     height_grid,
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 
 OUTLINE_POINTS = 40
+CIRCLE = np.stack([f(2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS) for f in (np.cos, np.sin)], 1)
 
 
 def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.ndarray) -> np.ndarray:
@@ -273,6 +276,7 @@ class MatplotlibRenderer:
 
     def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.collections import PolyCollection
         from matplotlib.figure import Figure
 
         # horizontally or from straight above: in an oblique orthographic view the ground is not a line
@@ -287,6 +291,8 @@ class MatplotlibRenderer:
         self.set_view(view)
         line = height / 480 * 2.4
         self._drawing = Drawing(self._axes, model, self._screen, line, 1.0, True)
+        self._marks = PolyCollection([], facecolors=tuple(MARK), alpha=MARK_OPACITY, linewidths=0, zorder=2.3)
+        self._axes.add_collection(self._marks, autolim=False)
 
     def set_view(self, view: View) -> None:
         """Change to another view from the same side."""
@@ -299,14 +305,15 @@ class MatplotlibRenderer:
         self._lift = self._tall * (DOWNWARDS - UPWARDS) / 2
         self._size = 2 * float(self._half.max())
 
-    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture; the next call overwrites it."""
+    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it."""
         centre = self._centres[frame]
         right, up = self._screen @ centre
         self._axes.set_xlim(right - self._reach, right + self._reach)
         self._axes.set_ylim(up + self._lift - self._tall, up + self._lift + self._tall)
         self._drawing.update(position, activation)
         self._drawing.update_ground(centre, 1.1 * self._reach, self._size)
+        self._marks.set_verts([at[:3] @ self._screen.T + at[3] * CIRCLE for at in marks])
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3]
 

@@ -88,13 +88,14 @@ def write_film(
     pace = "" if speed == 1 else f"  ×{speed:g}"
 
     def pictures() -> Iterator[np.ndarray]:
-        painters = _open_renderers(motions, [shot[1] for shot in shots], width, height, camera, kind)
+        places = [shot[1] for shot in shots], [shot[3] for shot in shots]
+        painters = _open_renderers(motions, *places, width, height, camera, kind)
         canvas = np.full((height, full, 3), 255, np.uint8)
         try:
             for frame in range(frames):
                 for index, (painter, motion, shot) in enumerate(zip(painters, motions, shots, strict=True)):
-                    time, position, activation = (part[frame] for part in shot)
-                    picture = painter.paint(frame, position, activation)
+                    time, position, activation, marks = (part[frame] for part in shot)
+                    picture = painter.paint(frame, position, activation, marks)
                     left = index * (width + GAP)
                     clock = f"{time - motion.time[0]:.2f} s{pace}"
                     canvas[:, left : left + width] = caption(picture, motion.label, clock)
@@ -136,9 +137,9 @@ def still(
     kind, _ = choose_renderer(renderer)
     check_picture([motion.model], width, height, camera)
     row = int(frame) % count
-    (painter,) = _open_renderers([motion], [motion.position], width, height, camera, kind)
+    (painter,) = _open_renderers([motion], [motion.position], [motion.marks], width, height, camera, kind)
     try:
-        picture = painter.paint(row, motion.position[row], motion.activation[row])
+        picture = painter.paint(row, motion.position[row], motion.activation[row], motion.marks[row])
         picture = caption(picture, motion.label, f"{motion.time[row] - motion.time[0]:.2f} s")
     finally:
         painter.close()
@@ -167,7 +168,13 @@ def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
 
 
 def _open_renderers(
-    motions: Sequence[Motion], positions: Sequence[np.ndarray], width: int, height: int, camera: Camera, kind: str
+    motions: Sequence[Motion],
+    positions: Sequence[np.ndarray],
+    marks: Sequence[np.ndarray],
+    width: int,
+    height: int,
+    camera: Camera,
+    kind: str,
 ) -> list[Any]:
     """One renderer for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
     brush = renderer_class(kind)
@@ -177,7 +184,8 @@ def _open_renderers(
         groups.setdefault((model.nq, model.nbody, model.ngeom), []).append(index)
     painters: list[Any] = [None] * len(motions)
     for members in groups.values():
-        view = frame_motions([models[i] for i in members], [positions[i] for i in members], camera, width / height)
+        them, moved, marked = ([each[i] for i in members] for each in (models, positions, marks))
+        view = frame_motions(them, moved, marked, camera, width / height)
         for which, index in enumerate(members):
             painters[index] = brush(models[index], view, which, width, height)
     return painters

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorgrad._errors import unknown
+from motorgrad.sim.film._motion import NO_MARKS
 
 if TYPE_CHECKING:
     import mujoco
@@ -74,18 +75,22 @@ def find_camera(model: mujoco.MjModel, name: str) -> int:
 
 
 def frame_motions(
-    models: Sequence[mujoco.MjModel], positions: Sequence[np.ndarray], camera: str | float | None, aspect: float
+    models: Sequence[mujoco.MjModel],
+    positions: Sequence[np.ndarray],
+    marks: Sequence[np.ndarray],
+    camera: str | float | None,
+    aspect: float,
 ) -> View:
     """The view of one or several motions of one kind of body: same angle, same scale.
 
-    **Arguments:** `models` and their `positions`, `(frames, nq)` each; `camera` as of `write_film`; `aspect`: width
-    over height.
+    **Arguments:** `models`, their `positions` `(frames, nq)` and their `marks` `(frames, marks, 4)`; `camera` as of
+    `write_film`; `aspect`: width over height.
     """
     model = models[0]
     chosen = find_camera(model, camera) if isinstance(camera, str) else -1
     if camera is None and "side" in (model.camera(index).name for index in range(model.ncam)):
         chosen = find_camera(model, "side")
-    surveys = [_survey(m, p, chosen) for m, p in zip(models, positions, strict=True)]
+    surveys = [_survey(*each, chosen) for each in zip(models, positions, marks, strict=True)]
     boxes = [survey[0] for survey in surveys]
     # a camera given by name is the user's choice; the default must contain the motion
     if camera is None and chosen >= 0 and not all(_holds(model, chosen, survey, aspect) for survey in surveys):
@@ -101,13 +106,15 @@ def frame_motions(
     return View(chosen, azimuth, elevation, centres, half)
 
 
-def bounding_box(model: mujoco.MjModel, position: np.ndarray) -> np.ndarray:
-    """The lowest and highest corner of everything that moves, in one posture `(nq,)`: `(2, 3)` m."""
-    return _survey(model, position[None], -1)[0][0]
+def bounding_box(model: mujoco.MjModel, position: np.ndarray, marks: np.ndarray = NO_MARKS[0]) -> np.ndarray:
+    """The lowest and highest corner of everything that moves in one posture `(nq,)` and of its marks: `(2, 3)` m."""
+    return _survey(model, position[None], marks[None], -1)[0][0]
 
 
-def _survey(model: mujoco.MjModel, positions: np.ndarray, camera: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Boxes `(frames, 2, 3)` around what moves; the camera's positions `(frames, 3)` and axes `(frames, 3, 3)`."""
+def _survey(
+    model: mujoco.MjModel, positions: np.ndarray, marks: np.ndarray, camera: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Boxes `(frames, 2, 3)` around what moves and marks; the places `(frames, 3)` and axes of the camera."""
     import mujoco
 
     data = mujoco.MjData(model)
@@ -127,8 +134,9 @@ def _survey(model: mujoco.MjModel, positions: np.ndarray, camera: int) -> tuple[
         centre = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", turn, middle)
         reach = np.einsum("gij,gj->gi", np.abs(turn), size)
         points = np.concatenate([centre - reach, centre + reach, data.site_xpos[sites]])
-        if not len(points):
-            points = data.xpos
+        points = points if len(points) else data.xpos
+        ball, radius = marks[row, :, :3], marks[row, :, 3:]
+        points = np.concatenate([points, ball - radius, ball + radius])
         boxes[row] = points.min(0), points.max(0)
         if camera >= 0:
             mujoco.mj_comPos(model, data)

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad.sim.film._appearance import (
+    MARK,
+    MARK_OPACITY,
     geom_colours,
     muscle_colour,
     muscle_radius,
@@ -24,7 +26,7 @@ from motorgrad.sim.film._appearance import (
     texture_of,
 )
 from motorgrad.sim.film._framing import DOWNWARDS, SIDEWAYS, UPWARDS, View, visible_geoms
-from motorgrad.sim.film._scenery import SHADE, SKY, add_backdrop, add_lamp, add_marks, add_shadows
+from motorgrad.sim.film._scenery import SHADE, SKY, add_backdrop, add_geom, add_lamp, add_marks, add_shadows
 
 if TYPE_CHECKING:
     import mujoco
@@ -107,6 +109,7 @@ def _problem(kind: str) -> str:
     return f"a trial picture with {kind} failed: {lines[-1] if lines else f'exit status {probe.returncode}'}"
 
 
+MARK_RGBA = np.append(MARK, MARK_OPACITY)
 FIELD_OF_VIEW = 26.0  # degrees; a long lens distorts less
 
 
@@ -184,8 +187,8 @@ class GlRenderer:
         model.site_rgba[np.concatenate([markers, beside[beside >= 0], sensed]).astype(int), 3] = 0
         model.tendon_matid[:] = -1
 
-    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture; the next call overwrites it."""
+    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it."""
         import mujoco
 
         model, data, scene = self._model, self._data, self._scene
@@ -197,6 +200,9 @@ class GlRenderer:
         self._aim(frame)
         mujoco.mjv_updateScene(model, data, self._options, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
         self._decorate(frame)
+        for x, y, z, radius in marks:
+            add_geom(scene, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), np.array([x, y, z]), np.eye(3), MARK_RGBA)
+            scene.geoms[scene.ngeom - 1].transparent = 1
         assert self._gl_context is not None
         self._gl_context.make_current()
         mujoco.mjr_render(self._rectangle, scene, self._resources)

@@ -4,7 +4,7 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,9 @@ from motorgrad._errors import check
 
 if TYPE_CHECKING:
     import mujoco
+
+
+NO_MARKS = np.zeros((1, 0, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,7 @@ class Motion:
     - `position`: `(frames, nq)`, the generalised coordinates `qpos`.
     - `activation`: `(frames, nu)` in [0, 1], one for each actuator (muscle).
     - `label`: the caption, such as "before learning"; may be empty.
+    - `marks`: `(frames, marks, 4)` m, translucent balls at places such as targets: x, y, z and radius; by default none.
 
     **Raises:** `ValueError` where shapes disagree, the motion is empty, time does not increase, or a number is not
     finite or out of range. `TypeError` where `model` is not a `mujoco.MjModel`.
@@ -40,19 +44,23 @@ class Motion:
     position: np.ndarray
     activation: np.ndarray
     label: str = ""
+    marks: np.ndarray = field(default_factory=lambda: NO_MARKS)
 
     def __post_init__(self) -> None:
         import mujoco
 
         if not isinstance(self.model, mujoco.MjModel):
             raise TypeError(f"model = {self.model!r}: must be a mujoco.MjModel")
-        for name in ("time", "position", "activation"):
+        for name in ("time", "position", "activation", "marks"):
             object.__setattr__(self, name, np.array(getattr(self, name), dtype=float))
         frames, nq, nu = self.time.size, self.model.nq, self.model.nu
         _shape("time", self.time, (max(frames, 1),), "(frames,) with at least one frame")
         _shape("position", self.position, (frames, nq), f"({frames}, {nq}): (frames, nq of the model)")
         _shape("activation", self.activation, (frames, nu), f"({frames}, {nu}): (frames, actuators of the model)")
-        for name in ("time", "position", "activation"):
+        if not self.marks.size:
+            object.__setattr__(self, "marks", np.zeros((frames, 0, 4)))
+        _shape("marks", self.marks, (frames, *self.marks.shape[1:2], 4), f"({frames}, marks, 4)")
+        for name in ("time", "position", "activation", "marks"):
             array = getattr(self, name)
             bad = np.argwhere(~np.isfinite(array))
             if bad.size:
@@ -77,13 +85,14 @@ def _shape(name: str, array: np.ndarray, shape: tuple[int, ...], allowed: str) -
     check(array.shape == shape, f"{name}.shape", array.shape, allowed)
 
 
-def resample(motion: Motion, moments: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def resample(motion: Motion, moments: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Interpolate a motion at other moments.
 
     **Arguments:** `moments`: `(n,)` s after the motion's first frame; beyond its end the last frame is repeated.
 
-    **Returns:** `time (n,)`, `position (n, nq)`, `activation (n, nu)`. Positions are interpolated along the model's
-    joints, so that quaternions remain rotations.
+    **Returns:** `time (n,)`, `position (n, nq)`, `activation (n, nu)`, `marks (n, marks, 4)`. Positions are
+    interpolated along the model's joints, so that quaternions remain rotations; marks are those of the nearest frame,
+    as targets jump.
     """
     import mujoco
 
@@ -99,4 +108,5 @@ def resample(motion: Motion, moments: np.ndarray) -> tuple[np.ndarray, np.ndarra
         mujoco.mj_differentiatePos(model, velocity, 1.0, motion.position[before[row]], motion.position[after[row]])
         mujoco.mj_integratePos(model, position[row], velocity, part[row])
     activation = motion.activation[before] * (1 - part[:, None]) + motion.activation[after] * part[:, None]
-    return time, position, activation
+    marks = motion.marks[np.where(part < 0.5, before, after)]
+    return time, position, activation, marks

@@ -17,6 +17,7 @@ from motorgrad.sim.film._appearance import check_posture
 from motorgrad.sim.film._drawing import MatplotlibRenderer
 from motorgrad.sim.film._framing import View, bounding_box, find_camera, frame_motions
 from motorgrad.sim.film._gl import ADVICE, GlRenderer, gl_problem
+from motorgrad.sim.film._motion import NO_MARKS
 
 if TYPE_CHECKING:
     import mujoco
@@ -132,23 +133,31 @@ class Painter:
         self.renderer, self.note = choose_renderer(renderer)
         check_picture([model], width, height, camera)
         self._model, self._camera, self._size = model, camera, (width, height)
-        self._seen: list[np.ndarray] = []
+        self._seen: list[tuple[np.ndarray, np.ndarray]] = []
         self._view: View | None = None
         self._backend: Any = None
         self._closed = False
 
-    def paint(self, position: np.ndarray, activation: np.ndarray, left: str = "", right: str = "") -> np.ndarray:
+    def paint(
+        self,
+        position: np.ndarray,
+        activation: np.ndarray,
+        left: str = "",
+        right: str = "",
+        marks: np.ndarray = NO_MARKS[0],
+    ) -> np.ndarray:
         """Paint one picture.
 
-        **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body.
+        **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body;
+        `marks` `(marks, 4)` as of a `Motion`.
 
         **Returns:** `(height, width, 3)`, uint8, a new array.
         """
         if self._closed:
             raise RuntimeError("this painter is closed: make another one")
         position, activation = check_posture(self._model, position, activation)
-        self._hold(position)
-        picture = self._backend.paint(0, position, activation)
+        self._hold(position, marks)
+        picture = self._backend.paint(0, position, activation, marks)
         return caption(picture, left, right) if left or right else picture.copy()
 
     def close(self) -> None:
@@ -157,16 +166,16 @@ class Painter:
             self._backend.close()
         self._backend, self._closed = None, True
 
-    def _hold(self, position: np.ndarray) -> None:
+    def _hold(self, position: np.ndarray, marks: np.ndarray) -> None:
         """Change the view if the present one does not contain the posture."""
-        low, high = bounding_box(self._model, position)
+        low, high = bounding_box(self._model, position, marks)
         view = self._view
         if view is not None and np.all(np.abs(np.stack([low, high]) - view.centres[0][0]) <= view.half):
             return
-        self._seen.append(position.copy())
+        self._seen.append((position.copy(), marks.copy()))
         view = self._frame()
         if np.ptp(view.centres[0], axis=0).any():  # a long path: start again from here
-            self._seen = [position.copy()]
+            self._seen = self._seen[-1:]
             view = self._frame()
         self._view = dataclasses.replace(view, half=view.half * ROOM)
         if self._backend is None:
@@ -175,4 +184,5 @@ class Painter:
             self._backend.set_view(self._view)
 
     def _frame(self) -> View:
-        return frame_motions([self._model], [np.stack(self._seen)], self._camera, self._size[0] / self._size[1])
+        positions, marks = map(np.stack, zip(*self._seen, strict=True))
+        return frame_motions([self._model], [positions], [marks], self._camera, self._size[0] / self._size[1])

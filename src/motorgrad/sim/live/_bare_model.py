@@ -51,7 +51,7 @@ class BareModel:
     def about(self) -> Ready:
         m = self.model
         room = int(np.clip(20 / self.period, 200, 4000))
-        sizes = Sizes(m.nq, m.nv, m.na, m.nu, 0, 0, 0, len(self._feet), room, 0)
+        sizes = Sizes(m.nq, m.nv, m.na, m.nu, 0, 0, 0, len(self._feet), room, 0, 0)
         muscles = [m.actuator(i).name or f"actuator {i}" for i in range(m.nu)]
         return Ready(sizes, self.period, self.settings, [], [], muscles, [name for name, _ in self._feet], [])
 
@@ -76,7 +76,7 @@ class BareModel:
         seen = {"position": d.qpos, "velocity": d.qvel, "activation": d.act, "control": d.ctrl}
         sample = {name: np.array(values)[None] for name, values in seen.items()}
         sample["contacts"] = np.array([[d.sensordata[place] for _, place in self._feet]])
-        sample |= dict.fromkeys(("observation", "action", "probability", "parameters"), nothing)
+        sample |= dict.fromkeys(("observation", "action", "probability", "parameters", "marks"), nothing)
         return sample | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
 
     def tally(self) -> Tally:

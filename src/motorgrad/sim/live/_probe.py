@@ -47,6 +47,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
             "baseline": learner.estimator.level(agent.estimator),
             "parameters": flat,
             "rates": _learning_rates(learner.optimizer, parameters, flat),
+            "marks": jnp.ravel(engine.task.marks(cycle.memory, state)),
             "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],
         }
 

@@ -20,7 +20,7 @@ from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_m
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy, policy_of_run
-from motorgrad.tasks import TASKS, BodyTask, Task
+from motorgrad.tasks import TASKS, BodyTask, Composed, Task
 from motorgrad.training import Run, check_training
 
 if TYPE_CHECKING:
@@ -239,7 +239,13 @@ def _of_task(
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
-    return Setup(staged.name, staged, asked.agent, seed, initial, memory, frozen, model, folder)
+    return Setup(_title(staged), staged, asked.agent, seed, initial, memory, frozen, model, folder)
+
+
+def _title(task: Task) -> str:
+    """The name of a task, or of the body of a composed one."""
+    name = task.body.spec().modelname if isinstance(task, Composed) else ""
+    return task.name if name in ("", "MuJoCo Model") else name  # MuJoCo's own name for a model without one
 
 
 def _of_model(subject: Any, stage: Stage) -> Setup:

@@ -26,6 +26,7 @@ class Snapshot(NamedTuple):
     - `observation`; `probability`: each unit's probability of firing given it, or its mean activation.
     - `reward` of the last decision; `baseline`; `gradient_norm` of the last gradient, NaN where unknown.
     - `parameters`: the trainable parameters of the acting policy, flat.
+    - `marks`: the places that the task marks, such as targets: x, y, z and radius (m) of one after the other.
     - `reset_count`: how often the run was reset or set to another decision; `oldest`, `newest`: the range of decisions
       that it can go to.
 
@@ -48,6 +49,7 @@ class Snapshot(NamedTuple):
     baseline: Float[np.ndarray, " bodies"]
     gradient_norm: Float[np.ndarray, " bodies"]
     parameters: Float[np.ndarray, "bodies parameters"]
+    marks: Float[np.ndarray, "bodies numbers"]
     reset_count: int
     oldest: int
     newest: int
@@ -112,12 +114,13 @@ class Sizes(NamedTuple):
     feet: int
     trail: int
     readings: int
+    marks: int
 
 
 POINTS = 2_000
 NUMBERS = ("decision", "seconds", "playing", "frozen", "speed", "reset_count", "oldest", "newest", "bodies")
 COUNTS = ("decision", "reset_count", "oldest", "newest")
-ARRAYS = ("position", "velocity", "activation", "control", "observation", "probability", "parameters")
+ARRAYS = ("position", "velocity", "activation", "control", "observation", "probability", "parameters", "marks")
 SCALARS = ("reward", "baseline", "gradient_norm")
 
 

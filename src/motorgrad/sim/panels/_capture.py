@@ -149,11 +149,12 @@ class _Bodies(Painting):
 
     def paint(self, snapshot: Snapshot) -> np.ndarray:
         self._pose.place(snapshot)
-        shown = zip(self._painters, self._pose.bodies, self._pose.activation, self._labels, strict=False)
-        for index, (painter, data, activation, label) in enumerate(shown):
+        marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
+        shown = zip(self._painters, self._pose.bodies, self._pose.activation, self._labels, marks, strict=False)
+        for index, (painter, data, activation, label, marked) in enumerate(shown):
             clock = f"{snapshot.seconds:.2f} s"
             left = index * (self._width + GAP)
-            picture = painter.paint(data.qpos, activation, label, clock)
+            picture = painter.paint(data.qpos, activation, label, clock, marked)
             self._canvas[:, left : left + self._width] = picture
         return self._canvas.copy()
 

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 import viser
 
-from motorgrad.sim.film import geom_colours, texture_of, texture_pixels, visible_geoms
+from motorgrad.sim.film import MARK, MARK_OPACITY, geom_colours, texture_of, texture_pixels, visible_geoms
 from motorgrad.sim.live import BODY_LABELS, Session
 from motorgrad.sim.scene._geometry import (
     Shape,
@@ -176,6 +176,26 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.
 
 
 SITE, HINGE, SLIDE = (0.55, 0.25, 0.75), (0.10, 0.35, 0.85), (0.95, 0.55, 0.10)
+
+
+class Targets(Layer):
+    """Draws the places that a task marks, such as targets, as translucent balls."""
+
+    name = "Targets"
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        self.applies = session.task is not None and session.model is not None and session.sizes.marks > 0
+        if self.applies:
+            room = len(BODY_LABELS) * session.sizes.marks // 4
+            self.pools = [MeshPool(server.scene, "/targets", ball(), room, shadow=False, faded=True)]
+
+    def draw(self, pose: Pose) -> None:
+        snapshot = pose.snapshot
+        assert snapshot is not None
+        marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
+        place = (marks[..., :3] + pose.offset[:, None]).reshape(-1, 3)
+        opacity = np.full(len(place), MARK_OPACITY)
+        self.pools[0].show_balls(place, marks[..., 3].ravel(), MARK, opacity)
 
 
 class Sites(Layer):

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Session, Snapshot
-from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites
+from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
 from motorgrad.sim.scene._layer import Layer
@@ -32,7 +32,7 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
-        usual += [Plane(), PlaneUnits()]
+        usual += [Targets(), Plane(), PlaneUnits()]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 

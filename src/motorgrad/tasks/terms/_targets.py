@@ -63,7 +63,7 @@ class Reach(Target):
         else:
             uniforms, draw = _drawing(size, self.at, self.low, self.high)
         return BoundTarget(
-            names, uniforms, draw, _stays, lambda state: jnp.concatenate([point(state) for point in points])
+            names, uniforms, draw, _stays, lambda state: jnp.concatenate([point(state) for point in points]), True
         )
 
 
@@ -162,9 +162,10 @@ class Follow(Target):
             part = (moment - before) / (then - before)
             return (1 - part) * jnp.asarray(values)[after - 1] + part * jnp.asarray(values)[after]
 
+        placed = bool(self.parts)
         if self.random_start:
-            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual)
-        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual)
+            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual, placed)
+        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual, placed)
 
 
 def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray, "joints 2"]:

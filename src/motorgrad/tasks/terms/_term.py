@@ -73,6 +73,7 @@ class BoundTarget(NamedTuple):
     - `draw(uniforms)`: what is drawn for an episode, any pytree.
     - `wanted(drawn, time)`: where the target is, at a time (s) in the episode.
     - `actual(state)`: where the body is.
+    - `marked`: whether its numbers are places (m), three for each, which pictures of the body mark.
     """
 
     names: tuple[str, ...]
@@ -80,6 +81,7 @@ class BoundTarget(NamedTuple):
     draw: Callable[[Any], Any]
     wanted: Callable[[Any, Scalar], Array]
     actual: Callable[[BodyState], Array]
+    marked: bool = False
 
     def error(self, now: Now, name: str) -> Array:
         """The vector from the body to the target."""
