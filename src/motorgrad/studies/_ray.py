@@ -1,9 +1,9 @@
 """Jobs as tasks of Ray, on this machine or on a cluster."""
 
+import logging
 import os
 import time
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ class Ray(Place):
     def __init__(self, folder: Path, workers: int, told: Work, address: str = ""):
         try:
             import ray  # type: ignore[import-not-found]
+            from ray import exceptions as errors  # type: ignore[import-not-found]
         except ImportError:
             raise RuntimeError("Ray needs the package ray: pip install 'motorgrad[ray]'") from None
         check_integer("workers", workers, 0, 1_000_000)
@@ -36,8 +37,7 @@ class Ray(Place):
             local = {"num_cpus": max(workers, processors()), "include_dashboard": False} if not address else {}
             with warnings.catch_warnings():  # Ray forks, and executes a program at once
                 warnings.filterwarnings("ignore", message="os.fork", category=RuntimeWarning)
-                ray.init(address=address or "local", log_to_driver=False, logging_level="warning", **local)
-        errors = ray.exceptions
+                ray.init(address=address or "local", log_to_driver=False, logging_level=logging.WARNING, **local)
         self._deaths = (
             errors.WorkerCrashedError,
             errors.NodeDiedError,
@@ -51,7 +51,7 @@ class Ray(Place):
         if told.imports:  # modules of the working folder, which may be shared as the study's folder is
             environment["PYTHONPATH"] = os.pathsep.join(filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")]))
         # the driver knows better than Ray whether to try a job again
-        self._task: Callable[..., Any] = ray.remote(work).options(
+        self._task: Any = ray.remote(work).options(
             num_cpus=self._told.threads, max_retries=0, runtime_env={"env_vars": environment}
         )
         self._references: dict[Any, Any] = {}
@@ -68,7 +68,7 @@ class Ray(Place):
         return isinstance(error, self._deaths)
 
     def submit(self, job: AnyJob, path: Path) -> Any:
-        reference = self._task.remote(job, path.absolute(), self._told)  # type: ignore[attr-defined]
+        reference = self._task.remote(job, path.absolute(), self._told)
         future = reference.future()
         self._references[future] = reference
         return future

@@ -37,11 +37,12 @@ class Slurm(Place):
     ):
         try:
             import submitit  # type: ignore[import-not-found]
+            from submitit.core import utils  # type: ignore[import-not-found]
         except ImportError:
             raise RuntimeError("Slurm needs the package submitit: pip install 'motorgrad[slurm]'") from None
         check_integer("workers", workers, 0, 100_000)
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
-        self._workers, self._errors = workers or AT_ONCE, submitit.core.utils
+        self._workers, self._errors = workers or AT_ONCE, utils
         self._told = told._replace(threads=told.threads or int((parameters or {}).get("cpus_per_task", 1)))
         known = submitit.AutoExecutor._typed_parameters()
         given = {name if name in known else f"slurm_{name}": value for name, value in (parameters or {}).items()}
