@@ -38,6 +38,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-softmax": units.softmax,
     "unit-factored": units.factored,
     "unit-querying": units.querying,
+    "unit-bounded": units.bounded,
     "unit-features": units.features,
     "unit-primitives": hexapod_steps.primitives_policy,
     "growth": growth.schedule,

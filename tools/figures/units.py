@@ -3,11 +3,13 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 from motorgrad.policies import (
+    BoundedHyperplanes,
     Factored,
     FeatureMap,
     FreeGaussians,
@@ -327,6 +329,37 @@ def factored() -> Figure:
         panel.contour(x, y, over(policy.pools[1].prob, x, y)[..., 0], [0.45], colors="white", linewidths=0.8)
     axes[0].set_ylabel("$y_2$")
     figure.colorbar(shown, ax=axes, shrink=0.75, label="probability")
+    return figure
+
+
+def bounded() -> Figure:
+    """Densities of the activation in [0, 1] for several locations and spreads, of each kind."""
+    kinds = ("squashed", "clipped", "truncated", "beta")
+    figure, axes = panels(len(kinds), height=2.4, sharey=True)
+    u = np.linspace(1e-3, 1 - 1e-3, 400, dtype=np.float32)
+    for panel, kind in zip(axes, kinds, strict=True):
+        for location, spread, colour in ((0.0, 0.3, GREEN), (0.0, 1.2, BLUE), (0.9, 0.3, ORANGE)):
+            unit = BoundedHyperplanes([[0.0]], [location], [np.log(spread - 0.02)], low=0.0, high=1.0, density=kind)
+            inside = u if kind != "clipped" else u[1:-1]
+            at = jnp.asarray(inside)[:, None]
+            density = np.exp(np.asarray(jax.vmap(lambda a, unit=unit: unit.log_probs(jnp.zeros(1), a))(at)))
+            panel.plot(inside, density, color=colour, label=f"$m$ = {location:g}, $s$ = {spread:g}")
+            if kind == "clipped":  # the probabilities of the bounds themselves
+                ends = np.array([[0.0], [1.0]], np.float32)
+                mass = np.exp(np.asarray(jax.vmap(lambda a, unit=unit: unit.log_probs(jnp.zeros(1), a))(ends)))
+                panel.plot(ends, 10 * mass, "o", color=colour, markersize=4, clip_on=False)
+        panel.set(title=kind, xlabel="activation", xlim=(0, 1), ylim=(0, 4))
+    axes[0].set_ylabel("density")
+    axes[1].annotate(
+        "dots: 10 × the probability\nof a bound",
+        (0.5, 0.98),
+        xycoords="axes fraction",
+        ha="center",
+        va="top",
+        fontsize=7,
+    )
+    handles, words = axes[0].get_legend_handles_labels()
+    figure.legend(handles, words, loc="outside lower center", ncols=3)
     return figure
 
 
