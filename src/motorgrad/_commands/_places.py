@@ -8,7 +8,7 @@ from motorgrad._errors import check, choice
 from motorgrad.studies import PLACES
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Places:
     """Where jobs run."""
 
@@ -16,7 +16,7 @@ class Places:
     """Where jobs run: here, in this process; processes, of this machine; ray; slurm."""
     address: str = ""
     """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
-    slurm: tuple[str, ...] = ()
+    slurm: tuple[str, ...] | None = None
     """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
     workers: int = 0
     """Jobs that run at the same time; 0 for as many as there are processors."""
@@ -37,7 +37,7 @@ class Places:
         """The options as arguments of `run_study` and `reproduce_all`."""
         options: dict[str, Any] = {"address": self.address} if self.on == "ray" else {}
         if self.on == "slurm":
-            options = {"parameters": dict(map(_parameter, self.slurm))}
+            options = {"parameters": dict(map(_parameter, self.slurm or ()))}
         return {
             "on": self.on,
             "workers": self.workers,

@@ -30,7 +30,7 @@ class Reproduce(Places):
     aside, and the others go on. --on says where they run. motorgrad reproduce NAME --help shows the
     settings of one experiment."""
 
-    experiments: tyro.conf.Positional[tuple[str, ...]] = ()
+    experiments: tyro.conf.Positional[tuple[str, ...]]
     """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
     out: Path | None = None
     """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke size."""
