@@ -28,6 +28,7 @@ ROOMS = [
     "tasks",
     "tasks.terms",
     "training",
+    "presets",
     "environments",
     "sim",
 ]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -342,10 +343,10 @@ class Composed(BodyTask):
         ended: Any = False
         for term, each in parts.terminate:
             value = look(each)
-            for over in ([value > term.above] if term.above is not None else []) + (
-                [value < term.below] if term.below is not None else []
-            ):
-                ended = over if ended is False else ended | over
+            if term.above is not None:
+                ended |= value > term.above
+            if term.below is not None:
+                ended |= value < term.below
         limit = self.episode_limit
         over = ended if limit is None else (memory.decisions >= limit) | ended
         return memory._replace(ended=jnp.asarray(over)), reward, ended
@@ -368,8 +369,8 @@ class Composed(BodyTask):
             if target.marked:
                 at = target.wanted(now.drawn[name], now.time).reshape(-1, 3)
                 terms = [term for term in (*self.rewards, *self.recorded) if getattr(term, "target", None) == name]
-                radius = min((term.tolerance for term in terms if hasattr(term, "tolerance")), default=MARK)  # type: ignore[attr-defined]
-                found.append(jnp.column_stack([at, jnp.full(len(at), radius)]))
+                radius = min((getattr(term, "tolerance", math.inf) for term in terms), default=math.inf)
+                found.append(jnp.column_stack([at, jnp.full(len(at), radius if radius < math.inf else MARK)]))
         return jnp.concatenate(found)
 
     def _now(self, memory: ComposedMemory, state: BodyState) -> Now:

@@ -1,4 +1,4 @@
-"""What composed tasks need beside their terms: bodies from settings, units that drive actuators, and a learner."""
+"""What composed tasks need beside their terms: bodies from settings, and units that drive actuators."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
