@@ -34,6 +34,12 @@ def crowd(address, first, seconds, *, readers=0, slow=0, deaf=0, reloaders=0, pr
     return json.loads(done.stdout)
 
 
+def fair(found):
+    """Whether each client of a crowd was served, and no reader much worse than others; pace is the machine's."""
+    steady = (sorted(found[kind]) for kind in ("readers", "slow"))
+    return all(found["reloaders"]) and all(0 < counts[0] >= 0.5 * counts[len(counts) // 2] for counts in steady)
+
+
 async def visit(asked, until, pause, heard):
     """One connection; the number of messages is added to what was `heard`."""
     first = base64.b64decode(asked["first"])

@@ -12,7 +12,7 @@ from editor_page import wave
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from crowd import crowd
+from crowd import crowd, fair
 from motorgrad._gate import COOKIE
 from motorgrad.lab.editor import Server, Session
 from motorgrad.lab.editor._server import LARGEST
@@ -179,9 +179,7 @@ def test_fifty_clients_see_a_run_and_one_another(server):
         before = len(server.session.diagram.nodes)
         assert ask(connection, client="own", sequence=4, op="add", at=[], type="gain")["event"] == "done"
     assert found["failed"] == []
-    assert min(found["readers"]) > 10
-    assert min(found["slow"]) >= 5
-    assert sum(found["reloaders"]) > 50
+    assert fair(found)
     assert len(server.session.diagram.nodes) == before + 1
     until = time.monotonic() + TIMEOUT
     while server.session._listeners and time.monotonic() < until:
