@@ -14,6 +14,9 @@ from motorgrad.tasks import Task, make
 from motorgrad.training import Run, agent_for, check_training, final_metrics, sweepable, train
 
 
+RECORDS = 50  # of the metrics by default: enough for curves of thousands of runs, and cheap to write
+
+
 @dataclasses.dataclass(frozen=True)
 class Job:
     """One call of `train`, and one run directory.
@@ -32,7 +35,7 @@ class Job:
     points: tuple[int, ...]
     steps: int
     seeds: int | tuple[int, ...]
-    window: int | None
+    window: int
 
     def make_task(self) -> Task:
         """The task."""
@@ -68,11 +71,13 @@ def partition(
 ) -> list[Job]:
     """Group points that differ only in numbers of the learner, and cut the groups into compiled calls of equal size.
 
-    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting.
+    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting. `window`: decisions per
+    record; `None` for a fiftieth of the steps.
 
     **Raises** `ValueError` that names the first impossible setting.
     """
     count = seeds if isinstance(seeds, int) else len(seeds)
+    window = max(1, steps // RECORDS) if window is None else window
     most = max(1, lanes // max(1, count))
     calls = []
     for group in _groups(points):

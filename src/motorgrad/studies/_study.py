@@ -49,7 +49,7 @@ class Study:
       names is a grid; a setting that takes a list itself is a list of lists.
     - `steps`: decisions per seed.
     - `seeds`: their number (0, 1, 2 …), or a list of them.
-    - `window`: decisions per record of the metrics, by default a two-hundredth of the steps.
+    - `window`: decisions per record of the metrics, by default a fiftieth of the steps.
     - `lanes`: the most settings × seeds of one compiled call. Another number may change the last bits of results.
     - `design`: how ranges are drawn. With it, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range; without
       a `scale` it is linear.
