@@ -27,6 +27,7 @@ PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes,
 """Where jobs can run, by name."""
 
 On = Literal["here", "processes", "ray", "slurm"]
+"""Where jobs run: in this process, in processes of this machine, on Ray or on Slurm."""
 ATTEMPTS = 3
 KILLS = 20  # of the processes of one job, one after the other, until it counts as the job's fault
 SHARE = 0.02  # of the time, for the index and the page

@@ -13,7 +13,6 @@ from motorgrad.studies._jobs import Outcome, Work
 from motorgrad.tasks import Task, make
 from motorgrad.training import Run, agent_for, check_training, final_metrics, sweepable, train
 
-
 RECORDS = 50  # of the metrics by default: enough for curves of thousands of runs, and cheap to write
 
 
@@ -71,8 +70,8 @@ def partition(
 ) -> list[Job]:
     """Group points that differ only in numbers of the learner, and cut the groups into compiled calls of equal size.
 
-    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting. `window`: decisions per
-    record; `None` for a fiftieth of the steps.
+    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting. `window`: decisions
+    per record; `None` for a fiftieth of the steps.
 
     **Raises** `ValueError` that names the first impossible setting.
     """
