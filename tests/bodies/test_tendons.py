@@ -352,6 +352,16 @@ def test_bad_numbers_are_refused(make, message):
         make()
 
 
+@pytest.mark.parametrize(
+    "kind", ['biastype="user"', 'dyntype="user"', 'dyntype="user" biastype="user" actdim="3" biasprm="1 1 1 0 1"']
+)
+def test_user_actuators_that_are_no_hill_muscles_are_refused(kind):
+    text = f"""<mujoco><worldbody><body><joint name="j" type="slide"/><geom size=".1"/></body></worldbody>
+    <actuator><general name="own" joint="j" {kind}/></actuator></mujoco>"""
+    with pytest.raises(ValueError, match="actuator = 'own': must be a Hill-type muscle"):
+        Mjcf(text)
+
+
 ENDS = Attachment("world", (0, 0, 0)), Attachment("world", (1, 0, 0))
 
 

@@ -74,14 +74,15 @@ def check_muscle_callback(model: mujoco.MjModel) -> None:
 
 def callbacks_of(model: Any) -> tuple[str, ...]:
     """The names of MuJoCo's callbacks that a model, or a `mujoco.MjSpec`, needs."""
-    user = {"mjcb_act_gain": mujoco.mjtGain.mjGAIN_USER, "mjcb_act_bias": mujoco.mjtBias.mjBIAS_USER}
-    user["mjcb_act_dyn"] = mujoco.mjtDyn.mjDYN_USER
-    kinds = {"mjcb_act_gain": "gaintype", "mjcb_act_dyn": "dyntype", "mjcb_act_bias": "biastype"}
+    kinds = {"gaintype": mujoco.mjtGain.mjGAIN_USER, "dyntype": mujoco.mjtDyn.mjDYN_USER}
+    kinds["biastype"] = mujoco.mjtBias.mjBIAS_USER
     if isinstance(model, mujoco.MjSpec):
-        found = {name: [getattr(each, kind) for each in model.actuators] for name, kind in kinds.items()}
+        found = {kind: np.array([getattr(each, kind) for each in model.actuators]) for kind in kinds}
     else:
-        found = {name: getattr(model, f"actuator_{kind}") for name, kind in kinds.items()}
-    return tuple(name for name in kinds if np.any(np.array(found[name]) == user[name]))
+        found = {kind: getattr(model, f"actuator_{kind}") for kind in kinds}
+    thesis, *hill = (bool(np.any(found[kind] == user)) for kind, user in kinds.items())
+    # the two of Hill-type muscles belong together
+    return ("mjcb_act_gain",) * thesis + ("mjcb_act_dyn", "mjcb_act_bias") * any(hill)
 
 
 def callback_getter(name: str) -> Any:

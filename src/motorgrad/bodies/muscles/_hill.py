@@ -183,6 +183,23 @@ def hill_actuators(model: Any) -> np.ndarray:
     return np.array(model.actuator_biastype == mujoco.mjtBias.mjBIAS_USER)
 
 
+def check_hill(model: Any) -> None:
+    """Refuse actuators whose dynamics or bias is the user's, and that are no Hill-type muscles of this library: its
+    callbacks would take them for such.
+
+    **Raises:** `ValueError` naming the actuator.
+    """
+    user = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) | hill_actuators(model)
+    for i in np.flatnonzero(user):
+        force, optimal, slack, _, fastest = model.actuator_biasprm[i, :5]
+        states, right = int(model.actuator_actnum[i]), min(force, optimal, fastest) > 0 and slack >= 0
+        right = right and hill_actuators(model)[i] and states in (1, 2) and (slack > 0 or states == 1)
+        wanted = (
+            "a Hill-type muscle, as `set_hill` makes it: other dynamics or biases of type 'user' are not known here"
+        )
+        check(right, "actuator", model.actuator(i).name, wanted)
+
+
 def fibers(model: Any) -> np.ndarray:
     """The actuators of a model that have a fiber whose length is a state."""
     return np.flatnonzero(hill_actuators(model) & (model.actuator_actnum == 2))
