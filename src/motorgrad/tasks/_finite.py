@@ -170,9 +170,9 @@ class LoadUnload(FiniteTask):
     name: ClassVar[str] = "load-unload"
     actions: ClassVar[Actions] = "discrete"
     learner: ClassVar[Mapping[str, Any]] = {
-        "policy": "finite-state-controller",
+        "policy": {"kind": "finite-state-controller", "strength": 1.0},
         "decay": 0.95,
-        "learning_rate": 0.03,
+        "learning_rate": 0.1,
     }
 
     length: int = 5

@@ -18,6 +18,7 @@ mg.worlds.oracle.average_reward(mdp, policy)
 ```
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -30,9 +31,10 @@ from jaxtyping import Array, Float, Int
 from scipy.linalg import lu_factor, lu_solve
 from scipy.optimize import minimize
 from scipy.sparse.csgraph import connected_components
+from scipy.special import softmax
 
 from motorgrad._errors import check
-from motorgrad.policies import FiniteStateController, Policy, Softmax, split
+from motorgrad.policies import FiniteStateController, Policy, split
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
@@ -229,20 +231,25 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
     **Returns** the table, its rows in the order of `np.unique(mdp.observations, axis=0)`, and its average reward.
     """
     kinds, kind = np.unique(mdp.observations, axis=0, return_inverse=True)
-    told = FiniteMDP(mdp.transitions, mdp.rewards, np.eye(len(kinds))[kind.ravel()], mdp.start)
-    shape, rng = (mdp.actions, len(kinds)), np.random.default_rng(0)
+    shape, rng = (len(kinds), mdp.actions), np.random.default_rng(0)
+    member = np.eye(len(kinds))[kind.ravel()]
 
-    def loss(weights: np.ndarray) -> tuple[float, np.ndarray]:
-        policy = Softmax(weights.reshape(shape))
-        return -average_reward(told, policy), -flat(gradient(told, policy))
+    def loss(logits: np.ndarray) -> tuple[float, np.ndarray]:
+        table = softmax(logits.reshape(shape), axis=1)
+        chance = member @ table
+        matrix, rewards = np.einsum("sa,ast->st", chance, mdp.transitions), np.sum(chance.T * mdp.expected_rewards, 0)
+        pi = _stationary(matrix)
+        value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards)
+        quality = mdp.expected_rewards + mdp.transitions @ value
+        slope = member.T @ (pi[:, None] * quality.T)  # by the probabilities
+        slope = table * (slope - np.sum(table * slope, axis=1, keepdims=True))  # and by the logits
+        return -float(pi @ rewards), -slope.ravel()
 
-    with jax.enable_x64(True):
-        first = [np.zeros(shape), *rng.normal(size=(starts - 1, *shape), scale=2.0)]
-        bounds, options = [(-10, 10)] * mdp.actions * len(kinds), {"ftol": 1e-15, "gtol": 1e-12}
-        found = [minimize(loss, start.ravel(), jac=True, bounds=bounds, options=options) for start in first]
-        best = min(found, key=lambda each: each.fun)
-        table = jax.nn.softmax(jnp.asarray(best.x.reshape(shape)), axis=0)
-        return np.asarray(table).T, -float(best.fun)
+    first = [np.zeros(shape), *rng.normal(size=(starts - 1, *shape), scale=2.0)]
+    bounds, options = [(-10, 10)] * math.prod(shape), {"ftol": 1e-15, "gtol": 1e-12}
+    found = [minimize(loss, start.ravel(), jac=True, bounds=bounds, options=options) for start in first]
+    best = min(found, key=lambda each: each.fun)
+    return softmax(best.x.reshape(shape), axis=1), -float(best.fun)
 
 
 def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
