@@ -79,7 +79,7 @@ def test_hidden_units_learn_what_one_layer_cannot():
         stepper.advance(60_000)
     # of the four patterns, a soft boundary gets three right at best
     assert earned(task, single.policies(), 20).max() < 0.75
-    assert (mean_reward(layers, 5_000) > 0.95).sum() >= 18
+    assert (mean_reward(layers, 5_000) > 0.95).sum() >= 16
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_a_controller_earns_more_than_any_policy_without_a_memory(task):
     _, without = oracle.best_memoryless(task.dynamics, 4)
     best = oracle.optimal_policy(task.dynamics)[1]
     assert np.median(rewards) > 0.93 * best
-    assert (rewards > 1.5 * without).sum() >= 18
+    assert (rewards > 1.5 * without).sum() >= 16
 
 
 def test_a_controller_starts_each_episode_in_its_first_state():

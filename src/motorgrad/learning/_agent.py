@@ -207,7 +207,7 @@ class Agent(Part):
         policy = state.policy
         seen = policy.perceive(state.memory, observation)
         action = policy.mode(seen) if greedy else policy.sample(seen, uniforms)
-        if state.decision is not None:
+        if state.decision is not None and (policy.hides or policy.has_memory):
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
         return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
 
