@@ -123,7 +123,7 @@ def _learning(work: Work, task: FiniteTask, steps: int) -> Figure:
     level(axes, best, "best policy with a memory")
     level(axes, oracle.best_memoryless(task.dynamics, 4)[1], "best policy without")
     axes.set(xlabel="thousand decisions", ylabel="mean reward", ylim=(-0.2 * best, 1.12 * best))
-    axes.legend(loc="center right", bbox_to_anchor=(1, 0.66))
+    axes.legend(loc="center right", bbox_to_anchor=(1, 0.7))
     return figure
 
 
