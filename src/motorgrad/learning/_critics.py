@@ -274,8 +274,9 @@ class LinearCritic(Baseline):
         return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
 
     def init(self, policy: Policy, dtype: Any) -> CriticState:
-        observation = jnp.zeros(policy.inputs, dtype)
-        previous = jnp.zeros_like(_as_vector(policy, policy.mode(observation), dtype))
+        seen = jnp.zeros(policy.inputs, dtype)
+        observation = policy.judged(seen)
+        previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
         shape = jax.eval_shape(self.features, observation, previous).shape
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
         zeros = jnp.zeros(shape, dtype)

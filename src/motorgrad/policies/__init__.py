@@ -3,6 +3,7 @@
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
+from motorgrad.policies._controller import FiniteStateController, finite_state_controller
 from motorgrad.policies._featured import Featured
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._graded import (
@@ -15,11 +16,13 @@ from motorgrad.policies._graded import (
 from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, prune, reach
 from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
+from motorgrad.policies._layered import Layered, Sequential, layered
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
 from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
+from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
 
@@ -32,6 +35,7 @@ __all__ = [
     "Factored",
     "FeatureMap",
     "Featured",
+    "FiniteStateController",
     "FreeGaussians",
     "Gated",
     "GaussianUnits",
@@ -41,6 +45,7 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "Layered",
     "LocalGaussians",
     "LocalUnits",
     "Masked",
@@ -50,7 +55,10 @@ __all__ = [
     "Policy",
     "Primitives",
     "Querying",
+    "Recurrence",
+    "Recurrent",
     "Regions",
+    "Sequential",
     "SigmoidUnits",
     "SoftBoxes",
     "SoftSpheres",
@@ -58,6 +66,7 @@ __all__ = [
     "activity",
     "bounded_hyperplanes",
     "describe",
+    "finite_state_controller",
     "fixed",
     "gated",
     "gaussians",
@@ -68,6 +77,7 @@ __all__ = [
     "growing",
     "hyperplanes",
     "initial",
+    "layered",
     "mirrored",
     "mixed",
     "mixture",
@@ -77,6 +87,7 @@ __all__ = [
     "querying_motoneurons",
     "reach",
     "rebuild",
+    "recurrent",
     "sizes",
     "soft_boxes",
     "soft_spheres",

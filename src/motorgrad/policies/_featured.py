@@ -36,6 +36,7 @@ class Featured(Composed):
 
     def __check_init__(self) -> None:
         check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
+        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
         check(isinstance(self.features, FeatureMap), "features", self.features, "a FeatureMap")
         count = self.features.size(self.observed)
         check(self.pool.inputs == count, "pool.inputs", self.pool.inputs, f"{count}, the number of features")
@@ -55,6 +56,13 @@ class Featured(Composed):
     @property
     def uniforms(self) -> int:
         return self.pool.uniforms
+
+    @property
+    def hides(self) -> bool:
+        return self.pool.hides
+
+    def emit(self, action: Array) -> Array:
+        return self.pool.emit(action)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
         return self.pool.prob(self.features.expanded(observation))
