@@ -28,7 +28,7 @@ from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 
 SMALL = MultilayerPerceptron(hidden=(8,), activation="tanh", layer_norm=False, sparsity=0.0)
-WORLDS = {  # (task, policy, learning rate, decisions): noise biases a nonlinear critic, the more so the greater the rate
+WORLDS = {  # (task, policy, learning rate, decisions); noise biases a nonlinear critic, more so at a greater rate
     "three states": (ThreeState(), POINT, 0.005, 80_000),
     "chain": (Chain(length=4), CHAIN_POINT, 0.02, 20_000),
 }
@@ -42,11 +42,10 @@ def values_of(critic, states, seen):
 
 
 @pytest.mark.representatives("chain-0.8")
-@pytest.mark.parametrize("discount", [None, 0.8])
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(("name", "discount"), [("three states", 0.8), ("chain", 0.8), ("chain", None)])
 def test_a_network_critic_learns_the_exact_values(name, discount):
     task, policy, rate, decisions = WORLDS[name]
-    critic = NetworkCritic(SMALL, Which(task.dynamics), discount, 0.7, TemporalDifference(rate, level_rate=0.0))
+    critic = NetworkCritic(Which(task.dynamics), discount, 0.7, TemporalDifference(rate, level_rate=0.0), SMALL)
     stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
     stepper.advance(decisions)
     seen = jnp.asarray(task.dynamics.observations, jnp.float32)
@@ -63,7 +62,7 @@ def test_network_policy_and_network_critic_estimate_the_exact_gradient():
     task, discount, seeds = ThreeState(), 0.8, 400
     policy = softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0))(KEY)
     policy = jax.tree.map(lambda x: x + 0.3 * jax.random.normal(jax.random.key(x.size), x.shape), policy)
-    critic = NetworkCritic(SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
+    critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
     stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, improve="never")), range(seeds))
     stepper.advance(4_800)
     leaves = jax.tree.leaves(stepper.state["cycle"].agent.gradient.mean)
@@ -92,7 +91,7 @@ FITS = {"td": TemporalDifference(0.1), "bounded": BoundedTemporalDifference(1.0,
 @pytest.mark.parametrize("terminated", [False, True])
 @pytest.mark.parametrize("fit", FITS)
 def test_two_decisions_are_those_of_the_formulas(fit, terminated):
-    critic = NetworkCritic(MultilayerPerceptron((5, 4), sparsity=0.5), discount=0.9, decay=0.6, fit=FITS[fit])
+    critic = NetworkCritic(network=MultilayerPerceptron((5, 4), sparsity=0.5), discount=0.9, decay=0.6, fit=FITS[fit])
     state = begun(critic)
     looks = [jnp.array([0.3, -1.2]), jnp.array([1.0, 0.4]), jnp.array([-0.5, 0.1])]
     trace = np.zeros(flat(split(state.weights)[0]).shape)
@@ -114,7 +113,7 @@ def test_two_decisions_are_those_of_the_formulas(fit, terminated):
 
 
 def test_a_diverged_decision_teaches_nothing():
-    critic = NetworkCritic(SMALL, discount=0.9)
+    critic = NetworkCritic(network=SMALL, discount=0.9)
     state = begun(critic)
     transition = Transition(
         jnp.zeros(2), jnp.int32(0), jnp.float32(np.nan), jnp.full(2, np.nan), False, jnp.asarray(True)
@@ -124,7 +123,7 @@ def test_a_diverged_decision_teaches_nothing():
 
 
 def test_every_seed_has_a_critic_of_its_own_that_starts_at_0():
-    agent = Agent(POINT, Estimator(Exponential(0.5), NetworkCritic(SMALL)))
+    agent = Agent(POINT, Estimator(Exponential(0.5), NetworkCritic(network=SMALL)))
     one, same, other = (agent.init(jax.random.key(seed)).estimator.baseline for seed in (0, 0, 1))
     assert eqx.tree_equal(one, same)
     assert np.any(one.weights.layers.layers[0].weight != other.weights.layers.layers[0].weight)
@@ -134,7 +133,7 @@ def test_every_seed_has_a_critic_of_its_own_that_starts_at_0():
 def test_a_fit_for_linear_critics_is_refused():
     for fit in (LeastSquares(), TrueOnlineTemporalDifference()):
         with pytest.raises(ValueError, match=rf"fit = '{type(fit).__name__}': must be one for any function"):
-            NetworkCritic(SMALL, fit=fit)
+            NetworkCritic(network=SMALL, fit=fit)
 
 
 @pytest.mark.parametrize("normalization", [None, RootMeanSquare(0.5)])

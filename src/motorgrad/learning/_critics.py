@@ -224,11 +224,11 @@ class NetworkCritic(Critic):
 
     **Arguments:**
 
-    - `network`: the hidden layers.
     - `features`: $\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1.
     - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
     - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with episodes.
     - `fit`: how the parameters are learned, by `BoundedTemporalDifference` or `TemporalDifference`.
+    - `network`: the hidden layers.
 
     **Raises:** `ValueError` for a value out of range, and for a `fit` that is for linear critics.
 
@@ -238,11 +238,11 @@ class NetworkCritic(Critic):
     ```
     """
 
-    network: Architecture = MultilayerPerceptron()
     features: Features | Callable[..., Any] = Features(bias=False)
     discount: float | None = number(None, 0, 1)
     decay: float = number(0.8, 0, 1)
     fit: CriticFit = BoundedTemporalDifference()
+    network: Architecture = MultilayerPerceptron()
 
     def validate(self) -> None:
         super().validate()
