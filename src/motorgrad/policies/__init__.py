@@ -1,10 +1,10 @@
 """Stochastic units, and the policies composed of them."""
 
-from motorgrad.policies._architectures import Architecture, MultilayerPerceptron
+from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
-from motorgrad.policies._featured import Featured, Network
+from motorgrad.policies._featured import Featured, Network, hidden_activations
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._graded import (
@@ -27,6 +27,7 @@ from motorgrad.policies._softmax import Softmax, softmax
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
+    "ACTIVATIONS",
     "IMPLIED",
     "INITIAL",
     "Architecture",
@@ -73,6 +74,7 @@ __all__ = [
     "graded_tiles",
     "grow",
     "growing",
+    "hidden_activations",
     "hyperplanes",
     "initial",
     "mirrored",

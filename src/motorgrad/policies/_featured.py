@@ -190,6 +190,16 @@ class Network(Seeing):
         return (*self.pool.fisher(self.seen(observation), action), outer(rows(score.module, 1)))
 
 
+def hidden_activations(policy: Policy, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+    """The output of each hidden layer of a policy, from the inputs on; none of one without hidden layers.
+
+    **Arguments:** the `policy`; an `observation`.
+    """
+    if isinstance(policy, Network):
+        return policy.activations(observation)
+    return hidden_activations(policy.pool, policy.seen(observation)) if isinstance(policy, Featured) else ()
+
+
 def featured(
     features: FeatureMap, inputs: int, make: Callable[[int], P], network: Architecture | None = None
 ) -> P | Featured | Callable[[jax.Array], Policy]:
