@@ -64,6 +64,8 @@ class Baseline(Part):
 
     needs_decision: ClassVar[bool] = False
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
+    starts_at_random: ClassVar[bool] = False
+    """Whether `start` draws random numbers."""
 
     @abc.abstractmethod
     def init(self, policy: Policy, dtype: Any) -> Any:

@@ -238,6 +238,8 @@ class NetworkCritic(Critic):
     ```
     """
 
+    starts_at_random: ClassVar[bool] = True
+
     features: Features | Callable[..., Any] = Features(bias=False)
     discount: float | None = number(None, 0, 1)
     decay: float = number(0.8, 0, 1)
