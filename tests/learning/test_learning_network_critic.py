@@ -14,6 +14,7 @@ from motorgrad.learning import (
     BoundedTemporalDifference,
     Estimator,
     Exponential,
+    FittedReturns,
     LeastSquares,
     NetworkCritic,
     OvershootingBound,
@@ -55,6 +56,59 @@ def test_a_network_critic_learns_the_exact_values(name, discount):
         found, exact = found - found.mean(1, keepdims=True), exact - exact.mean()
     scale = np.abs(exact).max()
     np.testing.assert_allclose(found.mean(0), exact, atol=0.03 * scale)
+
+
+def test_values_fitted_to_the_returns_of_batches_are_the_exact_ones():
+    task, policy, *_ = WORLDS["chain"]
+    fit = FittedReturns(0.01, interval=400, passes=20)
+    critic = NetworkCritic(Which(task.dynamics), 0.8, 0.7, fit, SMALL)
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
+    seen = jnp.asarray(task.dynamics.observations, jnp.float32)
+    found = {}
+    for decisions in (399, 1, 11_600):
+        stepper.advance(decisions)
+        found[stepper.decision] = values_of(critic, stepper.state["cycle"].agent.estimator.baseline, seen)
+    assert not found[399].any()
+    assert found[400].any()
+    exact = oracle.values(task.dynamics, policy, 0.8)
+    np.testing.assert_allclose(found[12_000].mean(0), exact, atol=0.03 * np.abs(exact).max())
+
+
+def by_hand(rewards, later, ends, discount, decay):
+    returns, following = np.zeros(len(rewards)), later[-1]
+    for t in reversed(range(len(rewards))):
+        following = later[t] if ends[t] or t == len(rewards) - 1 else following
+        expected = (1 - decay) * later[t] + decay * following
+        returns[t] = following = rewards[t] + discount * expected
+    return returns
+
+
+def test_the_returns_of_a_batch_end_with_its_episodes():
+    """One step of plain size down the squared error, from the returns by hand."""
+    fit = FittedReturns(0.01, interval=5, passes=1)
+    critic = NetworkCritic(network=SMALL, discount=0.9, decay=0.6, fit=fit)
+    state = begun(critic)
+    rng = np.random.default_rng(0)
+    looks, rewards = jnp.asarray(rng.normal(size=(6, 2)), jnp.float32), rng.normal(size=5)
+    terminated, cut = [False, True, False, False, False], [False, False, False, True, False]
+    weights = state.weights
+    for t in range(5):
+        state = critic.observe(state, looks[t])
+        told = Transition(looks[t], jnp.int32(0), jnp.float32(rewards[t]), looks[t + 1], jnp.asarray(terminated[t]))
+        state = critic.solve(critic.update(state, POINT, told)[1])
+        state = critic.restart(state) if terminated[t] or cut[t] else state
+    values = np.array([float(weights(look)) for look in looks])
+    later = values[1:] * ~np.array(terminated)
+    returns = by_hand(rewards, later, np.array(terminated) | np.array(cut), 0.9, 0.6)
+    learned, rest = split(weights)
+
+    def loss(w):
+        return 0.5 * jnp.mean((jax.vmap(eqx.combine(w, rest))(looks[:5]) - returns) ** 2)
+
+    slope = flat(jax.grad(loss)(learned))
+    moved = flat(split(state.weights)[0]) - flat(learned)
+    np.testing.assert_allclose(moved, -0.01 * slope / (np.abs(slope) + 1e-8), rtol=1e-3, atol=1e-6)
+    assert int(state.fit.waiting) == 0
 
 
 def test_network_policy_and_network_critic_estimate_the_exact_gradient():

@@ -41,6 +41,12 @@ def test_tables_name_the_hidden_layers_of_policy_and_critic():
         mg.agent_for(task, {"policy.network": "preceptron"})
 
 
+def test_returns_are_fitted_in_one_environment_alone():
+    agent = mg.agent_for("hopper", baseline={"kind": "network-critic", "fit": "fitted-returns", "discount": 0.9})
+    with pytest.raises(ValueError, match="envs = 4: must be 1 for a critic fitted by FittedReturns"):
+        mg.train("hopper", agent, steps=64, seeds=1, envs=4)
+
+
 @pytest.mark.slow
 @pytest.mark.ci
 def test_a_run_of_networks_is_stored_continued_and_evaluated_bit_for_bit(tmp_path):

@@ -31,6 +31,7 @@ from motorgrad.learning._estimator import (
     olgarb,
     olpomdp,
 )
+from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._registry import register
@@ -66,6 +67,7 @@ __all__ = [
     "Exponential",
     "Features",
     "FisherMetric",
+    "FittedReturns",
     "FixedStep",
     "Growth",
     "GrowthState",
