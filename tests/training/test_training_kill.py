@@ -33,7 +33,7 @@ LEARNERS = {
         "damping": {"threshold": 0.05, "gain": 1e-6},
         "baseline": {"kind": "binned", "rate": 0.02},
         "normalization": "root-mean-square",
-    }
+    },
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
