@@ -64,8 +64,10 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
 
 
 def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
-    layers = MultilayerPerceptron(hidden=(4, pool.inputs), sparsity=0.5)
-    return Network(pool, layers.build(inputs, jax.random.key(rng.integers(2**31))), inputs)
+    layers = MultilayerPerceptron(hidden=(4, pool.inputs)).build(inputs, jax.random.key(0))
+    # JAX's random numbers are others in double precision
+    drawn = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), eqx.filter(layers, eqx.is_array))
+    return Network(pool, eqx.combine(drawn, layers), inputs)
 
 
 def _gated(rng: Rng) -> Gated:
