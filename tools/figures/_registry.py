@@ -21,6 +21,7 @@ from tools.figures import (
     parts,
     recruitment,
     tasks,
+    tendons,
     units,
 )
 from tools.figures._work import Work
@@ -45,6 +46,8 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-primitives": hexapod_steps.primitives_policy,
     "growth": growth.schedule,
     "muscle": bodies.muscle,
+    "hill-curves": tendons.curves,
+    "hill-experiments": tendons.experiments,
     "body-hopper": bodies.hopper,
     "body-hexapod": hexapod.body,
     "body-mjcf": composed.arm,

@@ -19,6 +19,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         simulated_row,
         single_row,
         suite_rows,
+        tendon_rows,
         vector_row,
     )
     from motorgrad.benchmarks._lab import (
@@ -51,6 +52,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         yield simulated_row(row, task)
     yield from composed_rows("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
     yield from suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
+    yield from tendon_rows(1, 20 if quick else 2000, pairs)
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
     yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
