@@ -23,6 +23,7 @@ from motorgrad.learning import (
     LinearCritic,
     Metric,
     Optimizer,
+    OvershootingBound,
     PolyakAveraging,
     RootMeanSquare,
     SparseAgent,
@@ -32,7 +33,7 @@ from motorgrad.learning import (
     number,
     register,
 )
-from motorgrad.policies import FeatureMap
+from motorgrad.policies import Architecture, FeatureMap
 from motorgrad.tasks import LinearRecruitment, ThreeState
 from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
 from motorgrad.training import NamedPolicy, agent_from_table, agent_table, clear_programs, stepper_for
@@ -103,11 +104,14 @@ def agent_with(base, name):
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
         return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"features": features}))
+    if base is Architecture:
+        return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"network": made(cls)}))
     inner = {
         Trace: lambda: {"estimator": Estimator(trace=made(cls))},
         Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
         CriticFit: lambda: {"estimator": Estimator(baseline=LinearCritic(fit=made(cls)))},
         Features: lambda: {"estimator": Estimator(baseline=LinearCritic(made(cls)))},
+        OvershootingBound: lambda: {"estimator": Estimator(bound=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
         Estimator: lambda: {"estimator": made(cls)},

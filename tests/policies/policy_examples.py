@@ -26,6 +26,8 @@ from motorgrad.policies import (
     Masked,
     Mirrored,
     Motoneurons,
+    MultilayerPerceptron,
+    Network,
     Policy,
     Recurrent,
     SoftBoxes,
@@ -64,6 +66,13 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
     return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
 
 
+def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
+    layers = MultilayerPerceptron(hidden=(4, pool.inputs)).build(inputs, jax.random.key(0))
+    # JAX's random numbers are others in double precision
+    drawn = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), eqx.filter(layers, eqx.is_array))
+    return Network(pool, eqx.combine(drawn, layers), inputs)
+
+
 def _gated(rng: Rng) -> Gated:
     return Gated(_local(rng, 2), [_hyperplanes(rng, 2), Factored([_spheres(rng, 1)])])
 
@@ -100,6 +109,8 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
         _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]
     ),
     "factored-gated": lambda rng: Factored([Gated(_local(rng, 1), [_spheres(rng, 2)]), _free(rng, 1)]),
+    "network": lambda rng: _network(rng, Factored([_hyperplanes(rng, 2, 3), _local(rng, 1, 3)])),
+    "network-softmax": lambda rng: _network(rng, Softmax(rng.normal(size=(3, 4)))),
     "softmax-2": lambda rng: Softmax(rng.normal(size=(2, 3))),
     "softmax-5": lambda rng: Softmax(rng.normal(size=(5, 3))),
     "layered": _layered,
@@ -110,7 +121,9 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
-REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "softmax-5", "layered")
+REPRESENTATIVES = (
+    *("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "network", "softmax-5", "layered"),
+)
 """The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
 
 

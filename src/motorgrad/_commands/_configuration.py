@@ -187,19 +187,25 @@ def part_form(part: Part, optional: bool = False) -> Any:
         if hasattr(value, "as_setting"):
             hint = policy_form(value)
             value = hint()
-        elif isinstance(value, Part):
-            hint = part_form(value, type(None) in options_of(hint))
-            value = hint()
-        elif kinds := parts_in(hint):
-            names = [name for kind in kinds for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
-            numeric = float in options_of(hint)
-            hint = float | None if numeric else typing.Literal[("none", *names)]
-            value = value if numeric else "none"
+        elif isinstance(value, Part) or parts_in(hint):
+            hint, value = _part_option(hint, value)
         elif np.ndim(value):
-            value = tuple(value.tolist())
+            value = tuple(np.asarray(value).tolist())
         entries.append((name, *_entry(hint, value, helps.get(name))))
     space = {"__doc__": description_of(cls)}
     return dataclasses.make_dataclass(cls.__name__, entries, bases=(_PartForm,), namespace=space)
+
+
+def _part_option(hint: Any, value: Any) -> tuple[Any, Any]:
+    """The type and the default of the option for a field that holds a part: a table of the part's own options; where it
+    is absent, a choice among the kinds."""
+    if isinstance(value, Part):
+        form = part_form(value, type(None) in options_of(hint))
+        return form, form()
+    if float in options_of(hint):
+        return float | None, value
+    names = [name for kind in parts_in(hint) for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
+    return typing.Literal[("none", *names)], "none"
 
 
 def policy_form(policy: Any) -> Any:
@@ -219,9 +225,8 @@ def policy_form(policy: Any) -> Any:
     helps = descriptions(function)
     for name, hint in policy_settings(policy.kind).items():
         value = policy.settings.get(name, known[name].default)
-        if isinstance(value, Part):
-            hint = part_form(value)
-            value = hint()
+        if parts_in(hint):
+            hint, value = _part_option(hint, value)
         entries.append((name, *_entry(hint, value, helps.get(name))))
     doc = (inspect.getdoc(function) or "").partition("\n")[0]
     return dataclasses.make_dataclass("Policy", entries, bases=(_PartForm,), namespace={"__doc__": doc})

@@ -12,9 +12,9 @@ from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
-from motorgrad.policies import IMPLIED
+from motorgrad.policies import IMPLIED, INITIAL
 from motorgrad.tasks import TASKS, Task, settings_in
-from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports
+from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, policy_settings
 
 
 def command_with_learner(base: type, name: str, does: str, task_name: str, given: Arguments) -> tuple[Any, Arguments]:
@@ -254,6 +254,7 @@ def _hint_at(path: str) -> Any:
     hint: Any = Agent
     for name in path.split("."):
         fields = [hints_of(cls) for base in _bases_of(hint) for cls in (base, *base.kinds().values())]
+        fields += map(policy_settings, INITIAL) if path.partition(".")[0] == "policy" and hint is Any else []
         hint = next((found[name] for found in fields if name in found), None)
         if hint is None:
             return None

@@ -18,15 +18,8 @@ from motorgrad.learning._baselines import (
 )
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
-from motorgrad.learning._critics import (
-    CriticFit,
-    CriticState,
-    CriticStep,
-    Features,
-    LeastSquares,
-    LinearCritic,
-    TemporalDifference,
-)
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
+from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import (
     Estimator,
     EstimatorState,
@@ -38,7 +31,9 @@ from motorgrad.learning._estimator import (
     olgarb,
     olpomdp,
 )
+from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._registry import register
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -56,10 +51,12 @@ __all__ = [
     "Annealed",
     "Baseline",
     "BinnedBaseline",
+    "BoundedTemporalDifference",
     "Chain",
     "Clock",
     "Constant",
     "Criterion",
+    "Critic",
     "CriticFit",
     "CriticState",
     "CriticStep",
@@ -70,6 +67,7 @@ __all__ = [
     "Exponential",
     "Features",
     "FisherMetric",
+    "FittedReturns",
     "FixedStep",
     "Growth",
     "GrowthState",
@@ -82,9 +80,11 @@ __all__ = [
     "LinearState",
     "MeanReward",
     "Metric",
+    "NetworkCritic",
     "NormalizationState",
     "Optax",
     "Optimizer",
+    "OvershootingBound",
     "Part",
     "Plateau",
     "PolyakAveraging",

@@ -102,6 +102,7 @@ class Agent(Part):
         "batch": "estimator.batch",
         "entropy": "estimator.entropy",
         "normalization": "estimator.normalization",
+        "bound": "estimator.bound",
         "learning_rate": "optimizer.learning_rate",
         "weight_decay": "optimizer.weight_decay",
         "damping": "metric.damping",
@@ -172,7 +173,7 @@ class Agent(Part):
         needs_decision = chain.needs_decision or self.estimator.needs_decision or kept
         return AgentState(
             policy=policy,
-            estimator=self.estimator.init(policy),
+            estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
             decision=_no_decision(policy, leaves[0].dtype) if needs_decision else None,

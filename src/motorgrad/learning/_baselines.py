@@ -21,6 +21,7 @@ where $w_0 s_t$ is the newest score as the trace $z_t$ has it. For a trace witho
 import abc
 from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -63,10 +64,16 @@ class Baseline(Part):
 
     needs_decision: ClassVar[bool] = False
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
+    starts_at_random: ClassVar[bool] = False
+    """Whether `start` draws random numbers."""
 
     @abc.abstractmethod
     def init(self, policy: Policy, dtype: Any) -> Any:
         """The state before any reward, for a policy's observations and actions."""
+
+    def start(self, policy: Policy, dtype: Any, key: jax.Array) -> Any:
+        """The state before any reward of one seed, whose `key` draws what is random in it. By default `init`."""
+        return self.init(policy, dtype)
 
     @abc.abstractmethod
     def level(self, state: Any) -> Float[Array, ""]:

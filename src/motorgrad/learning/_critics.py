@@ -10,180 +10,19 @@ import abc
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import Part, count, number, static
+from motorgrad._tree import Part, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
-from motorgrad.learning._branching import NEVER, Flag, where, where_any
-from motorgrad.policies import FeatureMap, Policy
-
-Weights = Float[Array, " features"]
-
-
-class CriticStep(NamedTuple):
-    r"""What one decision tells a critic.
-
-    `features` $\phi(y_t)$ and `next_features` $\phi(y_{t+1})$, 0 where the episode terminated; the `reward`, and the
-    `level` $\rho$ that it is compared with; the temporal difference `error` $\delta$; $\gamma$ and $\lambda$,
-    `discount` and `decay`.
-    """
-
-    features: Weights
-    next_features: Weights
-    reward: Float[Array, ""]
-    level: Float[Array, ""]
-    error: Float[Array, ""]
-    discount: Any
-    decay: Any
-
-
-class CriticFit(Part):
-    """How the weights of a linear critic are learned."""
-
-    @abc.abstractmethod
-    def init(self, weights: Weights) -> Any:
-        """The state before any decision."""
-
-    @abc.abstractmethod
-    def update(self, weights: Weights, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Weights, Any]:
-        """The weights and the state after one decision. One that is to be `dropped` changes nothing learned."""
-
-    @abc.abstractmethod
-    def restart(self, state: Any) -> Any:
-        """The state at the start of an episode."""
-
-    @property
-    @abc.abstractmethod
-    def mean_rate(self) -> Any:
-        """One over the memory of the mean of rewards: the n-th moves it by at least this share of the distance."""
-
-    def solve(self, weights: Weights, state: Any, level: Float[Array, ""]) -> tuple[Weights, Any]:
-        """Do the work that is due once in many decisions, with rewards compared with the `level`."""
-        return weights, state
-
-    def rest(self, state: Any) -> Int[Array, ""]:
-        """For how many decisions at least `solve` changes nothing."""
-        return jnp.asarray(NEVER, jnp.int32)
-
-
-class TemporalDifference(CriticFit):
-    r"""TD(λ) with accumulating traces (Sutton, 1988; Tsitsiklis & Van Roy, 1999).
-
-    $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \phi$.
-
-    **Arguments:**
-
-    - `learning_rate`: $\alpha \ge 0$. Steps are stable where $\alpha$ times the squared length of the features is well
-      below 1.
-    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
-      distance from it.
-    """
-
-    learning_rate: float = number(0.01, 0)
-    level_rate: float = number(1e-3, 0, 1)
-
-    @property
-    def mean_rate(self) -> Any:
-        return self.level_rate
-
-    def init(self, weights: Weights) -> Weights:
-        return weights
-
-    def update(
-        self, weights: Weights, state: Weights, step: CriticStep, dropped: Flag = False
-    ) -> tuple[Weights, Weights]:
-        trace = step.discount * step.decay * state + step.features
-        return where(dropped, weights, weights + self.learning_rate * step.error * trace), trace
-
-    def restart(self, state: Weights) -> Weights:
-        return jnp.zeros_like(state)
-
-
-class LeastSquaresState(NamedTuple):
-    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; their `sums` over the `gathered` decisions since."""
-
-    trace: Weights
-    means: RunningMean
-    sums: tuple[Float[Array, "features features"], Weights, Weights]
-    gathered: Int[Array, ""]
-
-
-class LeastSquares(CriticFit):
-    r"""Recursive least squares for temporal differences, LSTD(λ) (Bradtke & Barto, 1996; Boyan, 2002).
-
-    The weights are those for which the temporal differences, weighted by the trace, have the mean 0:
-
-    $$(A + d\,I)\,w = b, \qquad A = \overline{e\,(\phi_t - \gamma\phi_{t+1})'}, \qquad
-    b = \overline{e\,r} - \rho\,\overline{e}.$$
-
-    The means are running ones: the n-th decision moves them by $\max(1/(n + 1), \text{rate})$ of its distance from
-    them. $A$ starts as `initial` times the identity, which counts as one decision. Without damping, these are the
-    weights of the recursion by rank-one updates of $A^{-1}$. That recursion accumulates rounding errors, and while it
-    forgets, directions in which nothing happens grow without bounds. So $A$ itself is kept and the system solved every
-    `interval` decisions, which the means take in together. Between two solutions the weights do not change.
-
-    **Arguments:**
-
-    - `rate`: in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, for a policy that stays.
-    - `initial`: above 0, of the order of a squared feature.
-    - `damping`: $d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the average
-      reward are known but for a constant; damping chooses small ones.
-    - `interval` (decisions): from one solution to the next, at least 1.
-    """
-
-    rate: float = number(1e-3, 0, 1)
-    initial: float = number(1.0, 0, open_low=True, at_start=True)
-    damping: float = number(1e-3, 0)
-    interval: int = count(100, 1)
-
-    @property
-    def mean_rate(self) -> Any:
-        return self.rate  # the mean of rewards has the memory of the other means
-
-    def init(self, weights: Weights) -> LeastSquaresState:
-        matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
-        started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
-        none = (jnp.zeros_like(matrix), weights, weights)
-        return LeastSquaresState(weights, started._replace(count=started.count + 1), none, jnp.zeros((), jnp.int32))
-
-    def update(
-        self, weights: Weights, state: LeastSquaresState, step: CriticStep, dropped: Flag = False
-    ) -> tuple[Weights, LeastSquaresState]:
-        e = step.discount * step.decay * state.trace + step.features
-        new = (e[:, None] * (step.features - step.discount * step.next_features), e * step.reward, e)
-        one = jnp.ones((), jnp.int32)
-        new, one = where(dropped, jax.tree.map(jnp.zeros_like, (new, one)), (new, one))
-        sums = jax.tree.map(jnp.add, state.sums, new)
-        return weights, state._replace(trace=e, sums=sums, gathered=state.gathered + one)
-
-    def solve(
-        self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""]
-    ) -> tuple[Weights, LeastSquaresState]:
-        def solve(old: Any) -> Any:
-            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
-            weights, state = old
-            mean, state = jax.lax.optimization_barrier((level, state))
-            block = jax.tree.map(lambda total: total / self.interval, state.sums)
-            forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
-            means = add_sample(state.means, block, forgotten, self.interval)
-            matrix, pay, trace = means.mean
-            damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
-            solved = jnp.linalg.solve(damped, pay - mean * trace)
-            solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
-            empty = jax.tree.map(jnp.zeros_like, state.sums)
-            return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
-
-        return where_any(self.rest(state) < 0, solve, (weights, state))
-
-    def rest(self, state: LeastSquaresState) -> Int[Array, ""]:
-        return self.interval - 1 - state.gathered
-
-    def restart(self, state: LeastSquaresState) -> LeastSquaresState:
-        return state._replace(trace=jnp.zeros_like(state.trace))
+from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
+from motorgrad.learning._overshooting import BoundedTemporalDifference
+from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, frozen, split, thawed
 
 
 class Features(FeatureMap):
@@ -214,17 +53,116 @@ class Features(FeatureMap):
 
 
 class CriticState(NamedTuple):
-    r"""`weights` of the features; the present decision's `features`, and the action `previous` to it; the mean of
-    rewards, `reward`; `fit`, the state of the fitting rule."""
+    r"""The `weights`; the present decision's `features`, and the action `previous` to it; the mean of rewards,
+    `reward`; `fit`, the state of the fitting rule."""
 
-    weights: Weights
+    weights: Any
     features: Weights
     previous: Float[Array, " action"]
     reward: RunningMean
     fit: Any
 
 
-class LinearCritic(Baseline):
+class Critic(Baseline):
+    r"""A value function $v(y_t) = f_w(\phi(y_t, a_{t-1}))$, and its temporal differences. Subclasses define $f$."""
+
+    needs_decision: ClassVar[bool] = True
+
+    features: eqx.AbstractVar[Any]
+    discount: eqx.AbstractVar[float | None]
+    decay: eqx.AbstractVar[float]
+    fit: eqx.AbstractVar[CriticFit]
+
+    @abc.abstractmethod
+    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Any:
+        """The weights before any reward, for so many features."""
+
+    @abc.abstractmethod
+    def value(self, weights: Any, features: Weights) -> Float[Array, ""]:
+        """The value of the features."""
+
+    @abc.abstractmethod
+    def fall(self, weights: Any, features: Weights, following: Weights, terminated: Flag) -> tuple[Any, Any, Any]:
+        r"""$v(y_t) - \gamma v(y_{t+1})$, the slope $\nabla_w v(y_t)$, and what `CriticStep` calls `next_features`."""
+
+    def validate(self) -> None:
+        made = callable(self.features) and isinstance(self.features, Part)
+        check(made, "features", self.features, "a Part that can be called, such as Features()")
+
+    @property
+    def horizon(self) -> Any:
+        r"""$\gamma$, the weight of the next state's value; 1 for the average reward."""
+        return 1.0 if self.discount is None else self.discount
+
+    @property
+    def needs_episodes(self) -> str | None:
+        if isinstance(self.discount, float) and self.discount == 1:
+            return "discount = 1"
+        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+
+    def init(self, policy: Policy, dtype: Any) -> CriticState:
+        return self.start(policy, dtype, jax.random.key(0))
+
+    def start(self, policy: Policy, dtype: Any, key: jax.Array) -> CriticState:
+        seen = jnp.zeros(policy.inputs, dtype)
+        observation = policy.judged(seen)
+        previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
+        shape = jax.eval_shape(self.features, observation, previous).shape
+        check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
+        weights = self.first_weights(shape[0], dtype, key)
+        learned = split(weights)[0] if isinstance(weights, eqx.Module) else weights
+        fit = self.fit.start(jax.tree.map(jnp.zeros_like, learned), shape[0])
+        return CriticState(weights, jnp.zeros(shape, dtype), previous, running_mean(jnp.zeros((), dtype)), fit)
+
+    def level(self, state: CriticState) -> Float[Array, ""]:
+        r"""The running mean of rewards, $\rho$."""
+        return state.reward.mean
+
+    def value_at(
+        self, state: CriticState, observation: Float[Array, " inputs"], previous: Float[Array, " action"]
+    ) -> Float[Array, ""]:
+        """$v$ of an observation, with the action previous to it as `Features` takes it."""
+        return self.value(state.weights, self._features(state, observation, previous))
+
+    def observe(self, state: CriticState, observation: Float[Array, " inputs"]) -> CriticState:
+        return state._replace(features=self._features(state, observation, state.previous))
+
+    def update(self, state: CriticState, policy: Policy, transition: Transition) -> tuple[Advantage, CriticState]:
+        dtype, reward = state.features.dtype, transition.reward
+        previous = _as_vector(policy, transition.action, dtype)
+        following = self._features(state, transition.next_observation, previous)
+        level = self._compared(state)
+        fall, slope, next_features = self.fall(state.weights, state.features, following, transition.terminated)
+        error = (reward - level - fall).astype(dtype)
+        mean = add_sample(state.reward, reward, self.fit.mean_rate)
+        mean = where(transition.diverged, state.reward, mean)
+        seen = jnp.asarray(reward, dtype)
+        looks = (state.features, following, transition.terminated)
+        step = CriticStep(slope, next_features, seen, level, error, self.horizon, self.decay, *looks)
+        weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
+        return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
+
+    def solve(self, state: CriticState) -> CriticState:
+        given = (state.weights, state.fit, self._compared(state))
+        weights, fit = self.fit.solve_for(self.value, self.horizon, self.decay, *given)
+        return state._replace(weights=weights, fit=fit)
+
+    def rest(self, state: CriticState) -> Int[Array, ""]:
+        return self.fit.rest(state.fit)
+
+    def restart(self, state: CriticState) -> CriticState:
+        return state._replace(fit=self.fit.restart(state.fit), previous=jnp.zeros_like(state.previous))
+
+    def _compared(self, state: CriticState) -> Float[Array, ""]:
+        """What rewards are compared with: their mean, or 0 for discounted values."""
+        return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
+
+    def _features(self, state: CriticState, observation: Array, previous: Array) -> Weights:
+        dtype = state.features.dtype
+        return self.features(observation.astype(dtype), previous.astype(dtype)).astype(dtype)
+
+
+class LinearCritic(Critic):
     r"""A value function $v(y_t) = w \cdot \phi(y_t, a_{t-1})$, learned from rewards, and its temporal differences.
 
     Without a `discount` it is for the average reward: $\gamma = 1$, $\rho$ is the running mean of rewards, and $v$ is
@@ -251,83 +189,89 @@ class LinearCritic(Baseline):
     ```
     """
 
-    needs_decision: ClassVar[bool] = True
-
     features: Features | Callable[..., Any] = Features()
     discount: float | None = number(None, 0, 1)
     decay: float = number(0.9, 0, 1)
     fit: CriticFit = LeastSquares()
 
+    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Weights:
+        return jnp.zeros(features, dtype)
+
+    def value(self, weights: Weights, features: Weights) -> Float[Array, ""]:
+        return jnp.sum(weights * features)
+
+    def fall(
+        self, weights: Weights, features: Weights, following: Weights, terminated: Flag
+    ) -> tuple[Float[Array, ""], Weights, Weights]:
+        following = following if terminated is False else jnp.where(terminated, 0, following)
+        return jnp.sum(weights * (features - self.horizon * following)), features, following
+
+
+class ValueNetwork(eqx.Module):
+    r"""Hidden layers, and a value linear in their output, $v = w \cdot h + b$."""
+
+    layers: Any
+    weights: Float[Array, " features"]
+    bias: Float[Array, ""]
+
+    def __call__(self, features: Weights) -> Float[Array, ""]:
+        return jnp.sum(self.weights * thawed(self.layers)(features)) + self.bias
+
+
+class NetworkCritic(Critic):
+    r"""A value function with hidden layers, $v(y_t) = w \cdot h(\phi(y_t, a_{t-1})) + b$, that all learn.
+
+    Discount, levels and ends of episodes are those of `LinearCritic`. Every seed has hidden layers of its own, and $w$
+    starts at 0. The steps are those of semi-gradient TD(λ): without bootstrapping ($\gamma\lambda = 1$) they descend
+    the squared error; with it, nothing keeps them from diverging, but for the bound of `BoundedTemporalDifference`.
+
+    **Arguments:**
+
+    - `features`: $\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1.
+    - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
+    - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with episodes.
+    - `fit`: how the parameters are learned: at every decision by `BoundedTemporalDifference` or `TemporalDifference`,
+      batch by batch by `FittedReturns`.
+    - `network`: the hidden layers.
+
+    **Raises:** `ValueError` for a value out of range, and for a `fit` that is for linear critics.
+
+    ```python
+    critic = mg.learning.NetworkCritic(discount=0.99, decay=0.8)
+    agent = mg.Agent(policy, estimator=mg.learning.gae(critic, decay=0.8, improve=1))
+    ```
+    """
+
+    starts_at_random: ClassVar[bool] = True
+
+    features: Features | Callable[..., Any] = Features(bias=False)
+    discount: float | None = number(None, 0, 1)
+    decay: float = number(0.8, 0, 1)
+    fit: CriticFit = BoundedTemporalDifference()
+    network: Architecture = MultilayerPerceptron()
+
     def validate(self) -> None:
-        made = callable(self.features) and isinstance(self.features, Part)
-        check(made, "features", self.features, "a Part that can be called, such as Features()")
+        super().validate()
+        check(not self.fit.linear, "fit", type(self.fit).__name__, "one for any function, such as TemporalDifference")
 
-    @property
-    def horizon(self) -> Any:
-        r"""$\gamma$, the weight of the next state's value; 1 for the average reward."""
-        return 1.0 if self.discount is None else self.discount
+    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> ValueNetwork:
+        layers = frozen(self.network.build(features, key))
+        layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
+        size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(features, dtype)).shape
+        check(len(size) == 1 and size[0] > 0, "network", f"of output {size}", "one that returns a vector")
+        return ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
 
-    @property
-    def needs_episodes(self) -> str | None:
-        if isinstance(self.discount, float) and self.discount == 1:
-            return "discount = 1"
-        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+    def value(self, weights: ValueNetwork, features: Weights) -> Float[Array, ""]:
+        return weights(features)
 
-    def init(self, policy: Policy, dtype: Any) -> CriticState:
-        seen = jnp.zeros(policy.inputs, dtype)
-        observation = policy.judged(seen)
-        previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
-        shape = jax.eval_shape(self.features, observation, previous).shape
-        check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
-        zeros = jnp.zeros(shape, dtype)
-        return CriticState(zeros, zeros, previous, running_mean(jnp.zeros((), dtype)), self.fit.init(zeros))
-
-    def level(self, state: CriticState) -> Float[Array, ""]:
-        r"""The running mean of rewards, $\rho$."""
-        return state.reward.mean
-
-    def value_at(
-        self, state: CriticState, observation: Float[Array, " inputs"], previous: Float[Array, " action"]
-    ) -> Float[Array, ""]:
-        """$v$ of an observation, with the action previous to it as `Features` takes it."""
-        return jnp.sum(state.weights * self._features(state, observation, previous))
-
-    def observe(self, state: CriticState, observation: Float[Array, " inputs"]) -> CriticState:
-        return state._replace(features=self._features(state, observation, state.previous))
-
-    def update(self, state: CriticState, policy: Policy, transition: Transition) -> tuple[Advantage, CriticState]:
-        dtype, reward = state.weights.dtype, transition.reward
-        previous = _as_vector(policy, transition.action, dtype)
-        following = self._features(state, transition.next_observation, previous)
-        if transition.terminated is not False:
-            following = jnp.where(transition.terminated, 0, following)
-        level = self._compared(state)
-        change = state.features - self.horizon * following
-        error = (reward - level - jnp.sum(state.weights * change)).astype(dtype)
-        mean = add_sample(state.reward, reward, self.fit.mean_rate)
-        mean = where(transition.diverged, state.reward, mean)
-        seen = jnp.asarray(reward, dtype)
-        step = CriticStep(state.features, following, seen, level, error, self.horizon, self.decay)
-        weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
-        return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
-
-    def solve(self, state: CriticState) -> CriticState:
-        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state))
-        return state._replace(weights=weights, fit=fit)
-
-    def rest(self, state: CriticState) -> Int[Array, ""]:
-        return self.fit.rest(state.fit)
-
-    def restart(self, state: CriticState) -> CriticState:
-        return state._replace(fit=self.fit.restart(state.fit), previous=jnp.zeros_like(state.previous))
-
-    def _compared(self, state: CriticState) -> Float[Array, ""]:
-        """What rewards are compared with: their mean, or 0 for discounted values."""
-        return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
-
-    def _features(self, state: CriticState, observation: Array, previous: Array) -> Weights:
-        dtype = state.weights.dtype
-        return self.features(observation.astype(dtype), previous.astype(dtype)).astype(dtype)
+    def fall(
+        self, weights: ValueNetwork, features: Weights, following: Weights, terminated: Flag
+    ) -> tuple[Float[Array, ""], ValueNetwork, None]:
+        learned, settings = split(weights)
+        value, slope = jax.value_and_grad(lambda w: eqx.combine(w, settings)(features))(learned)
+        later = weights(following)
+        later = later if terminated is False else jnp.where(terminated, 0, later)
+        return value - self.horizon * later, slope, None
 
 
 def _as_vector(policy: Policy, action: Array, dtype: Any) -> Float[Array, " action"]:

@@ -1,5 +1,6 @@
 r"""Gradient estimators: how rewards and scores become gradient samples $g = \delta z$."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -11,7 +12,8 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Transition
 from motorgrad.learning._branching import where
-from motorgrad.learning._critics import LinearCritic
+from motorgrad.learning._critics import Critic
+from motorgrad.learning._overshooting import OvershootingBound
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._traces import Exponential, Trace
 from motorgrad.policies import Policy, split, trainable
@@ -85,6 +87,8 @@ class Estimator(Part):
     - `normalization`: none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them.
     - `entropy`: none, or $\kappa \ge 0$, what a nat of entropy is worth in reward, or in normalized advantages. Every
       sample has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991). It may be `Annealed`.
+    - `bound`: none, or an `OvershootingBound` of each sample, the entropy's part included: a safeguard for networks
+      that learn online.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
@@ -101,6 +105,7 @@ class Estimator(Part):
     batch: Literal["mean", "sum"] = static("mean")
     normalization: RootMeanSquare | None = None
     entropy: float | Annealed | None = number(None, 0)
+    bound: OvershootingBound | None = None
 
     @property
     def online(self) -> bool:
@@ -123,13 +128,14 @@ class Estimator(Part):
             found[""] = f"discount = {self.discount}"
         return {f"{path}.{setting}" if path else setting: setting for path, setting in found.items() if setting}
 
-    def init(self, policy: Policy) -> EstimatorState:
-        """The state before the first decision."""
+    def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
+        """The state before the first decision. The `key` matters where the baseline starts from random numbers."""
+        key = jax.random.key(0) if key is None else key
         parameters = trainable(policy)
         dtype = jax.tree.leaves(parameters)[0].dtype
         return EstimatorState(
             trace=self.trace.init(parameters),
-            baseline=None if self.baseline is None else self.baseline.init(policy, dtype),
+            baseline=None if self.baseline is None else self.baseline.start(policy, dtype, key),
             normalization=None if self.normalization is None else self.normalization.init(dtype),
             weight=None if self.discount is None else jnp.ones((), dtype),
         )
@@ -169,6 +175,10 @@ class Estimator(Part):
         if self.entropy is not None:
             bonus, slope = at(self.entropy, steps), entropy_gradient(policy, transition.observation)
             sample = jax.tree.map(lambda g, h: (g + bonus * h).astype(g.dtype), sample, slope)
+        if self.bound is not None:
+            worth = math.prod(factors, start=advantage.value)
+            bounded = self.bound.factor(worth, self.trace.value(state.trace))
+            sample = jax.tree.map(lambda g: (bounded * g).astype(g.dtype), sample)
         weight = None if state.weight is None or self.discount is None else state.weight * self.discount
         return sample, EstimatorState(state.trace, baseline, normalization, weight)
 
@@ -220,7 +230,7 @@ def gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
     return Estimator(Exponential(decay), baseline, improve="never")
 
 
-def gae(critic: LinearCritic, decay: float = 0.9, improve: int | Literal["episode", "never"] = 160) -> Estimator:
+def gae(critic: Critic, decay: float = 0.9, improve: int | Literal["episode", "never"] = 160) -> Estimator:
     r"""Generalised advantage estimation (Schulman et al., 2016).
 
     A critic's temporal differences, each credited to the action of $k$ decisions before by $(\gamma\lambda)^k$, with

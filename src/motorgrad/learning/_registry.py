@@ -5,19 +5,23 @@ from motorgrad._tree import register as register
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
-from motorgrad.learning._critics import CriticFit, Features, LeastSquares, LinearCritic, TemporalDifference
+from motorgrad.learning._critic_fits import CriticFit, LeastSquares, TemporalDifference
+from motorgrad.learning._critics import Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import Estimator, RootMeanSquare
+from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._natural import FisherMetric, Metric
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
-from motorgrad.policies import FeatureMap
+from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 
 KINDS.update(
     {
         Agent: {"dense": Agent, "sparse": SparseAgent},
+        Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
         Baseline: {
             "binned": BinnedBaseline,
@@ -26,9 +30,12 @@ KINDS.update(
             "fixed-step": FixedStep,
             "linear": LinearBaseline,
             "mean": MeanReward,
+            "network-critic": NetworkCritic,
         },
         Criterion: {"clock": Clock, "plateau": Plateau},
         CriticFit: {
+            "bounded-td": BoundedTemporalDifference,
+            "fitted-returns": FittedReturns,
             "least-squares": LeastSquares,
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,
@@ -39,6 +46,7 @@ KINDS.update(
         Growth: {"constructive": Growth},
         Metric: {"fisher": FisherMetric},
         Optimizer: {"adam": Adam, "sgd": SGD},
+        OvershootingBound: {"overshooting": OvershootingBound},
         PolyakAveraging: {"polyak": PolyakAveraging},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._tree import number
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._critics import CriticFit, CriticStep, Weights
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
 
 
 class TrueOnlineState(NamedTuple):
@@ -54,7 +54,7 @@ class TrueOnlineTemporalDifference(CriticFit):
     def update(
         self, weights: Weights, state: TrueOnlineState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, TrueOnlineState]:
-        phi, rate, fade = step.features, self.learning_rate, step.discount * step.decay
+        phi, rate, fade = step.slope, self.learning_rate, step.discount * step.decay
         trace = fade * state.trace + (1 - rate * fade * jnp.sum(state.trace * phi)) * phi
         change = jnp.sum(weights * phi) - state.value
         moved = weights + rate * ((step.error + change) * trace - change * phi)

@@ -1,11 +1,13 @@
 """Stochastic units, and the policies composed of them."""
 
+from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
 from motorgrad.policies._controller import FiniteStateController, finite_state_controller
-from motorgrad.policies._featured import Featured
+from motorgrad.policies._featured import Featured, Network, hidden_activations
 from motorgrad.policies._features import FeatureMap
+from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
@@ -20,15 +22,18 @@ from motorgrad.policies._layered import Layered, Sequential, layered
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
-from motorgrad.policies._policy import Policy, Regions, describe, fixed, rebuild, sizes, split, trainable
+from motorgrad.policies._policy import Policy, Regions, fixed, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
+from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
+    "ACTIVATIONS",
     "IMPLIED",
     "INITIAL",
+    "Architecture",
     "BinaryUnits",
     "BoundedHyperplanes",
     "BoundedUnits",
@@ -52,6 +57,8 @@ __all__ = [
     "Mirrored",
     "Mixed",
     "Motoneurons",
+    "MultilayerPerceptron",
+    "Network",
     "Policy",
     "Primitives",
     "Querying",
@@ -68,6 +75,7 @@ __all__ = [
     "describe",
     "finite_state_controller",
     "fixed",
+    "frozen",
     "gated",
     "gaussians",
     "graded_hyperplanes",
@@ -75,6 +83,7 @@ __all__ = [
     "graded_tiles",
     "grow",
     "growing",
+    "hidden_activations",
     "hyperplanes",
     "initial",
     "layered",
@@ -93,6 +102,7 @@ __all__ = [
     "soft_spheres",
     "softmax",
     "split",
+    "thawed",
     "tiles",
     "trainable",
 ]

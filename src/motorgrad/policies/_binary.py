@@ -11,7 +11,8 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
@@ -202,7 +203,9 @@ class Motoneurons(SigmoidUnits):
         return with_fields(self, gain=self.gain / factor)
 
 
-def hyperplanes(task: Any, units: int | None = None, features: FeatureMap = INPUTS) -> Hyperplanes | Featured:
+def hyperplanes(
+    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+) -> Any:
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
     **Arguments:**
@@ -210,9 +213,11 @@ def hyperplanes(task: Any, units: int | None = None, features: FeatureMap = INPU
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `features`: what the units see beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a `Network`.
     """
     inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: zero_hyperplanes(count, outputs))
+    return featured(features, inputs, lambda count: zero_hyperplanes(count, outputs), network)
 
 
 def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:

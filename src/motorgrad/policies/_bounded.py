@@ -10,8 +10,9 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
+from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._densities import DENSITIES, Density
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
 from motorgrad.policies._policy import fixed, sizes
@@ -134,7 +135,8 @@ def bounded_hyperplanes(
     deviation: float = 0.5,
     floor: float = 0.02,
     features: FeatureMap = INPUTS,
-) -> BoundedHyperplanes | Featured:
+    network: Architecture | None = None,
+) -> Any:
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
 
@@ -149,10 +151,14 @@ def bounded_hyperplanes(
     - `deviation`: the spread at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a `Network`.
     """
     inputs, outputs = sizes(task, units)
     ranges = bounds_of(task, outputs)
-    return featured(features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor))
+    return featured(
+        features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor), network
+    )
 
 
 def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:

@@ -1,49 +1,35 @@
-"""Policies of the features of what is observed."""
+"""Policies of something made of what is observed: of fixed features, or of the output of hidden layers."""
 
+import abc
 from collections.abc import Callable
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._features import FeatureMap
-from motorgrad.policies._policy import Composed, Policy, in_structure
+from motorgrad.policies._frozen import frozen, thawed
+from motorgrad.policies._policy import Composed, Policy, from_rows, in_structure, outer, rows, split, trainable
 
 P = TypeVar("P", bound=Policy)
 
 
-class Featured(Composed):
-    r"""A policy that sees the features of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$.
+class Seeing(Policy):
+    r"""A policy that sees something made of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$."""
 
-    The features are fixed; only the pool learns. Its score, Fisher matrix and blocks are those at $\varphi(y)$.
+    pool: eqx.AbstractVar[Policy]
 
-    **Arguments:** `pool`, a policy with as many inputs as there are features; `features`, $\varphi$, a `FeatureMap`;
-    `observed`, the length of the observation. The last two are not trainable.
+    @abc.abstractmethod
+    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
+        r"""$\varphi(y)$, what the pool sees."""
 
-    **Example:**
-
-    ```python
-    features = FeatureMap(squares=True)
-    policy = Featured(Hyperplanes(weights=[[1.0, 0.0, -2.0, 0.0]], bias=[0.5]), features, observed=2)
-    ```
-    """
-
-    pool: Policy
-    features: FeatureMap = eqx.field(static=True)
-    observed: int = eqx.field(static=True)
-
-    def __check_init__(self) -> None:
+    def _check_pool(self) -> None:
         check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
         check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
-        check(isinstance(self.features, FeatureMap), "features", self.features, "a FeatureMap")
-        count = self.features.size(self.observed)
-        check(self.pool.inputs == count, "pool.inputs", self.pool.inputs, f"{count}, the number of features")
-
-    @property
-    def inputs(self) -> int:
-        return self.observed
 
     @property
     def outputs(self) -> int:
@@ -65,38 +51,183 @@ class Featured(Composed):
         return self.pool.emit(action)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
-        return self.pool.prob(self.features.expanded(observation))
+        return self.pool.prob(self.seen(observation))
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
-        return self.pool.sample(self.features.expanded(observation), uniforms)
+        return self.pool.sample(self.seen(observation), uniforms)
 
     def mode(self, observation: Float[Array, " inputs"]) -> Array:
-        return self.pool.mode(self.features.expanded(observation))
+        return self.pool.mode(self.seen(observation))
 
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
-        return self.pool.log_prob(self.features.expanded(observation), action)
-
-    def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
-        return in_structure(self, pool=self.pool.score(self.features.expanded(observation), action))
-
-    def fisher(
-        self, observation: Float[Array, " inputs"], action: Array
-    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return self.pool.fisher(self.features.expanded(observation), action)
-
-    def fisher_sum(
-        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
-    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return self.pool.fisher_sum(jax.vmap(self.features.expanded)(observations), actions, weights)
+        return self.pool.log_prob(self.seen(observation), action)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        return self.pool.entropy(self.features.expanded(observation))
+        return self.pool.entropy(self.seen(observation))
 
     def enumerate(self) -> Array:
         return self.pool.enumerate()
 
 
-def featured(features: FeatureMap, inputs: int, make: Callable[[int], P]) -> P | Featured:
-    """What `make` makes of a number of inputs: of the features, where there are any beside the inputs."""
+class Featured(Seeing, Composed):
+    r"""A policy that sees the features of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$.
+
+    The features are fixed; only the pool learns. Its score, Fisher matrix and blocks are those at $\varphi(y)$.
+
+    **Arguments:** `pool`, a policy with as many inputs as there are features; `features`, $\varphi$, a `FeatureMap`;
+    `observed`, the length of the observation. The last two are not trainable.
+
+    **Example:**
+
+    ```python
+    features = FeatureMap(squares=True)
+    policy = Featured(Hyperplanes(weights=[[1.0, 0.0, -2.0, 0.0]], bias=[0.5]), features, observed=2)
+    ```
+    """
+
+    pool: Policy
+    features: FeatureMap = eqx.field(static=True)
+    observed: int = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        self._check_pool()
+        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
+        check(isinstance(self.features, FeatureMap), "features", self.features, "a FeatureMap")
+        count = self.features.size(self.observed)
+        check(self.pool.inputs == count, "pool.inputs", self.pool.inputs, f"{count}, the number of features")
+
+    @property
+    def inputs(self) -> int:
+        return self.observed
+
+    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
+        return self.features.expanded(observation)
+
+    def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
+        return in_structure(self, pool=self.pool.score(self.seen(observation), action))
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Array
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        return self.pool.fisher(self.seen(observation), action)
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        return self.pool.fisher_sum(jax.vmap(self.seen)(observations), actions, weights)
+
+
+class Network(Seeing):
+    r"""A policy behind hidden layers that learn: $\pi(a \mid y, \theta) = \pi'(a \mid h(y))$.
+
+    $h$ is any equinox module that turns a vector into a vector, and $\pi'$ any policy over its output, such as
+    hyperplanes or softmax. The module's floating-point arrays are trainable, but for fields declared with `fixed`. Its
+    other leaves, such as activation functions, are part of the structure.
+
+    The score of $\pi'$ is its own at $h(y)$. That of the layers is the vector-Jacobian product
+    $(\partial h/\partial\theta)'\,\nabla_h \log\pi'$, by automatic differentiation.
+
+    **Arguments:** `pool`, $\pi'$; `module`, $h$; `observed`, the length of the observation.
+
+    **Raises:** `ValueError` for what is no module, and for one that cannot be called with an observation or does not
+    return a vector of the length that the pool needs.
+
+    **Example:**
+
+    ```python
+    layers = eqx.nn.MLP(in_size=3, out_size=16, width_size=16, depth=1, key=jax.random.key(0))
+    policy = Network(softmax(16, 4), layers, observed=3)
+    ```
+    """
+
+    pool: Policy
+    module: Any = eqx.field(converter=frozen)
+    observed: int = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        self._check_pool()
+        kind = type(self.module).__name__
+        check(isinstance(self.module, eqx.Module), "module", kind, "an equinox module")
+        observation = jax.ShapeDtypeStruct((self.observed,), jnp.result_type(float))
+        try:
+            found = jax.eval_shape(lambda module, y: thawed(module)(y), self.module, observation)
+        except Exception as error:
+            needed = f"a module that can be called with a vector of {self.observed} numbers"
+            raise ValueError(f"module = {kind}: must be {needed}; {error}") from error
+        wanted = f"a vector of {self.pool.inputs} numbers, as the pool needs"
+        check(getattr(found, "shape", None) == (self.pool.inputs,), "module", f"{kind} that returns {found}", wanted)
+
+    @property
+    def inputs(self) -> int:
+        return self.observed
+
+    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
+        return thawed(self.module)(observation)
+
+    def activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """The output of each hidden layer. Of a module that is no sequence of layers, the output alone."""
+        module, found = thawed(self.module), []
+        if not isinstance(module, eqx.nn.Sequential):
+            return (module(observation),)
+        for layer in module.layers:
+            observation = layer(observation)
+            if isinstance(layer, eqx.nn.Lambda):
+                found.append(observation)
+        return tuple(found) if isinstance(module.layers[-1], eqx.nn.Lambda) else (*found, observation)
+
+    def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
+        learned, settings = split(self)
+
+        def seen(module: Any) -> Float[Array, " features"]:
+            return thawed(eqx.combine(module, settings.module))(observation)
+
+        features, pull = jax.vjp(seen, learned.module)
+        (own,) = pull(jax.grad(self.pool.log_prob)(features, action))
+        return in_structure(self, module=own, pool=self.pool.score(features, action))
+
+    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+        """The blocks of the pool, then a row of all parameters of the layers."""
+        return (*self.pool.blocks(gradient.pool), rows(gradient.module, 1))
+
+    def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
+        *pool, row = blocks
+        module = from_rows(trainable(self).module, row)
+        return in_structure(self, pool=self.pool.from_blocks(tuple(pool)), module=module)
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Array
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        """The pool's matrices, and the sample $ss'$ of the layers, without cross terms between them."""
+        score = self.score(observation, action)
+        return (*self.pool.fisher(self.seen(observation), action), outer(rows(score.module, 1)))
+
+
+def hidden_activations(policy: Policy, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+    """The output of each hidden layer of a policy, from the inputs on; none of one without hidden layers.
+
+    **Arguments:** the `policy`; an `observation`.
+    """
+    if isinstance(policy, Network):
+        return policy.activations(observation)
+    return hidden_activations(policy.pool, policy.seen(observation)) if isinstance(policy, Featured) else ()
+
+
+def featured(
+    features: FeatureMap, inputs: int, make: Callable[[int], P], network: Architecture | None = None
+) -> P | Featured | Callable[[jax.Array], Policy]:
+    """What `make` makes of a number of inputs: of the features, where there are any beside the inputs, or of the output
+    of hidden layers. With those it is a function of a key, so that every seed has its own."""
     check(isinstance(features, FeatureMap), "features", features, "a FeatureMap")
-    return Featured(make(features.size(inputs)), features, inputs) if features.adds else make(inputs)
+    if network is None:
+        return Featured(make(features.size(inputs)), features, inputs) if features.adds else make(inputs)
+    check(isinstance(network, Architecture), "network", network, "None or an Architecture")
+    make(1)  # so that impossible settings are refused now
+
+    def initial(key: jax.Array) -> Network | Featured:
+        count = features.size(inputs)
+        module: Any = network.build(count, key)
+        size = jax.eval_shape(module, jax.ShapeDtypeStruct((count,), jnp.result_type(float))).shape[0]
+        policy = Network(make(size), module, count)
+        return Featured(policy, features, inputs) if features.adds else policy
+
+    return initial

@@ -13,8 +13,9 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._binary import single_input_units
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
     Policy,
@@ -283,7 +284,8 @@ def graded_hyperplanes(
     deviation: float = 0.3,
     floor: float = 0.02,
     features: FeatureMap = INPUTS,
-) -> GradedHyperplanes | Featured:
+    network: Architecture | None = None,
+) -> Any:
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
@@ -296,9 +298,11 @@ def graded_hyperplanes(
     - `deviation`: the standard deviation of the noise at the start.
     - `floor`: the least standard deviation that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a `Network`.
     """
     inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor))
+    return featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)
 
 
 def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:

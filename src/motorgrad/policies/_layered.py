@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
 from motorgrad.policies._binary import Hyperplanes, product
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Composed, Policy, check_plain, sizes, trainable, with_parts
 
@@ -284,7 +284,7 @@ def layered(
     scale: float = 2.0,
     skip: bool = False,
     features: FeatureMap = INPUTS,
-) -> Callable[[jax.Array], Layered | Featured]:
+) -> Callable[[jax.Array], Any]:
     r"""Hidden layers of hyperplanes under output units, each of which learns by its own score.
 
     Hidden weights are drawn from a normal distribution of standard deviation `scale` $/\sqrt{\text{inputs}}$; their
@@ -308,7 +308,7 @@ def layered(
         check_integer("hidden", count, 1)
     check(0 < scale < math.inf, "scale", scale, "positive")
 
-    def made(key: jax.Array) -> Layered | Featured:
+    def made(key: jax.Array) -> Any:
         def pools(count: int) -> Layered:
             found, shown = [], count
             for layer, width in enumerate(hidden):

@@ -7,10 +7,11 @@ import equinox as eqx
 from jaxtyping import Array
 
 from motorgrad._errors import check
+from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._binary import zero_hyperplanes
 from motorgrad.policies._bounded import Shape, bounds_of, start_bounded
 from motorgrad.policies._composed import Pools
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy, sizes
 
@@ -61,7 +62,8 @@ def mixed(
     deviation: float = 0.5,
     floor: float = 0.02,
     features: FeatureMap = INPUTS,
-) -> Mixed | Featured:
+    network: Architecture | None = None,
+) -> Any:
     """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero slopes.
 
     **Arguments:**
@@ -74,6 +76,8 @@ def mixed(
     - `deviation`: the spread of graded activations at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a `Network`.
     """
     inputs, outputs = sizes(task, units)
     kinds = getattr(task, "actions", None)
@@ -96,4 +100,4 @@ def mixed(
             start += len(own)
         return Mixed(found)
 
-    return featured(features, inputs, pools)
+    return featured(features, inputs, pools, network)

@@ -3,7 +3,6 @@
 import abc
 import dataclasses
 import itertools
-import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self, TypeVar
 
@@ -13,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, shown, unknown
-from motorgrad.policies._features import FeatureMap
+from motorgrad._errors import check, shown
 
 
 def fixed(**keywords: Any) -> Any:
@@ -261,6 +259,7 @@ class Composed(Policy):
 
 
 P = TypeVar("P", bound=Policy)
+M = TypeVar("M", bound=eqx.Module)
 
 
 def parts_of(policy: Policy) -> tuple[Any, ...]:
@@ -302,10 +301,10 @@ def trainable(policy: P) -> P:
     return split(policy)[0]
 
 
-def split(policy: P) -> tuple[P, P]:
+def split(policy: M) -> tuple[M, M]:
     """Partition a policy into its trainable and its fixed arrays.
 
-    **Arguments:** `policy`: any policy.
+    **Arguments:** `policy`: any policy, or another module.
 
     **Returns:** the two parts, which `equinox.combine` joins again.
     """
@@ -313,12 +312,14 @@ def split(policy: P) -> tuple[P, P]:
     def is_trainable(path: tuple[Any, ...], leaf: Any) -> bool:
         node: Any = policy
         for key in path:
-            if isinstance(key, jax.tree_util.GetAttrKey):
+            if isinstance(key, jax.tree_util.GetAttrKey) and hasattr(node, "__dataclass_fields__"):
                 if node.__dataclass_fields__[key.name].metadata.get("fixed", False):
                     return False
                 node = getattr(node, key.name)
-            else:
+            elif isinstance(key, jax.tree_util.SequenceKey | jax.tree_util.DictKey):
                 node = node[key.idx if isinstance(key, jax.tree_util.SequenceKey) else key.key]
+            else:  # within a node of the user's own kind, where nothing is declared
+                break
         return eqx.is_inexact_array(leaf)
 
     return eqx.partition(policy, jax.tree_util.tree_map_with_path(is_trainable, policy))
@@ -400,66 +401,3 @@ def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
     check(inputs > 0, "inputs", inputs, "a positive number of inputs")
     check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
     return inputs, int(outputs or 0)
-
-
-def describe(value: Any) -> Any:
-    """The structure of a policy as plain data: its kind, and for every field a shape and type or a nested description.
-
-    A stored policy is rebuilt from this, so that loading one never runs code from the file.
-
-    **Arguments:** `value`: a policy, or the value of one of its fields.
-
-    **Example:**
-
-    ```python
-    describe(Hyperplanes([[1.0, 2.0]], [0.0]))
-    # {'kind': 'motorgrad.policies.Hyperplanes', 'weights': 'float32[1,2]', 'bias': 'float32[1]'}
-    ```
-    """
-    if isinstance(value, Policy | FeatureMap):
-        fields = {field.name: describe(getattr(value, field.name)) for field in dataclasses.fields(value)}
-        return {"kind": _kind(type(value)), **{name: field for name, field in fields.items() if field is not None}}
-    if isinstance(value, tuple | list):
-        return [describe(item) for item in value]
-    if hasattr(value, "shape") and hasattr(value, "dtype"):
-        return f"{np.dtype(value.dtype).name}[{','.join(map(str, value.shape))}]"
-    return value
-
-
-def rebuild(description: Any) -> Any:
-    """The inverse of `describe`: a policy whose arrays are placeholders (`jax.ShapeDtypeStruct`).
-
-    **Arguments:** `description`: what `describe` returned.
-
-    **Raises:** `ValueError` for an unknown kind of policy. A class is known once its module has been imported.
-    """
-    if isinstance(description, dict):
-        known = _kinds()
-        if description["kind"] not in known:
-            raise unknown("kind of policy", description["kind"], known)
-        policy = object.__new__(known[description["kind"]])
-        for field in dataclasses.fields(policy):
-            object.__setattr__(policy, field.name, rebuild(description.get(field.name)))
-        return policy
-    if isinstance(description, list):
-        return tuple(rebuild(item) for item in description)
-    if isinstance(description, str) and (found := re.fullmatch(r"(\w+)\[([\d,]*)\]", description)):
-        shape = tuple(int(size) for size in found[2].split(",") if size)
-        return jax.ShapeDtypeStruct(shape, np.dtype(found[1]))
-    return description
-
-
-def _kind(cls: type) -> str:
-    """The public path of a class, without private modules: stored policies survive the move of a private file."""
-    parts = [part for part in cls.__module__.split(".") if not part.startswith("_")]
-    return ".".join([*parts, cls.__qualname__])
-
-
-def _kinds() -> dict[str, type[Any]]:
-    found: dict[str, type[Any]] = {}
-    pending: list[type[Any]] = [Policy, FeatureMap]
-    while pending:
-        cls = pending.pop()
-        found[_kind(cls)] = cls
-        pending.extend(cls.__subclasses__())
-    return found

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad.policies._featured import Featured, featured
+from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy, in_structure, sizes, with_fields
 
@@ -83,7 +84,9 @@ class Softmax(Policy):
         return jnp.arange(self.outputs, dtype=jnp.int32)
 
 
-def softmax(task: Any, units: int | None = None, features: FeatureMap = INPUTS) -> Softmax | Featured:
+def softmax(
+    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+) -> Any:
     """A softmax policy with zero weights: all actions are equally probable.
 
     **Arguments:**
@@ -91,6 +94,8 @@ def softmax(task: Any, units: int | None = None, features: FeatureMap = INPUTS) 
     - `task`: a task, or a number of inputs.
     - `units`: the number of actions to choose from, by default the task's.
     - `features`: what it sees beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a `Network`.
     """
     inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))))
+    return featured(features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))), network)

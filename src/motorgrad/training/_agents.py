@@ -96,7 +96,10 @@ class NamedPolicy:
 
 def _merged(part: Any, value: Any) -> Any:
     """A setting of a policy that is a part of its own, with the changes of a table."""
-    return {**table(part), **value} if isinstance(part, Part) and isinstance(value, Mapping) else value
+    if not isinstance(part, Part) or not isinstance(value, Mapping):
+        return value
+    own = table(part)
+    return {**own, **value} if value.get("kind", own["kind"]) == own["kind"] else value
 
 
 def policy_settings(kind: str) -> dict[str, Any]:

@@ -40,7 +40,9 @@ class Program:
     def fresh(self, seed: Array, numbers: Array, initial: Policy | None) -> AgentState:
         """One seed's learner before its first decision, from its `initial` policy where there is one."""
         agent = self.cycle.agent.with_numbers(self.cycle.numbers, numbers)
-        return (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
+        state = (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
+        # The loop returns strong types. After weak ones, as of `jnp.full(3, 0.5)`, it would be compiled a second time.
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf, leaf.dtype), state)
 
     def start_numbers(self, seed: Array, environment: int = 0) -> tuple[Array, Array]:
         """One seed's random numbers for the memory and the observation before its first decision, by `environment`

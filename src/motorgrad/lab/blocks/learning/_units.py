@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import functools
+import inspect
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -294,6 +295,8 @@ class Gaussians(Units):
 
 NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))  # these need more than sizes
 
+LINEAR = tuple(name for name in NAMES if "network" in inspect.signature(policies.INITIAL[name]).parameters)
+
 
 @dataclasses.dataclass(frozen=True)
 class NamedPolicy(Units):
@@ -327,6 +330,47 @@ class NamedPolicy(Units):
 
     def start(self, uniforms: Float[Array, " 1"]) -> policies.Policy:
         return jax.tree.map(jnp.asarray, self._initial(key_from(uniforms)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Network(NamedPolicy):
+    """Units behind hidden layers that learn with them (Elsayed, Vasan & Mahmood, 2024): a policy of the library that
+    is linear in the last layer's output.
+
+    `hidden` are the activations of all hidden units at this tick, layer by layer. Parameters: those of the units, then
+    those of the layers, from the inputs on.
+    """
+
+    name: ClassVar[str] = "network"
+
+    policy: Annotated[str, Setting("name of the initial policy of the units", choices=LINEAR)] = "hyperplanes"
+    hidden: Annotated[tuple[int, ...], Setting("number of units in each hidden layer")] = (32, 32)
+    activation: Annotated[str, Setting("nonlinearity of the hidden units", choices=(*policies.ACTIVATIONS,))] = (
+        "leaky-relu"
+    )
+    layer_norm: Annotated[bool, Setting("normalise potentials before the nonlinearity")] = True
+    sparsity: Annotated[float, Setting("share of each hidden unit's weights that start at 0")] = 0.9
+
+    def validate(self) -> None:
+        object.__setattr__(self, "hidden", tuple(self.hidden))
+        super().validate()
+
+    @functools.cached_property
+    def _initial(self) -> Any:
+        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+
+        activation: Any = self.activation
+        network = policies.MultilayerPerceptron(self.hidden, activation, self.layer_norm, self.sparsity)
+        settings = {**read_table("settings", self.settings), "network": network}
+        return Initial(Sizes(self.observed, self.units), self.policy, settings)
+
+    @property
+    def outputs(self) -> Ports:
+        return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        layers = policies.hidden_activations(self.acting(self.moved(state, inputs, now)), inputs["observation"])
+        return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}
 
 
 @dataclasses.dataclass(frozen=True)

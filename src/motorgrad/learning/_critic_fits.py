@@ -1,0 +1,204 @@
+"""How the weights of a critic are learned: temporal differences, and least squares."""
+
+import abc
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PyTree
+
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._tree import Part, count, number
+from motorgrad.learning._branching import NEVER, Flag, where, where_any
+
+Weights = Float[Array, " features"]
+
+
+class CriticStep(NamedTuple):
+    r"""What one decision tells a critic.
+
+    `slope` $\nabla_w v(y_t)$, of a linear critic the features $\phi(y_t)$; for a linear critic, `next_features`
+    $\phi(y_{t+1})$, 0 where the episode terminated; the `reward`, and the `level` $\rho$ that it is compared with; the
+    temporal difference `error` $\delta$; $\gamma$ and $\lambda$, `discount` and `decay`. What the critic has `seen`
+    of the decision and of the `following` one, $\phi(y_t)$ and $\phi(y_{t+1})$, and whether the episode `terminated`.
+    """
+
+    slope: PyTree[Array]
+    next_features: Any
+    reward: Float[Array, ""]
+    level: Float[Array, ""]
+    error: Float[Array, ""]
+    discount: Any
+    decay: Any
+    seen: Any = None
+    following: Any = None
+    terminated: Flag = False
+
+
+class CriticFit(Part):
+    """How the weights of a critic are learned."""
+
+    linear: ClassVar[bool] = True
+    """Whether it is for linear critics alone, whose weights are one vector."""
+    one_stream: ClassVar[bool] = False
+    """Whether successive decisions must be of one environment."""
+
+    @abc.abstractmethod
+    def init(self, weights: Any) -> Any:
+        """The state before any decision, for weights of this structure; `weights` are all 0."""
+
+    def start(self, weights: Any, features: int) -> Any:
+        """As `init`, which it calls by default, for rules that keep what is seen: so many `features`."""
+        return self.init(weights)
+
+    @abc.abstractmethod
+    def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
+        """The weights and the state after one decision. One that is to be `dropped` changes nothing learned."""
+
+    @abc.abstractmethod
+    def restart(self, state: Any) -> Any:
+        """The state at the start of an episode."""
+
+    @property
+    @abc.abstractmethod
+    def mean_rate(self) -> Any:
+        """One over the memory of the mean of rewards: the n-th moves it by at least this share of the distance."""
+
+    def solve(self, weights: Any, state: Any, level: Float[Array, ""]) -> tuple[Any, Any]:
+        """Do the work that is due once in many decisions, with rewards compared with the `level`."""
+        return weights, state
+
+    def solve_for(
+        self, value: Callable[..., Any], discount: Any, decay: Any, weights: Any, state: Any, level: Float[Array, ""]
+    ) -> tuple[Any, Any]:
+        """As `solve`, which it calls by default, for rules that need the function `value(weights, features)`."""
+        return self.solve(weights, state, level)
+
+    def rest(self, state: Any) -> Int[Array, ""]:
+        """For how many decisions at least `solve` changes nothing."""
+        return jnp.asarray(NEVER, jnp.int32)
+
+
+class TemporalDifference(CriticFit):
+    r"""TD(λ) with accumulating traces (Sutton, 1988; Tsitsiklis & Van Roy, 1999).
+
+    $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \nabla_w v(y_t)$; for a linear critic the
+    gradient is $\phi$. The value of the next state counts as given.
+
+    **Arguments:**
+
+    - `learning_rate`: $\alpha \ge 0$. Steps of a linear critic are stable where $\alpha$ times the squared length of
+      the features is well below 1.
+    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
+      distance from it.
+    """
+
+    linear: ClassVar[bool] = False
+
+    learning_rate: float = number(0.01, 0)
+    level_rate: float = number(1e-3, 0, 1)
+
+    @property
+    def mean_rate(self) -> Any:
+        return self.level_rate
+
+    def init(self, weights: Any) -> Any:
+        return weights
+
+    def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
+        trace = jax.tree.map(lambda e, slope: step.discount * step.decay * e + slope, state, step.slope)
+        rate = self.rate_of(step.error, trace)
+        moved = eqx.apply_updates(weights, jax.tree.map(lambda e: rate * step.error * e, trace))
+        return where(dropped, weights, moved), trace
+
+    def rate_of(self, error: Float[Array, ""], trace: Any) -> Any:
+        r"""The step size $\alpha$ of a decision."""
+        return self.learning_rate
+
+    def restart(self, state: Any) -> Any:
+        return jax.tree.map(jnp.zeros_like, state)
+
+
+class LeastSquaresState(NamedTuple):
+    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; their `sums` over the `gathered` decisions since."""
+
+    trace: Weights
+    means: RunningMean
+    sums: tuple[Float[Array, "features features"], Weights, Weights]
+    gathered: Int[Array, ""]
+
+
+class LeastSquares(CriticFit):
+    r"""Recursive least squares for temporal differences, LSTD(λ) (Bradtke & Barto, 1996; Boyan, 2002).
+
+    The weights are those for which the temporal differences, weighted by the trace, have the mean 0:
+
+    $$(A + d\,I)\,w = b, \qquad A = \overline{e\,(\phi_t - \gamma\phi_{t+1})'}, \qquad
+    b = \overline{e\,r} - \rho\,\overline{e}.$$
+
+    The means are running ones: the n-th decision moves them by $\max(1/(n + 1), \text{rate})$ of its distance from
+    them. $A$ starts as `initial` times the identity, which counts as one decision. Without damping, these are the
+    weights of the recursion by rank-one updates of $A^{-1}$. That recursion accumulates rounding errors, and while it
+    forgets, directions in which nothing happens grow without bounds. So $A$ itself is kept and the system solved every
+    `interval` decisions, which the means take in together. Between two solutions the weights do not change.
+
+    **Arguments:**
+
+    - `rate`: in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, for a policy that stays.
+    - `initial`: above 0, of the order of a squared feature.
+    - `damping`: $d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the average
+      reward are known but for a constant; damping chooses small ones.
+    - `interval` (decisions): from one solution to the next, at least 1.
+    """
+
+    rate: float = number(1e-3, 0, 1)
+    initial: float = number(1.0, 0, open_low=True, at_start=True)
+    damping: float = number(1e-3, 0)
+    interval: int = count(100, 1)
+
+    @property
+    def mean_rate(self) -> Any:
+        return self.rate  # the mean of rewards has the memory of the other means
+
+    def init(self, weights: Weights) -> LeastSquaresState:
+        matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
+        started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
+        none = (jnp.zeros_like(matrix), weights, weights)
+        return LeastSquaresState(weights, started._replace(count=started.count + 1), none, jnp.zeros((), jnp.int32))
+
+    def update(
+        self, weights: Weights, state: LeastSquaresState, step: CriticStep, dropped: Flag = False
+    ) -> tuple[Weights, LeastSquaresState]:
+        e = step.discount * step.decay * state.trace + step.slope
+        new = (e[:, None] * (step.slope - step.discount * step.next_features), e * step.reward, e)
+        one = jnp.ones((), jnp.int32)
+        new, one = where(dropped, jax.tree.map(jnp.zeros_like, (new, one)), (new, one))
+        sums = jax.tree.map(jnp.add, state.sums, new)
+        return weights, state._replace(trace=e, sums=sums, gathered=state.gathered + one)
+
+    def solve(
+        self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""]
+    ) -> tuple[Weights, LeastSquaresState]:
+        def solve(old: Any) -> Any:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            weights, state = old
+            mean, state = jax.lax.optimization_barrier((level, state))
+            block = jax.tree.map(lambda total: total / self.interval, state.sums)
+            forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
+            means = add_sample(state.means, block, forgotten, self.interval)
+            matrix, pay, trace = means.mean
+            damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
+            solved = jnp.linalg.solve(damped, pay - mean * trace)
+            solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
+            empty = jax.tree.map(jnp.zeros_like, state.sums)
+            return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
+
+        return where_any(self.rest(state) < 0, solve, (weights, state))
+
+    def rest(self, state: LeastSquaresState) -> Int[Array, ""]:
+        return self.interval - 1 - state.gathered
+
+    def restart(self, state: LeastSquaresState) -> LeastSquaresState:
+        return state._replace(trace=jnp.zeros_like(state.trace))

@@ -1,0 +1,209 @@
+"""Critics with hidden layers, and steps that are bounded: against exact values, exact gradients, and steps by hand."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_learning_critics import CHAIN_POINT, POINT, Which
+
+from motorgrad.learning import (
+    Agent,
+    BoundedTemporalDifference,
+    Estimator,
+    Exponential,
+    FittedReturns,
+    LeastSquares,
+    NetworkCritic,
+    OvershootingBound,
+    RootMeanSquare,
+    TemporalDifference,
+    Transition,
+    TrueOnlineTemporalDifference,
+)
+from motorgrad.policies import MultilayerPerceptron, softmax, split
+from motorgrad.tasks import Chain, ThreeState
+from motorgrad.training import stepper_for
+from motorgrad.worlds import oracle
+
+SMALL = MultilayerPerceptron(hidden=(8,), activation="tanh", layer_norm=False, sparsity=0.0)
+WORLDS = {  # (task, policy, learning rate, decisions); noise biases a nonlinear critic, more so at a greater rate
+    "three states": (ThreeState(), POINT, 0.005, 80_000),
+    "chain": (Chain(length=4), CHAIN_POINT, 0.02, 20_000),
+}
+KEY = jax.random.key(0)
+
+
+def values_of(critic, states, seen):
+    """The values of observations by the critics of many seeds, (seeds, observations)."""
+    previous = jnp.zeros(2)
+    return np.asarray(jax.vmap(lambda s: jax.vmap(lambda y: critic.value_at(s, y, previous))(seen))(states))
+
+
+@pytest.mark.representatives("chain-0.8")
+@pytest.mark.parametrize(("name", "discount"), [("three states", 0.8), ("chain", 0.8), ("chain", None)])
+def test_a_network_critic_learns_the_exact_values(name, discount):
+    task, policy, rate, decisions = WORLDS[name]
+    critic = NetworkCritic(Which(task.dynamics), discount, 0.7, TemporalDifference(rate, level_rate=0.0), SMALL)
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
+    stepper.advance(decisions)
+    seen = jnp.asarray(task.dynamics.observations, jnp.float32)
+    found = values_of(critic, stepper.state["cycle"].agent.estimator.baseline, seen)
+    exact = oracle.values(task.dynamics, policy, discount)
+    if discount is None:  # known but for a constant
+        found, exact = found - found.mean(1, keepdims=True), exact - exact.mean()
+    scale = np.abs(exact).max()
+    np.testing.assert_allclose(found.mean(0), exact, atol=0.03 * scale)
+
+
+def test_values_fitted_to_the_returns_of_batches_are_the_exact_ones():
+    task, policy, *_ = WORLDS["chain"]
+    fit = FittedReturns(0.01, interval=400, passes=20)
+    critic = NetworkCritic(Which(task.dynamics), 0.8, 0.7, fit, SMALL)
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
+    seen = jnp.asarray(task.dynamics.observations, jnp.float32)
+    found = {}
+    for decisions in (399, 1, 11_600):
+        stepper.advance(decisions)
+        found[stepper.decision] = values_of(critic, stepper.state["cycle"].agent.estimator.baseline, seen)
+    assert not found[399].any()
+    assert found[400].any()
+    exact = oracle.values(task.dynamics, policy, 0.8)
+    np.testing.assert_allclose(found[12_000].mean(0), exact, atol=0.03 * np.abs(exact).max())
+
+
+def by_hand(rewards, later, ends, discount, decay):
+    returns, following = np.zeros(len(rewards)), later[-1]
+    for t in reversed(range(len(rewards))):
+        following = later[t] if ends[t] or t == len(rewards) - 1 else following
+        expected = (1 - decay) * later[t] + decay * following
+        returns[t] = following = rewards[t] + discount * expected
+    return returns
+
+
+def test_the_returns_of_a_batch_end_with_its_episodes():
+    """One step of plain size down the squared error, from the returns by hand."""
+    fit = FittedReturns(0.01, interval=5, passes=1)
+    critic = NetworkCritic(network=SMALL, discount=0.9, decay=0.6, fit=fit)
+    state = begun(critic)
+    rng = np.random.default_rng(0)
+    looks, rewards = jnp.asarray(rng.normal(size=(6, 2)), jnp.float32), rng.normal(size=5)
+    terminated, cut = [False, True, False, False, False], [False, False, False, True, False]
+    weights = state.weights
+    for t in range(5):
+        state = critic.observe(state, looks[t])
+        told = Transition(looks[t], jnp.int32(0), jnp.float32(rewards[t]), looks[t + 1], jnp.asarray(terminated[t]))
+        state = critic.solve(critic.update(state, POINT, told)[1])
+        state = critic.restart(state) if terminated[t] or cut[t] else state
+    values = np.array([float(weights(look)) for look in looks])
+    later = values[1:] * ~np.array(terminated)
+    returns = by_hand(rewards, later, np.array(terminated) | np.array(cut), 0.9, 0.6)
+    learned, rest = split(weights)
+
+    def loss(w):
+        return 0.5 * jnp.mean((jax.vmap(eqx.combine(w, rest))(looks[:5]) - returns) ** 2)
+
+    slope = flat(jax.grad(loss)(learned))
+    moved = flat(split(state.weights)[0]) - flat(learned)
+    np.testing.assert_allclose(moved, -0.01 * slope / (np.abs(slope) + 1e-8), rtol=1e-3, atol=1e-6)
+    assert int(state.fit.waiting) == 0
+
+
+def test_network_policy_and_network_critic_estimate_the_exact_gradient():
+    """With the trace of the discount, the errors of a critic that has settled do not matter (Schulman et al., 2016)."""
+    task, discount, seeds = ThreeState(), 0.8, 400
+    policy = softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0))(KEY)
+    policy = jax.tree.map(lambda x: x + 0.3 * jax.random.normal(jax.random.key(x.size), x.shape), policy)
+    critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, improve="never")), range(seeds))
+    stepper.advance(4_800)
+    leaves = jax.tree.leaves(stepper.state["cycle"].agent.gradient.mean)
+    found = np.concatenate([np.asarray(leaf, float).reshape(seeds, -1) for leaf in leaves], axis=1)
+    exact = oracle.flat(oracle.biased_gradient(task.dynamics, policy, discount))
+    error = found.std(0) / np.sqrt(seeds)
+    assert np.linalg.norm(error) < 0.1 * np.linalg.norm(exact)
+    np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4.5 * error + 0.02 * np.linalg.norm(exact))
+
+
+def flat(tree):
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(tree)])
+
+
+def begun(critic, seed=0):
+    """A critic's state with every parameter away from 0, at an observation."""
+    state = critic.start(POINT, jnp.float32, jax.random.key(seed))
+    learned, rest = split(state.weights)
+    moved = jax.tree.map(lambda w: w + 0.5 * jax.random.normal(jax.random.key(w.size), w.shape), learned)
+    return critic.observe(state._replace(weights=eqx.combine(moved, rest)), jnp.array([0.3, -1.2]))
+
+
+FITS = {"td": TemporalDifference(0.1), "bounded": BoundedTemporalDifference(1.0, scaling=2.0)}
+
+
+@pytest.mark.parametrize("terminated", [False, True])
+@pytest.mark.parametrize("fit", FITS)
+def test_two_decisions_are_those_of_the_formulas(fit, terminated):
+    critic = NetworkCritic(network=MultilayerPerceptron((5, 4), sparsity=0.5), discount=0.9, decay=0.6, fit=FITS[fit])
+    state = begun(critic)
+    looks = [jnp.array([0.3, -1.2]), jnp.array([1.0, 0.4]), jnp.array([-0.5, 0.1])]
+    trace = np.zeros(flat(split(state.weights)[0]).shape)
+    for t, reward in enumerate([0.7, -2.0]):
+        ends, weights = jnp.asarray(terminated and t == 1), state.weights
+        value, slope = jax.value_and_grad(lambda w, y=looks[t]: w(y), allow_int=True)(eqx.filter(weights, eqx.is_array))
+        error = reward + 0.9 * float(weights(looks[t + 1])) * (not ends) - float(value)
+        trace = 0.9 * 0.6 * trace + flat(slope)
+        rate = 0.1 if fit == "td" else 1 / max(1, 2 * max(abs(error), 1) * np.abs(trace).sum())
+        transition = Transition(looks[t], jnp.int32(1), jnp.float32(reward), looks[t + 1], ends)
+        advantage, after = critic.update(state, POINT, transition)
+        assert float(advantage.value) == pytest.approx(error, rel=1e-5)
+        moved = flat(split(after.weights)[0]) - flat(split(weights)[0])
+        np.testing.assert_allclose(moved, rate * error * trace, rtol=2e-3, atol=1e-6)
+        if fit == "bounded":
+            assert np.abs(moved).sum() < 0.5 + 1e-4  # 1/κ
+        state = critic.observe(after, looks[t + 1])
+    assert not flat(critic.restart(state).fit).any()
+
+
+def test_a_diverged_decision_teaches_nothing():
+    critic = NetworkCritic(network=SMALL, discount=0.9)
+    state = begun(critic)
+    transition = Transition(
+        jnp.zeros(2), jnp.int32(0), jnp.float32(np.nan), jnp.full(2, np.nan), False, jnp.asarray(True)
+    )
+    after = critic.update(state, POINT, transition)[1]
+    np.testing.assert_array_equal(flat(after.weights), flat(state.weights))
+
+
+def test_every_seed_has_a_critic_of_its_own_that_starts_at_0():
+    agent = Agent(POINT, Estimator(Exponential(0.5), NetworkCritic(network=SMALL)))
+    one, same, other = (agent.init(jax.random.key(seed)).estimator.baseline for seed in (0, 0, 1))
+    assert eqx.tree_equal(one, same)
+    assert np.any(one.weights.layers.layers[0].weight != other.weights.layers.layers[0].weight)
+    assert float(agent.estimator.baseline.value_at(one, jnp.array([0.3, -1.0]), jnp.zeros(2))) == 0
+
+
+def test_a_fit_for_linear_critics_is_refused():
+    for fit in (LeastSquares(), TrueOnlineTemporalDifference()):
+        with pytest.raises(ValueError, match=rf"fit = '{type(fit).__name__}': must be one for any function"):
+            NetworkCritic(network=SMALL, fit=fit)
+
+
+@pytest.mark.parametrize("normalization", [None, RootMeanSquare(0.5)])
+@pytest.mark.parametrize("entropy", [None, 0.5])
+def test_a_bounded_sample_is_the_sample_over_the_bound(normalization, entropy):
+    policy = softmax(2, 3, network=MultilayerPerceptron((6,)))(KEY)
+    plain = Estimator(Exponential(0.9), None, normalization=normalization, entropy=entropy)
+    bounded = dataclasses.replace(plain, bound=OvershootingBound(3.0))
+    look, action, reward = jnp.array([0.2, -0.4]), jnp.int32(2), jnp.float32(-1.7)
+    transition = Transition(look, action, reward, look)
+    found = []
+    for estimator in (plain, bounded):
+        state = estimator.act(estimator.init(policy), look, policy.score(look, action))
+        found.append(flat(estimator.sample(state, policy, transition)[0]))
+        trace = flat(state.trace)
+    worth = 1.0 if normalization else 1.7
+    wanted = max(1, 3 * worth * np.abs(trace).sum())
+    assert wanted > 1
+    np.testing.assert_allclose(found[1], found[0] / wanted, rtol=1e-5, atol=1e-7)
