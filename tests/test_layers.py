@@ -25,13 +25,14 @@ BELOW = {
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
     "training": {"tasks", "statistics"} | DYNAMICS | LEARNING,
+    "studies": {"training", "tasks", "statistics"},
     "presets": {"training", "tasks", "learning"},
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
-    "experiments": {"training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
+    "experiments": {"studies", "training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
     "lab": {"sim", "tasks", "training"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "lab", "presets", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
-    "_commands": {"benchmarks", "lab", "experiments", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
+    "_commands": {"benchmarks", "lab", "experiments", "studies", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},
     "__main__": {"cli"},
 }

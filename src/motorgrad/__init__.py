@@ -30,6 +30,7 @@ _ROOMS = (
     "presets",
     "sim",
     "statistics",
+    "studies",
     "tasks",
     "training",
     "worlds",
@@ -37,6 +38,7 @@ _ROOMS = (
 _NAMES = {
     "Agent": "learning",
     "Run": "training",
+    "Study": "studies",
     "agent_for": "training",
     "evaluate": "training",
     "load": "training",
@@ -48,6 +50,7 @@ _NAMES = {
 __all__ = [
     "Agent",
     "Run",
+    "Study",
     "agent_for",
     "bodies",
     "environments",
@@ -62,6 +65,7 @@ __all__ = [
     "resume",
     "sim",
     "statistics",
+    "studies",
     "tasks",
     "train",
     "training",
@@ -79,11 +83,13 @@ if TYPE_CHECKING:
         presets,
         sim,
         statistics,
+        studies,
         tasks,
         training,
         worlds,
     )
     from motorgrad.learning import Agent
+    from motorgrad.studies import Study
     from motorgrad.tasks import make
     from motorgrad.training import Run, agent_for, evaluate, load, resume, train
 

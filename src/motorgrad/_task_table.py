@@ -31,7 +31,10 @@ TASK_TABLE = {
     "hexapod-synergy": Entry("hexapod._hexapod:HexapodSynergy", "motorgrad/HexapodSynergy-v0"),
     "hopper": Entry("_hopper:Hopper", "motorgrad/Hopper-v0"),
     "linear-recruitment": Entry("_recruitment:LinearRecruitment", "motorgrad/LinearRecruitment-v0"),
+    "load-unload": Entry("_finite:LoadUnload", "motorgrad/LoadUnload-v0"),
+    "parity": Entry("_finite:Parity", "motorgrad/Parity-v0"),
     "particle-navigation": Entry("_particle:ParticleNavigation", "motorgrad/ParticleNavigation-v0"),
     "particle-orbit": Entry("_particle:ParticleOrbit", "motorgrad/ParticleOrbit-v0"),
+    "t-maze": Entry("_finite:TMaze", "motorgrad/TMaze-v0"),
     "three-state": Entry("_finite:ThreeState", "motorgrad/ThreeState-v0"),
 }

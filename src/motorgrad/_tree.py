@@ -99,7 +99,7 @@ class Part(eqx.Module):
     def __check_init__(self) -> None:
         for name, field in fields_of(type(self)).items():
             _check_field(self, name, field)
-        self.validate()
+        type(self).validate(self)  # equinox makes a module of every bound method, which takes its time
 
     def validate(self) -> None:
         """Refuse values that do not go together. It is called once every field has passed its own check."""
@@ -279,7 +279,7 @@ def with_number(tree: T, path: str, value: Any) -> T:
 
     **Raises** `ValueError` for a path where there is no number, and for a value out of its range.
     """
-    if path not in numbers_of(tree):
+    if not _surely_number(tree, path) and path not in numbers_of(tree):
         raise unknown("number", path, numbers_of(tree))
 
     def replaced(node: Any, names: list[str], where: str) -> Any:
@@ -294,11 +294,47 @@ def with_number(tree: T, path: str, value: Any) -> T:
             return (*node[:place], replaced(node[place], rest, here), *node[place + 1 :])
         inner = replaced(getattr(node, name), rest, here)
         try:
-            return dataclasses.replace(node, **{name: inner})
+            return _with_field(node, name, inner)
         except ValueError as error:
             raise ValueError(f"{where}.{error}" if where else str(error)) from None
 
     return replaced(tree, path.split("."), "")
+
+
+def _surely_number(tree: Any, path: str) -> bool:
+    """Whether there is a number at a path, found without a walk over the whole tree; `False` where that is not sure."""
+    node = tree
+    for name in path.split("."):
+        field = type(node).__dataclass_fields__.get(name) if isinstance(node, Part) else None
+        if field is None or field.metadata.get("static", False):
+            return False
+        node = object.__getattribute__(node, name)
+    return isinstance(node, float | np.ndarray | jax.Array)
+
+
+def _with_field(part: Any, name: str, value: Any) -> Any:
+    """The part with another value of a field, checked. Studies make many thousands of these."""
+    if not isinstance(part, Part) or not _is_plain(type(part)):
+        return dataclasses.replace(part, **{name: value})
+    made = object.__new__(type(part))
+    for field in dataclasses.fields(part):
+        object.__setattr__(made, field.name, object.__getattribute__(part, field.name))
+    convert = type(part).__dataclass_fields__[name].metadata.get("converter")
+    object.__setattr__(made, name, value if convert is None else convert(value))
+    for cls in type(part).__mro__:
+        if cls is Part:  # the other fields have been checked
+            _check_field(made, name, type(part).__dataclass_fields__[name])
+            type(made).validate(made)
+        elif "__check_init__" in cls.__dict__:
+            cls.__check_init__(made)
+    return made
+
+
+@functools.cache
+def _is_plain(cls: type) -> bool:
+    """Whether a part is made of the values of its fields and of nothing else."""
+    parameters: Any = getattr(cls, "__dataclass_params__")  # noqa: B009
+    return parameters.init and not hasattr(cls, "__post_init__") and all(f.init for f in dataclasses.fields(cls))
 
 
 def _number(value: Any) -> Any:
@@ -319,7 +355,7 @@ def _number(value: Any) -> Any:
 
 
 def _check_field(part: Part, name: str, field: dataclasses.Field[Any]) -> None:
-    value = getattr(part, name)
+    value = object.__getattribute__(part, name)
     if is_tracer(value) or isinstance(value, jax.Array):
         return
     hint = hints_of(type(part))[name]

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
+from motorgrad._commands import IMPORTED
 from motorgrad._errors import NotTrusted
 from motorgrad._signals import asked, interrupt_when_asked
 
@@ -12,6 +13,7 @@ COMMANDS = {
     "list": "list every task, policy, estimator, part of a learner and experiment",
     "train": "train a learner, into a run directory that can be resumed",
     "evaluate": "evaluate a learned policy: its numbers and a video",
+    "sweep": "run a study, tasks × settings × seeds, on one machine or many",
     "plot": "plot learning curves of one run or of several",
     "reproduce": "measure figures and claims of the thesis again; write a report",
     "sim": "watch a body, its muscles and its learner live in the browser",
@@ -88,6 +90,7 @@ def _import(name: str) -> None:
         importlib.import_module(name)
     except ImportError as error:
         raise ValueError(f"cannot import {name!r}: {error}") from error
+    IMPORTED.append(name)
 
 
 def _answer(name: str, error: BaseException) -> int:

@@ -8,7 +8,7 @@ import pytest
 
 from motorgrad._tree import numbers_of
 from motorgrad.benchmarks import Row
-from motorgrad.benchmarks._bodies import body_row, simulated_row
+from motorgrad.benchmarks._bodies import body_row, simulated_row, tendon_rows
 from motorgrad.benchmarks._learners import hand_written
 from motorgrad.benchmarks._loops import recruitment_loop, three_state_loop
 from motorgrad.benchmarks._measure import in_turn
@@ -48,6 +48,13 @@ def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
     simulated = simulated_row(row, task)
     assert simulated.ours == pytest.approx(row.ours * task.dynamics.timestep)
     assert simulated.unit == "simulated s/s"
+
+
+def test_the_rows_of_tendons_compare_muscles_of_one_body():
+    rows = list(tendon_rows(1, 3, 1))
+    assert [row.wanted for row in rows] == ["≥ 0.77", "", "≥ 0.77", ""]
+    assert all(row.ours > 0 and row.ratio > 0 for row in rows)
+    assert rows[2].name == "hopper, muscles on compliant tendons ÷ on rigid ones, 1 seed"
 
 
 def test_the_hand_written_loop_learns_the_best_policy():

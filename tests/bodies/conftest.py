@@ -6,9 +6,11 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _callback_restored():
-    before = mujoco.get_mjcb_act_gain()
+    kinds = ("gain", "dyn", "bias")
+    before = [getattr(mujoco, f"get_mjcb_act_{kind}")() for kind in kinds]
     yield
-    mujoco.set_mjcb_act_gain(before)
+    for kind, callback in zip(kinds, before, strict=True):
+        getattr(mujoco, f"set_mjcb_act_{kind}")(callback)
 
 
 @pytest.fixture(autouse=True)

@@ -158,3 +158,37 @@ def test_native_hopper_hops_nearly_as_high():
 def test_bad_numbers_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         Hopper(**changes)
+
+
+@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
+def test_a_hopper_has_hill_muscles_that_suit_its_paths(tendon):
+    body = Hopper(muscle_model="hill", tendon=tendon)
+    model = bodies.compile_model(body)
+    data = mujoco.MjData(model)
+    spans = []
+    for angle in body.knee_range:
+        mujoco.mj_resetData(model, data)
+        bend = np.radians(angle) - np.pi / 2
+        for name, share in (("hip_left", -0.5), ("knee_left", 1.0), ("hip_right", -0.5), ("knee_right", 1.0)):
+            data.joint(name).qpos[0] = share * bend
+        mujoco.mj_forward(model, data)
+        hills = [muscle.hill for muscle in body.muscles]
+        slack, optimal = np.array([(each.tendon_slack_length, each.optimal_fiber_length) for each in hills]).T
+        spans.append((data.actuator_length - slack) / optimal)
+    # the flexors are longest where the extensors are shortest
+    np.testing.assert_allclose(np.sort(spans, axis=0), [[0.4] * 4, [1.5] * 4], atol=1e-9)
+    again = mujoco.MjModel.from_xml_string(bodies.to_mjcf(body))
+    np.testing.assert_array_equal(again.actuator_biasprm, model.actuator_biasprm)
+
+
+def test_a_tendon_that_stretches_throws_the_foot_higher():
+    """Extensors for 0.2 s, then flexors: the same muscles on tendons of both kinds."""
+    height = {}
+    for tendon in ("compliant", "rigid"):
+        batch = BodyBatch(Hopper(muscle_model="hill", tendon=tendon), 1)
+        heights = []
+        for decision in range(140):
+            batch.step([[0, 0] if decision < 60 else [0, 1] if decision < 80 else [1, 0]])
+            heights.append(batch.unpack(batch.packed).sensors["foot_height"][0])
+        height[tendon] = max(heights)
+    assert height["compliant"] > 1.5 * height["rigid"] > 0.03

@@ -70,6 +70,23 @@ def test_options_of_the_task_and_its_learner_go_with_the_file(folder, capsys):
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["source"] == str(folder / "tasks" / "arm.xml")
 
 
+def test_hill_muscles_are_options_of_bodies(folder, capsys):
+    (folder / "tasks" / "hill.toml").write_text(
+        REACH.replace(
+            '"arm.xml"',
+            '{ source = "arm.xml", muscle_model = "hill", tendon = "rigid", hill = [["elbow*", '
+            "{ max_isometric_force = 300, optimal_fiber_length = 0.1, tendon_slack_length = 0.1 }]] }",
+        )
+    )
+    assert status("train", "--task", "tasks/hill.toml", "--check") == 0
+    body = mg.tasks.load("tasks/hill.toml").body
+    assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["muscle_model"] == "hill"
+    assert (len(body.hill), body.model.na) == (1, 8)  # the elbow's two have compliant tendons
+    assert status("train", "hopper", "--task.body.muscle-model", "hill", "--task.body.tendon", "rigid", "--check") == 0
+    found = tomllib.loads(capsys.readouterr().out)
+    assert (found["task"]["body"]["muscle_model"], found["task"]["body"]["tendon"]) == ("hill", "rigid")
+
+
 def test_the_page_of_a_task_has_the_name_of_its_file(folder):
     assert prepared(["--task", "tasks/reach.toml"])[0].name == "reach"
     assert prepared(["hopper"])[0].name == "hopper"

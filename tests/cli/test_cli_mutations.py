@@ -59,7 +59,8 @@ def sound(tmp_path_factory):
             assert status == 0, err
             tables.append(("train", tomllib.loads(out)))
             tables.append(("train", {"task": {"name": name}, "agent": {"learning_rate": 0.1}, "steps": 100}))
-        assert {command for command, _ in tables} == set(COMMANDS)
+        # `sweep` reads the file of a study, which has tests of its own
+        assert {command for command, _ in tables} == set(COMMANDS) - {"sweep"}
         yield tables, folder
 
 
@@ -166,7 +167,7 @@ def _judge(command, path, folder):
         assert status == 2
         assert out == ""
         assert err.count("\n") == 1, err
-        assert len(err) < 1000
+        assert len(err) < 1200  # all settings by name, where nothing is near
         assert err.startswith(f"motorgrad {command}: ")
         assert len(err) > len(f"motorgrad {command}: ") + 10
     return status

@@ -34,7 +34,7 @@ def test_what_is_not_random_holds_at_any_size(name, done):
 def test_the_learned_ones_share_one_run(out, done):
     for name in LEARNT:
         done(name)
-    configs = [tomllib.loads((folder / "config.toml").read_text())["run"] for folder in (out / "trained").iterdir()]
+    configs = [tomllib.loads((folder / "config.toml").read_text())["run"] for folder in (out / "trained").glob("[!.]*")]
     study = EXPERIMENTS["fig-5.5"].quick()
     steps = round(study.seconds / study.task.period)
     assert [config["steps"] for config in configs].count(steps) == 1

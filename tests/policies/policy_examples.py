@@ -17,9 +17,11 @@ from jax.flatten_util import ravel_pytree
 from motorgrad.policies import (
     INITIAL,
     Factored,
+    FiniteStateController,
     FreeGaussians,
     Gated,
     Hyperplanes,
+    Layered,
     LocalGaussians,
     Masked,
     Mirrored,
@@ -27,6 +29,7 @@ from motorgrad.policies import (
     MultilayerPerceptron,
     Network,
     Policy,
+    Recurrent,
     SoftBoxes,
     Softmax,
     SoftSpheres,
@@ -64,12 +67,26 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
 
 
 def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
-    layers = MultilayerPerceptron(hidden=(4, pool.inputs), sparsity=0.5)
-    return Network(pool, layers.build(inputs, jax.random.key(rng.integers(2**31))), inputs)
+    layers = MultilayerPerceptron(hidden=(4, pool.inputs)).build(inputs, jax.random.key(0))
+    # JAX's random numbers are others in double precision
+    drawn = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), eqx.filter(layers, eqx.is_array))
+    return Network(pool, eqx.combine(drawn, layers), inputs)
 
 
 def _gated(rng: Rng) -> Gated:
     return Gated(_local(rng, 2), [_hyperplanes(rng, 2), Factored([_spheres(rng, 1)])])
+
+
+def _softmax(rng: Rng, actions: int, inputs: int) -> Softmax:
+    return Softmax(rng.normal(size=(actions, inputs)))
+
+
+def _layered(rng: Rng) -> Layered:
+    return Layered([_hyperplanes(rng, 2), _softmax(rng, 3, 3), _local(rng, 1, 1)], _hyperplanes(rng, 2, 1))
+
+
+def _recurrent(rng: Rng) -> Recurrent:
+    return Recurrent(rng.normal(size=2), rng.normal(size=(2, 3)), rng.normal(size=2), _hyperplanes(rng, 2, 5))
 
 
 EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
@@ -96,16 +113,28 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "network-softmax": lambda rng: _network(rng, Softmax(rng.normal(size=(3, 4)))),
     "softmax-2": lambda rng: Softmax(rng.normal(size=(2, 3))),
     "softmax-5": lambda rng: Softmax(rng.normal(size=(5, 3))),
+    "layered": _layered,
+    "layered-skip": lambda rng: Layered([_hyperplanes(rng, 2)], _softmax(rng, 3, 5), skip=True),
+    "controller": lambda rng: FiniteStateController(_softmax(rng, 3, 6), _hyperplanes(rng, 2, 6)),
+    "controller-softmax": lambda rng: FiniteStateController(_softmax(rng, 2, 4), _softmax(rng, 3, 4)),
+    "recurrent": _recurrent,
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
-REPRESENTATIVES = ("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "network", "softmax-5")
+REPRESENTATIVES = (
+    *("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "network", "softmax-5", "layered"),
+)
 """The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
 
 
 def policy_of(name: str, seed: int = 0) -> Policy:
     """The example called `name` with the parameters of one seed, in JAX's present precision."""
     return EXAMPLES[name](np.random.default_rng(seed))
+
+
+def hides(name: str) -> bool:
+    """Whether the task gets only a part of what the example draws."""
+    return policy_of(name).hides
 
 
 def observation_of(policy: Policy, seed: int = 0, scale: float = 1.0) -> jax.Array:

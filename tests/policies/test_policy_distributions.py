@@ -13,6 +13,7 @@ from policy_examples import (
     REPRESENTATIVES,
     Compiled,
     call,
+    hides,
     observation_of,
     over_actions,
     policy_of,
@@ -24,6 +25,9 @@ from motorgrad.policies import Masked
 
 seeds = st.integers(0, 2**31)
 few = settings(max_examples=25, deadline=None, derandomize=True)
+
+
+INDEPENDENT = [name for name in EXAMPLES if getattr(policy_of(name), "independent", True) and not hides(name)]
 
 
 def surprise(log_p):
@@ -65,8 +69,9 @@ def test_probabilities_of_all_actions_sum_to_one_at_extremes(place):
 def test_prob_is_the_marginal_of_the_log_probability(name, seed, look):
     with jax.enable_x64(True):
         policy, observation, log_p = drawn(name, seed, look)
-        actions, prob = Compiled(policy).enumerate(), Compiled(policy).prob(observation)
-    marginal = np.exp(log_p) if actions.ndim == 1 else np.exp(log_p) @ actions
+        actions, prob = np.asarray(jax.vmap(policy.emit)(policy.enumerate())), Compiled(policy).prob(observation)
+    chance = np.exp(log_p)
+    marginal = np.bincount(actions, chance) if actions.ndim == 1 else chance @ actions
     np.testing.assert_allclose(prob, marginal, atol=1e-13)
 
 
@@ -96,8 +101,8 @@ def test_entropy_at_extremes_is_finite_and_that_of_the_sum_in_either_precision(p
     assert single == pytest.approx(exact, abs=2e-4)
 
 
-@pytest.mark.representatives(*REPRESENTATIVES)
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.representatives(*[name for name in REPRESENTATIVES if not hides(name)])
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if not hides(name)])
 @few
 @given(seed=seeds, look=seeds)
 def test_mode_is_the_most_probable_action(name, seed, look):
@@ -115,7 +120,9 @@ def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
     actions = ask.enumerate()
     sample = ask.sample(np.zeros(policy.inputs), np.full(policy.uniforms, 0.5))
     assert len(np.unique(actions, axis=0)) == len(actions)
-    binary = {"gated": 15, "gated-nested": 7, "factored-gated": 10}.get(name, 2**policy.outputs)  # the possible ones
+    special = {"gated": 15, "gated-nested": 7, "factored-gated": 10}  # the possible ones
+    special |= {"layered": 4 * 3 * 2 * 4, "layered-skip": 4 * 3, "controller": 3 * 4, "controller-softmax": 2 * 3}
+    binary = special.get(name, 2**policy.outputs)
     assert len(actions) == (policy.outputs if actions.ndim == 1 else binary)
     assert (actions[0].shape, actions.dtype) == (sample.shape, sample.dtype)
 
@@ -136,7 +143,7 @@ def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
 
 
 @pytest.mark.representatives("local-gaussians-p-max", "factored-nested", "mirrored-local", "softmax-5")
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if getattr(policy_of(name), "independent", True)])
+@pytest.mark.parametrize("name", INDEPENDENT)
 def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
     policy, points = policy_of(name), 4096
     observation = observation_of(policy)
@@ -150,11 +157,15 @@ def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
 def check_frequencies(name, draws):
     policy = policy_of(name)
     observation = observation_of(policy)
-    actions = Compiled(policy).enumerate().reshape(-1, 1 if policy.uniforms == 1 else policy.outputs)
+    actions = Compiled(policy).enumerate()
+    actions = actions.reshape(len(actions), -1)
     uniforms = np.random.default_rng(7).random((draws, policy.uniforms), np.float32)
-    taken = np.asarray(samples(policy, observation, uniforms)).reshape(draws, -1)
-    weights = 2 ** np.arange(actions.shape[1])[::-1]
-    count = np.bincount((taken @ weights).astype(int), minlength=max(len(actions), 2 ** actions.shape[1]))
+    # In parts: jaxlib 0.10.2 compiles a softmax over three numbers wrongly for 20,000 of them at once on a CPU.
+    taken = [samples(policy, observation, some) for some in np.split(uniforms, range(4_000, draws, 4_000))]
+    taken = np.concatenate(taken).reshape(draws, -1)
+    base = max(2, int(actions.max()) + 1)
+    weights = base ** np.arange(actions.shape[1])[::-1]
+    count = np.bincount((taken @ weights).astype(int), minlength=base ** actions.shape[1])
     with jax.enable_x64(True):
         expected = draws * np.exp(np.asarray(over_actions(policy_of(name), "log_prob", np.asarray(observation, float))))
     codes, cells = (actions @ weights).astype(int), np.zeros(len(count))

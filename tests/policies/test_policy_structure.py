@@ -175,14 +175,14 @@ def test_initial_policies_fit_the_task(name):
     mirror = SimpleNamespace(inputs=(0,), signs=(-1,), outputs=(1, 0, 3, 2))
     task = SimpleNamespace(observation_size=inputs, action_size=outputs, mirror=mirror)
     policy = started(initial(name, task))
-    assert (policy.inputs, policy.outputs) == (inputs, outputs)
+    assert (policy.observation_size, policy.outputs) == (inputs, outputs)
 
 
 @pytest.mark.parametrize("name", sorted(INITIAL.keys() - {"mirrored"}))
 def test_initial_policies_can_be_made_from_sizes_alone(name):
     inputs, outputs = SIZES.get(name, (1, 4))
     policy = started(INITIAL[name](inputs, outputs))
-    assert (policy.inputs, policy.outputs) == (inputs, outputs)
+    assert (policy.observation_size, policy.outputs) == (inputs, outputs)
 
 
 @pytest.mark.parametrize("name", ["hyperplanes", "softmax"])

@@ -23,7 +23,7 @@ def still(task):
 
 
 def test_the_registry_holds_the_finite_tasks():
-    assert set(FINITE) == {"call-admission", "chain", "three-state"}
+    assert set(FINITE) == {"call-admission", "chain", "load-unload", "parity", "t-maze", "three-state"}
 
 
 @pytest.mark.parametrize("name", FINITE)

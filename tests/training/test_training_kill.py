@@ -19,14 +19,21 @@ RUNS = {
     "three-state": {"task": "three-state", "steps": 1_000_000, "seeds": [0, 1, 2], "window": 199_999, "threads": 1},
     "hopper": {"task": "hopper", "steps": 3_000, "seeds": [0, 1, 2], "window": 1_499, "threads": 1},
     "natural": {"task": "linear-recruitment", "steps": 400_000, "seeds": [0, 1, 2], "window": 79_999},
+    "networks": {"task": "chain", "steps": 40_000, "seeds": [0, 1, 2], "window": 1_999},
 }
 LEARNERS = {
+    "networks": {
+        "policy": {"kind": "softmax", "network": {"hidden": [16, 16]}},
+        "baseline": {"kind": "network-critic", "discount": 0.9, "network": {"hidden": [16]}},
+        "bound": {"scaling": 3.0},
+        "learning_rate": 1.0,
+    },
     "natural": {
         "metric": {"kind": "fisher", "rate": 3e-4},
         "damping": {"threshold": 0.05, "gain": 1e-6},
         "baseline": {"kind": "binned", "rate": 0.02},
         "normalization": "root-mean-square",
-    }
+    },
 }
 EVERY = 0.05  # seconds between checkpoints
 PATIENCE = 120.0  # seconds
@@ -107,6 +114,7 @@ def kill_and_resume(name, path, begin, kills, random):
         pytest.param("three-state", 8, marks=pytest.mark.slow),
         pytest.param("hopper", 8, marks=pytest.mark.slow),
         pytest.param("natural", 8, marks=pytest.mark.slow),
+        pytest.param("networks", 3, marks=pytest.mark.slow),
     ],
 )
 def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills, undisturbed, begin, tmp_path):

@@ -5,13 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.worlds import FiniteMDP, action_index, call_admission, chain, three_state
+from motorgrad.worlds import FiniteMDP, action_index, call_admission, chain, load_unload, parity, t_maze, three_state
 
 WORLDS = {
     "three-state": three_state,
     "chain, walk": lambda: chain(6, "walk"),
     "chain, reset": lambda: chain(4, "reset"),
     "call admission": lambda: call_admission(2),
+    "parity": parity,
+    "load-unload": lambda: load_unload(3),
+    "t-maze": lambda: t_maze(2),
     "four actions": lambda: FiniteMDP(np.random.default_rng(0).dirichlet(np.ones(5), (4, 5)), np.arange(5), np.eye(5)),
 }
 

@@ -8,25 +8,26 @@ from pathlib import Path
 import tyro
 
 from motorgrad._commands._configuration import Arguments, read_arguments, resolve
+from motorgrad._commands._places import Places
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.experiments import (
     EXPERIMENTS,
-    Reproduction,
+    Reproductions,
     count_verdicts,
-    reproduce,
+    reproduce_all,
     select_experiments,
-    write_report,
 )
 
 MARKS = {"holds": "✓", "refuted": "✗", "undecided": "?"}
 
 
 @dataclasses.dataclass(frozen=True)
-class Reproduce:
+class Reproduce(Places):
     """Run experiments, draw their figures and check their claims; then write a report of one page on everything in the
-    folder. Finished experiments are not run again; interrupted ones continue. motorgrad reproduce NAME --help shows the
+    folder. Finished experiments are not run again; interrupted ones continue. One that fails is tried again, then set
+    aside, and the others go on. --on says where they run. motorgrad reproduce NAME --help shows the
     settings of one experiment."""
 
     experiments: tyro.conf.Positional[tuple[str, ...]]
@@ -39,12 +40,11 @@ class Reproduce:
     """Exit with status 1 where a claim is refuted or undecided."""
     animate: bool = False
     """Also film the learning of particles, where an experiment has them: animation.mp4 in its folder."""
-    threads: int = 0
-    """Threads for the physics of bodies; 0 for one per processor."""
     json: Path | None = None
     """Also write claims, numbers and versions to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
+        self.check_places()
         allowed = "the names of experiments, or all; motorgrad list has them"
         check(self.experiments, "experiments", self.experiments, allowed)
         select_experiments(self.experiments, EXPERIMENTS)
@@ -59,21 +59,20 @@ def run(arguments: list[str]) -> int:
     given = read_arguments(arguments)
     options = resolve(_command(given), given, "reproduce")
     names, out, settings = _available(options.experiments), options.folder, getattr(options, "settings", None)
-    done: list[Reproduction] = []
-    try:
-        for name in names:
-            kind = EXPERIMENTS[name]
-            experiment = settings or (kind.quick() if options.quick else kind())
-            print(f"{name}: {experiment.title} ({len(done) + 1} of {len(names)})", file=sys.stderr)
-            done.append(reproduce(experiment, out, quick=options.quick, threads=options.threads, films=options.animate))
-    except KeyboardInterrupt:
+    kinds = [EXPERIMENTS[name] for name in names]
+    chosen = [settings or (kind.quick() if options.quick else kind()) for kind in kinds]
+    made = reproduce_all(chosen, out, quick=options.quick, films=options.animate, **options.how)
+    stopped = not made.complete and not made.failures
+    if stopped:
         print(f"stopped; everything is saved in {out}, and the same command continues", file=sys.stderr)
         return 130
-    report = write_report(out, EXPERIMENTS)
     if str(options.json) != "-":
-        _print(done, report)
-    write_json(options.json, {"report": str(report), "experiments": [each.record() for each in done]})
-    return 1 if options.strict and not all(claim.holds for each in done for claim in each.claims) else 0
+        _print(made)
+    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in made.failures]
+    found = {"report": str(made.report), "experiments": [each.record() for each in made.done], "failures": failures}
+    write_json(options.json, found)
+    refuted = options.strict and not all(claim.holds for each in made.done for claim in each.claims)
+    return 1 if made.failures or refuted else 0
 
 
 def _available(experiments: Sequence[str]) -> list[str]:
@@ -109,10 +108,10 @@ def _command(given: Arguments) -> type[Reproduce]:
     )
 
 
-def _print(done: list[Reproduction], report: Path) -> None:
-    if any(each.quick for each in done):
+def _print(made: Reproductions) -> None:
+    if any(each.quick for each in made.done):
         print("A smoke test: everything has run, but the numbers and verdicts mean nothing.")
-    for each in done:
+    for each in made.done:
         judged = f": {count_verdicts(claim.verdict for claim in each.claims)}" if each.claims else ""
         print(f"\n{each.experiment.source}, {each.experiment.title}{judged}  {each.figure}")
         for film in each.films:
@@ -120,4 +119,6 @@ def _print(done: list[Reproduction], report: Path) -> None:
         for claim in each.claims:
             print(f"  {MARKS[claim.verdict]} {claim.statement}")
             print(f"      expected {claim.criterion}; measured {claim.finding}")
-    print(f"\nreport: {report}")
+    for failure in made.failures:
+        print(f"\nset aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+    print(f"\nreport: {made.report}")

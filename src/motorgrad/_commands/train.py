@@ -5,8 +5,6 @@ import sys
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-
 from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
@@ -20,6 +18,7 @@ from motorgrad.training import (
     agent_table,
     check_tensorboard,
     check_training,
+    final_metrics,
     given_initial,
     saved_config,
     train,
@@ -211,19 +210,7 @@ def _result(run: Run) -> dict[str, Any]:
 
 def _means(run: Run) -> dict[str, Any]:
     """The mean of every column of the metrics over the last tenth of the records, and totals of what is counted."""
-    skipped = {"seed", "decision", "simulated_time", "wall_time", "parameters", "baseline"}
-    found: dict[str, Any] = {}
-    for name in run.metrics.column_names if run.metrics.num_rows else ():
-        if name in skipped:
-            continue
-        values = run.curve(name)[1]
-        if name.endswith("_count") or name in ("episodes", "diverged"):
-            found[f"{name}_total"] = summary(values.sum(axis=1))
-            continue
-        last = values[:, -max(1, values.shape[1] // 10) :]
-        with np.errstate(invalid="ignore"):
-            found[name] = summary(np.nansum(last, axis=1) / np.isfinite(last).sum(axis=1))
-    return found
+    return {name: summary(values) for name, values in final_metrics(run).items()}
 
 
 def _print(run: Run, found: dict[str, Any], out: Path) -> None:

@@ -19,6 +19,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         simulated_row,
         single_row,
         suite_rows,
+        tendon_rows,
         vector_row,
     )
     from motorgrad.benchmarks._lab import (
@@ -39,6 +40,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     )
     from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
+    from motorgrad.benchmarks._networks import network_row
     from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
     pairs = 2 if quick else 7
@@ -50,6 +52,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         yield simulated_row(row, task)
     yield from composed_rows("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
     yield from suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
+    yield from tendon_rows(1, 20 if quick else 2000, pairs)
     yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
     yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
     yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
@@ -62,6 +65,7 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield local_learning_row(20, 20 if quick else 2000, "≤ 15")
     yield index_row(64 if quick else 4096, 1, 200 if quick else 5_000, pairs, "≥ 8")
     yield index_row(64 if quick else 4096, 20, 20 if quick else 500, pairs)
+    yield network_row(100 if quick else 10_000, 20 if quick else 1_000, pairs, "≥ 10,000")
     yield vector_row(16, 20 if quick else 1500, pairs)
     yield single_row(50 if quick else 5000, pairs)
     yield foreign_row(10, 50 if quick else 5000, pairs)

@@ -3,6 +3,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (the bindings of mujoco carry no types)
 
+import dataclasses
+import functools
 import importlib.util
 import math
 import time
@@ -16,7 +18,8 @@ from mujoco.batch import Batch
 
 import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
-from motorgrad.bodies import BodyBatch, compile_model, group_places
+from motorgrad.bodies import BodyBatch, Mjcf, compile_model, group_places
+from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.learning import SGD, Adam, Agent, olgarb, olpomdp
 from motorgrad.policies import bounded_hyperplanes, hyperplanes, softmax
 from motorgrad.presets import natural
@@ -112,6 +115,29 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
 
     steps = decisions * inner.frame_skip
     yield in_turn("   MyoSuite's own step ÷ mj_step", "physics steps/s", steps, own, bare, pairs=pairs)
+
+
+def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
+    """Physics steps per second of Hill-type muscles on tendons that stretch, against rigid ones and against muscles of
+    other kinds on the same body, at random activations."""
+    bodies: tuple[tuple[str, Any, Any], ...] = (
+        ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill")),
+        ("hopper", HopperBody(), HopperBody(muscle_model="hill")),
+    )
+    for name, plain, compliant in bodies:
+        rigid = dataclasses.replace(compliant, tendon="rigid")
+        actions = np.random.default_rng(0).uniform(size=(decisions, seeds, len(plain.groups)))
+        works = [functools.partial(_stepped, BodyBatch(body, seeds), actions) for body in (compliant, rigid, plain)]
+        steps = decisions * seeds * 10
+        other = "MuJoCo's own" if name == "arm6" else "the thesis's"
+        for against, work, wanted in (("on rigid ones", works[1], "≥ 0.77"), (f"{other}", works[2], "")):
+            what = f"{name}, muscles on compliant tendons ÷ {against}, {seeds} seed{'s' * (seeds > 1)}"
+            yield in_turn(what, "physics steps/s", steps, works[0], work, pairs=pairs, wanted=wanted)
+
+
+def _stepped(batch: BodyBatch, actions: np.ndarray) -> None:
+    for action in actions:
+        batch.step(action)
 
 
 HOPPER = "motorgrad/Hopper-v0"

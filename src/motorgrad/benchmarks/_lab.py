@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.benchmarks._measure import Row, in_turn, rate
 from motorgrad.lab import Diagram, Gain, Integrator, Run, Sink, Sum, UnitDelay
 from motorgrad.lab.gallery import example
 from motorgrad.tasks import make
@@ -53,16 +53,6 @@ def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
     ours, other = took[0], took[1] if single else None
     unit = "s (other: every block by itself)" if single else "s"
     return Row(f"diagram of {blocks} blocks, until its first tick", ours, other, unit, wanted=wanted)
-
-
-def rate(run: Run, ticks: int, runs: int) -> float:
-    """Ticks per second, the median of several runs."""
-    found = []
-    for _ in range(runs):
-        began = time.perf_counter()
-        run.advance(ticks)
-        found.append(ticks / (time.perf_counter() - began))
-    return float(np.median(found))
 
 
 def oscillators(number: int, tick: float = TICK) -> Diagram:

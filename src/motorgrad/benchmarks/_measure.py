@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,16 @@ def in_turn(
     median = np.median(rates, axis=0)
     spread = (float(ratios.min()), float(ratios.max()))
     return Row(name, float(median[0]), float(median[1]), unit, float(np.median(ratios)), spread, wanted)
+
+
+def rate(run: Any, amount: int, runs: int) -> float:
+    """How much of its work per second `run.advance(amount)` does, the median of several runs."""
+    found = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        run.advance(amount)
+        found.append(amount / (time.perf_counter() - start))
+    return float(np.median(found))
 
 
 HOPPERS = """

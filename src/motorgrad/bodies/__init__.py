@@ -15,6 +15,7 @@ from motorgrad.bodies._body import (
     group_places,
     to_mjcf,
 )
+from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
 from motorgrad.bodies.arm._arm import Arm
@@ -26,8 +27,17 @@ from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, 
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
 from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors, actuator_levels
 from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
+from motorgrad.bodies.mjcf._to_hill import hill_of
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.muscles._hill import Hill, HillMuscle, HillState, hill_actuators, hill_force, read_hill, set_hill
+from motorgrad.bodies.muscles._hill_curves import (
+    active_force_length,
+    force_velocity,
+    passive_force_length,
+    tendon_force_length,
+)
+from motorgrad.bodies.muscles._hill_traced import hill_in_jax
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
@@ -52,9 +62,13 @@ __all__ = [
     "Body",
     "BodyBatch",
     "BodyState",
+    "Contraction",
     "Gait",
     "Hexapod",
     "HexapodReading",
+    "Hill",
+    "HillMuscle",
+    "HillState",
     "Hinge",
     "Hopper",
     "LateralPair",
@@ -78,6 +92,7 @@ __all__ = [
     "WithSensors",
     "Wrap",
     "WrappedBody",
+    "active_force_length",
     "actuator_levels",
     "actuators_of",
     "add_muscles",
@@ -85,21 +100,31 @@ __all__ = [
     "biomimetic_hexapod",
     "check_muscle_callback",
     "compile_model",
+    "contract",
     "debounced",
+    "force_velocity",
     "greatest_flexion",
     "group_places",
     "groups_of",
+    "hill_actuators",
+    "hill_force",
+    "hill_in_jax",
+    "hill_of",
     "install_muscle_callback",
     "lift",
     "lift_table",
     "measure_gait",
     "native_force_length",
+    "passive_force_length",
     "path_points",
     "read_hexapod",
+    "read_hill",
     "read_model",
+    "set_hill",
     "start_key",
     "start_pose",
     "tabulate_lift",
+    "tendon_force_length",
     "tension",
     "to_mjcf",
     "walk",

@@ -13,7 +13,8 @@ from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad.bodies._body import START, Body, actuators_of, compile_model, group_places
-from motorgrad.bodies.muscles._callback import check_muscle_callback, uses_callback
+from motorgrad.bodies.muscles._callback import callback_getter, callbacks_of, check_muscle_callback
+from motorgrad.bodies.muscles._hill import fibers, settle
 
 _WARNING = mujoco.mjtWarning
 # On one of these, MuJoCo resets the simulation silently and only increments a counter.
@@ -47,7 +48,8 @@ class BodyState(NamedTuple):
     - `position` (..., nq): generalised positions, m and rad.
     - `velocity` (..., nv): generalised velocities, m/s and rad/s.
     - `sensors`: by name, (..., dim), or (...) for a scalar; an unknown name is a `ValueError` with the nearest one.
-    - `activation` (..., na): the state of activation dynamics, such as that of MuJoCo's muscles; `None` without any.
+    - `activation` (..., na): the state of activation dynamics, such as that of MuJoCo's muscles; `None` without any. A
+      Hill-type muscle whose tendon stretches has two: the length of its fiber, as a multiple of the optimal one, first.
     """
 
     position: Any
@@ -114,9 +116,9 @@ class BodyBatch:
             for other, model in compiled.items():
                 _check_alike(body, self.model, other, model)
             self._batch.set_models(self.models)
-        # any model that needs the callback will do for the check
-        self._called = next(filter(uses_callback, self.models), None)
-        self._callback = None if self._called is None else mujoco.get_mjcb_act_gain()
+        # any model that needs a callback will do for the check
+        self._called = {name: model for model in compiled.values() or self.models[:1] for name in callbacks_of(model)}
+        self._callbacks = tuple((name, get := callback_getter(name), get()) for name in self._called)
         self._layout = _Layout(self.model, body.sensor_components)
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
@@ -140,6 +142,7 @@ class BodyBatch:
         filled = {name: part for name, part in parts.items() if part.stop > part.start}
         self._copies = tuple((self.packed[:, part], batch.bind(name)) for name, part in filled.items())
         self._flag = self.packed[:, -1]
+        self._lengths = batch.bind("actuator_length") if len(fibers(self.model)) else None
 
     def step(self, activation: Any) -> None:
         """Advance every simulation by one decision, that is `substeps` physics steps.
@@ -154,9 +157,10 @@ class BodyBatch:
         if activation.shape != (self.seeds, len(self.groups)):
             check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
         self._control[...] = activation.take(self._group_of, 1)
-        # the callback is process-wide, so it may have been removed since; the check costs 0.1 µs
-        if self._callback is not None and mujoco.get_mjcb_act_gain() is not self._callback:
-            check_muscle_callback(self._called)
+        # a callback is process-wide, so it may have been removed since; the check costs some 0.1 µs
+        for name, current, installed in self._callbacks:
+            if current() is not installed:
+                check_muscle_callback(self._called[name])
         failed = None
         try:
             self._batch.step(None, self.substeps, _VELOCITY_STAGE)
@@ -187,7 +191,7 @@ class BodyBatch:
         - `rows`: which seeds, as an integer or boolean array; None for all. Their rows of `packed` are updated, with
           flag 0; `diverged` is kept.
         - `position` (rows, nq), `velocity` (rows, nv), `activation` (rows, na): the state of each, in the order of
-          `rows`; by default that of the start pose.
+          `rows`; by default that of the start pose. A fiber of length 0 is put in balance with its tendon, at rest.
 
         **Raises:** `ValueError` for rows that do not exist, and for arrays of another shape.
         """
@@ -205,6 +209,11 @@ class BodyBatch:
                 wanted = (len(order), target.shape[1])
                 check(values.shape == wanted, f"{name}.shape", values.shape, f"(rows, {name}) = {wanted}")
                 target[rows] = values[order]
+            self._batch.forward(rows)
+        if self._lengths is not None:
+            states = self._batch.bind("act")
+            for row in rows:  # each has a model of its own
+                settle(self.models[row], states[row : row + 1], self._lengths[row : row + 1])
             self._batch.forward(rows)
         self._bad[rows] = 0
         for target, source in self._copies:

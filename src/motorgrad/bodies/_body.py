@@ -17,6 +17,7 @@ import numpy as np
 
 from motorgrad._errors import check, choice, unknown
 from motorgrad.bodies.models._read import compile_bare, compile_spec
+from motorgrad.bodies.muscles._hill import HillMuscle, set_hill
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, set_native_gain
 
 MUSCLE_MODELS = ("thesis", "native")
@@ -43,7 +44,7 @@ class Body(Protocol):
     """
 
     @property
-    def muscles(self) -> tuple[Muscle, ...]:
+    def muscles(self) -> tuple[Muscle | HillMuscle, ...]:
         """All muscles, in the order of the model's actuators."""
         ...
 
@@ -85,7 +86,7 @@ class WrappedBody:
     body: Body
 
     @property
-    def muscles(self) -> tuple[Muscle, ...]:
+    def muscles(self) -> tuple[Muscle | HillMuscle, ...]:
         """The body's muscles."""
         return self.body.muscles
 
@@ -120,7 +121,7 @@ class WrappedBody:
         return self.body.sensor_components
 
 
-def actuators_of(body: Body) -> tuple[Muscle | Servo | Actuator, ...]:
+def actuators_of(body: Body) -> tuple[Muscle | HillMuscle | Servo | Actuator, ...]:
     """Everything an action drives, in the order of the model's actuators: muscles, then servos; or actuators."""
     own = getattr(body, "actuators", None)
     return (*body.muscles, *getattr(body, "servos", ())) if own is None else own
@@ -137,9 +138,10 @@ def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
 
     **Arguments:** `body`: a body, or a description such as `body.spec()` that you have edited.
 
-    **Returns:** the model. If it has muscles of the "thesis" model, the gain callback is installed and verified.
+    **Returns:** the model. If it has muscles of the "thesis" model or Hill-type muscles, their callbacks are installed
+    and verified.
 
-    **Raises:** `RuntimeError` if another gain callback is installed; `ValueError` for a description that MuJoCo refuses
+    **Raises:** `RuntimeError` if another callback is installed; `ValueError` for a description that MuJoCo refuses
     or that is beyond the limits of size, which the page on bodies lists.
 
     ```python
@@ -150,15 +152,15 @@ def compile_model(body: Body | mujoco.MjSpec) -> mujoco.MjModel:
     return compile_spec(spec)
 
 
-def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: str = "thesis") -> None:
+def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle | HillMuscle], muscle_model: str = "thesis") -> None:
     """Add muscles to a skeleton: for each, two sites, a spatial tendon (path and damper) and an actuator.
 
     **Arguments:**
 
     - `spec`: the skeleton, modified in place.
     - `muscles`: at least one; their bodies, geoms and sites must exist in `spec`.
-    - `muscle_model`: "thesis" for the exact law through a callback; "native" for MuJoCo's own muscle gain
-      (`native_force_length`), which other back ends support too.
+    - `muscle_model`: of those that are a `Muscle`: "thesis" for the exact law through a callback; "native" for MuJoCo's
+      own muscle gain (`native_force_length`), which other back ends support too. A `HillMuscle` has a law of its own.
 
     **Raises:** `ValueError` for a name that is taken or unknown.
     """
@@ -183,7 +185,9 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle], muscle_model: st
         actuator = spec.add_actuator(name=muscle.name, ctrllimited=True, ctrlrange=(0.0, 1.0))
         actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
         actuator.target = muscle.name
-        if math.isinf(muscle.shape):  # a force independent of the length needs only MuJoCo's plain gain
+        if isinstance(muscle, HillMuscle):
+            set_hill(actuator, muscle.hill)
+        elif math.isinf(muscle.shape):  # a force independent of the length needs only MuJoCo's plain gain
             actuator.gainprm[0] = -muscle.strength
         elif muscle_model == "native":
             set_native_gain(actuator, muscle)

@@ -15,7 +15,9 @@ import numpy as np
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
+from motorgrad.bodies.muscles._hill import Hill, HillMuscle
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
+from motorgrad.bodies.muscles._wrapping import away_angle, wrapped_length
 
 SIDES = ("left", "right")
 # Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
@@ -58,7 +60,10 @@ class Hopper:
     - `lateral_stiffness` (N m/rad): stiffness of that spring.
     - `lateral_damping` (N m s/rad): damping of that spring.
     - `timestep` (s): time step of the physics.
-    - `muscle_model`: "thesis" (exact law, needs the callback) or "native" (MuJoCo's own muscle, an approximation).
+    - `muscle_model`: "thesis" (exact law, needs the callback), "native" (MuJoCo's own muscle, an approximation) or
+      "hill": Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest
+      lengths, `muscle_damping` and `muscle_shape` then have no meaning.
+    - `tendon`: of Hill-type muscles, "compliant" or "rigid".
     - `extra_muscles`: further muscles; a new group name adds a component to the action.
 
     **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each
@@ -91,7 +96,8 @@ class Hopper:
     lateral_stiffness: float = 100.0
     lateral_damping: float = 1.0
     timestep: float = 0.001
-    muscle_model: Literal["thesis", "native"] = "thesis"
+    muscle_model: Literal["thesis", "native", "hill"] = "thesis"
+    tendon: Literal["compliant", "rigid"] = "compliant"
     extra_muscles: tuple[Muscle, ...] = ()
 
     def __post_init__(self) -> None:
@@ -117,7 +123,7 @@ class Hopper:
         )
 
     @property
-    def muscles(self) -> tuple[Muscle, ...]:
+    def muscles(self) -> tuple[Muscle | HillMuscle, ...]:
         """Flexor and extensor of the left knee, then of the right knee, then the extra muscles."""
         own = (self._muscle(group, side) for side in SIDES for group in ("flexor", "extensor"))
         return (*own, *self.extra_muscles)
@@ -135,22 +141,31 @@ class Hopper:
     def spec(self) -> mujoco.MjSpec:
         """A new, editable `mujoco.MjSpec` of the hopper, standing on the floor with its knees at 90°."""
         spec = _skeleton(self)
-        add_muscles(spec, self.muscles, self.muscle_model)
+        add_muscles(spec, self.muscles, "thesis" if self.muscle_model == "hill" else self.muscle_model)
         spec.add_key(name=START, qpos=np.zeros(6))
         return spec
 
-    def _muscle(self, group: str, side: str) -> Muscle:
-        flexor = group == "flexor"
+    def _muscle(self, group: str, side: str) -> Muscle | HillMuscle:
+        flexor, reach = group == "flexor", self.attachment_distance
+        origin = Attachment(f"thigh_{side}", (0.0, 0.0, reach - self.link_length))
+        insertion = Attachment(f"shank_{side}", (0.0, 0.0, -reach))
+        wrap = Wrap(f"capsule_{side}", f"{'front' if flexor else 'behind'}_{side}")
+        strength = self.flexor_strength if flexor else self.extensor_strength
+        if self.muscle_model == "hill":
+            angles = away_angle(np.radians(self.knee_range), behind=not flexor)
+            lengths = sorted(wrapped_length(angles, reach, reach, self.capsule_radius).tolist())
+            hill = Hill.spanning(lengths, strength, tendon=self.tendon)
+            return HillMuscle(f"{group}_{side}", group, origin, insertion, hill, wrap)
         return Muscle(
             name=f"{group}_{side}",
             group=group,
-            origin=Attachment(f"thigh_{side}", (0.0, 0.0, self.attachment_distance - self.link_length)),
-            insertion=Attachment(f"shank_{side}", (0.0, 0.0, -self.attachment_distance)),
-            strength=self.flexor_strength if flexor else self.extensor_strength,
+            origin=origin,
+            insertion=insertion,
+            strength=strength,
             rest_length=self.flexor_rest_length if flexor else self.extensor_rest_length,
             damping=self.muscle_damping,
             shape=self.muscle_shape,
-            wrap=Wrap(f"capsule_{side}", f"{'front' if flexor else 'behind'}_{side}"),
+            wrap=wrap,
         )
 
 

@@ -1,8 +1,8 @@
 """Experiments: every figure and claim of the thesis, and what goes beyond it, by name.
 
 An experiment is a frozen dataclass of its settings with `run`, `figure` and `claims`. `reproduce` runs it or loads what
-is stored, draws the figure, judges the claims and leaves a record; `write_report` puts all records of a folder on one
-page.
+is stored, draws the figure, judges the claims and leaves a record; `reproduce_all` does so with many, on one machine or
+many, and `write_report` puts all records of a folder on one page.
 """
 
 from motorgrad.experiments._claims import (
@@ -21,6 +21,7 @@ from motorgrad.experiments._claims import (
 )
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment
 from motorgrad.experiments._films import animate, course_of, motion_of
+from motorgrad.experiments._jobs import Reproductions, reproduce_all
 from motorgrad.experiments._registry import EXPERIMENTS
 from motorgrad.experiments._report import write_report
 from motorgrad.experiments._reproduce import Reproduction, reproduce, select_experiments
@@ -30,6 +31,7 @@ __all__ = [
     "Claim",
     "Experiment",
     "Reproduction",
+    "Reproductions",
     "Values",
     "Verdict",
     "Workspace",
@@ -47,6 +49,7 @@ __all__ = [
     "negative",
     "positive",
     "reproduce",
+    "reproduce_all",
     "select_experiments",
     "within",
     "write_report",

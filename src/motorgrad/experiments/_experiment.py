@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, dataclass_transform
 
+import filelock
 import numpy as np
 
 from motorgrad._errors import check
@@ -50,7 +51,9 @@ class Workspace:
         asked |= {} if initial is None else {"initial": fingerprint(initial)}
         mark = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:8]
         out = self.shared / f"{task.name}-{mark}"
-        run = train(task, agent, steps, seeds, out, threads=self.threads, progress=self.progress, initial=initial)
+        self.shared.mkdir(parents=True, exist_ok=True)
+        with filelock.FileLock(self.shared / f".{out.name}.lock"):  # another experiment may train the same just now
+            run = train(task, agent, steps, seeds, out, threads=self.threads, progress=self.progress, initial=initial)
         if not run.complete:
             raise KeyboardInterrupt
         self.trained[out.name] = float(run.metrics["wall_time"][-1].as_py())

@@ -19,17 +19,21 @@ def write_report(out: Path | str, order: Iterable[str]) -> Path:
         if any("verdict" not in claim for claim in record["claims"]):
             raise ValueError(f"{out / record['name'] / 'record.json'}: made by another version; reproduce it again")
     path = out / "report.html"
-    write_atomically(path, page(records, out).encode())
+    failures = [read_json(file) for file in sorted(out.glob("failures/[!.]*.json"))]
+    write_atomically(path, page(records, out, failures).encode())
     return path
 
 
-def page(records: list[dict[str, Any]], out: Path) -> str:
-    """The page about these records. Figures are read from their folders in `out` and embedded."""
+def page(records: list[dict[str, Any]], out: Path, failures: list[dict[str, Any]]) -> str:
+    """The page about these records. Figures are read from their folders in `out` and embedded. Experiments that were
+    set aside are listed with their reasons."""
     claims = [claim for record in records for claim in record["claims"]]
     took = _time(sum(record["seconds"] for record in records))
     quick = any(record["quick"] for record in records)
     contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
     warning = '<p class="quick">A smoke test: everything has run, but the numbers mean nothing.</p>' if quick else ""
+    missing = "".join(f"<li>{_text(each['job'])}: {_text(each['message'])}</li>" for each in failures)
+    missing = f"<p>These experiments failed and were set aside:</p><ul>{missing}</ul>" if missing else ""
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -44,7 +48,7 @@ def page(records: list[dict[str, Any]], out: Path) -> str:
 <p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {_counts(claims)}.
 Brackets hold 95 % intervals over seeds, or over runs if there are no seeds. A claim holds if the whole interval meets
 its criterion, is refuted if none of it does, and is undecided otherwise. Total time: {took}.</p>
-{warning}
+{warning}{missing}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}
 </main>

@@ -120,7 +120,8 @@ def reproduce(
 
 
 def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: bool, films: bool) -> Reproduction:
-    _check_settings(experiment, folder)
+    check_settings(experiment, folder)
+    write_atomically(folder / "config.toml", tomli_w.dumps(table(experiment)).encode())
     stored, about = folder / "values.npz", folder / "provenance.json"
     sessions = read_json(about)["sessions"] if about.exists() else []
     if sessions and (changes := list(provenance_changes(sessions[-1], provenance()))):
@@ -152,19 +153,16 @@ def _session(experiment: Experiment, work: Workspace, about: Path, sessions: lis
         write_atomically(about, json.dumps({"sessions": [*sessions, session]}, indent=2).encode())
 
 
-def _check_settings(experiment: Experiment, folder: Path) -> None:
-    """Record the settings in the folder, or refuse a folder that holds other settings."""
+def check_settings(experiment: Experiment, folder: Path) -> None:
+    """**Raises** `ValueError` if the folder holds the experiment with other settings."""
     file, settings = folder / "config.toml", table(experiment)
-    if file.exists():
-        before = tomllib.loads(file.read_text())
-        if before != settings:
-            keys = [*settings, *before]
-            key = next(key for key in keys if before.get(key) != settings.get(key))
-            raise ValueError(
-                f"{folder} holds {experiment.name} with {key} = {before.get(key)!r}, not {settings.get(key)!r}: "
-                "use another folder, or delete that one"
-            )
-    write_atomically(file, tomli_w.dumps(settings).encode())
+    before = tomllib.loads(file.read_text()) if file.exists() else settings
+    if before != settings:
+        key = next(key for key in [*settings, *before] if before.get(key) != settings.get(key))
+        raise ValueError(
+            f"{folder} holds {experiment.name} with {key} = {before.get(key)!r}, not {settings.get(key)!r}: "
+            "use another folder, or delete that one"
+        )
 
 
 def _draw(experiment: Experiment, values: Any, folder: Path) -> None:

@@ -32,6 +32,7 @@ from motorgrad.learning._estimator import (
     olgarb,
     olpomdp,
 )
+from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._registry import register
@@ -68,6 +69,7 @@ __all__ = [
     "Exponential",
     "Features",
     "FisherMetric",
+    "FittedReturns",
     "FixedStep",
     "Growth",
     "GrowthState",

@@ -30,7 +30,7 @@ from motorgrad.policies import Policy, split, trainable
 
 
 class Decision(NamedTuple):
-    """What an action was chosen on, and the action."""
+    """What the units saw, and the action that they drew."""
 
     observation: Float[Array, " inputs"]
     action: Array
@@ -44,10 +44,12 @@ class AgentState(NamedTuple):
     - `gradient`: the running mean of the samples $g = \delta z$ since the last step. For an online learner it is the
       sample between `reinforce` and `improve`, which uses it up.
     - `chain`: the states of the gradient transformations.
-    - `decision`: the decision that awaits its reward, where a part recalls it.
+    - `decision`: the decision that awaits its reward, where a part recalls it or the policy has hidden units or a
+      memory.
     - `steps`: how often the parameters have moved, where a part depends on it.
     - `growth`: the state of a learner that grows.
     - `index`: what a sparse learner knows of its units.
+    - `memory`: what the policy remembers of the episode, where it has a memory.
     """
 
     policy: Policy
@@ -58,6 +60,7 @@ class AgentState(NamedTuple):
     steps: Int[Array, ""] | None = None
     growth: GrowthState | None = None
     index: Any = None
+    memory: Float[Array, " memory"] | None = None
 
 
 class Agent(Part):
@@ -165,7 +168,9 @@ class Agent(Part):
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
         chain = self.chain
-        needs_decision = chain.needs_decision or self.estimator.needs_decision
+        # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
+        kept = policy.hides or policy.has_memory
+        needs_decision = chain.needs_decision or self.estimator.needs_decision or kept
         return AgentState(
             policy=policy,
             estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
@@ -174,20 +179,38 @@ class Agent(Part):
             decision=_no_decision(policy, leaves[0].dtype) if needs_decision else None,
             steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
+            memory=policy.initial_memory(),
         )
 
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[AgentState, Array]:
         r"""Sample an action from `uniforms` and add its score to the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
-        action = state.policy.sample(observation, uniforms)
-        score = state.policy.score(observation, action)
+        policy = state.policy
+        seen = policy.perceive(state.memory, observation)
+        action = policy.sample(seen, uniforms)
+        score = policy.score(seen, action)
         if state.decision is not None:
-            seen = observation.astype(state.decision.observation.dtype)
-            state = state._replace(decision=Decision(seen, action))
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
-        return state._replace(estimator=self.estimator.act(state.estimator, observation, score)), action
+        estimator = self.estimator.act(state.estimator, policy.judged(seen), score)
+        return state._replace(estimator=estimator, memory=policy.remember(seen, action)), policy.emit(action)
+
+    def choose(
+        self,
+        state: AgentState,
+        observation: Float[Array, " inputs"],
+        uniforms: Float[Array, " uniforms"],
+        greedy: bool = False,
+    ) -> tuple[AgentState, Array]:
+        """Act without learning: sample an action, or take the most probable one."""
+        policy = state.policy
+        seen = policy.perceive(state.memory, observation)
+        action = policy.mode(seen) if greedy else policy.sample(seen, uniforms)
+        if state.decision is not None and (policy.hides or policy.has_memory):
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
 
     def reinforce(
         self,
@@ -205,7 +228,8 @@ class Agent(Part):
         sample is dropped, nothing is learned from it, and the trace restarts.
         """
         recalled = (None, None) if state.decision is None else state.decision
-        transition = Transition(*recalled, reward, next_observation, terminated, diverged)
+        following = state.policy.judged(state.policy.perceive(state.memory, next_observation))
+        transition = Transition(*recalled, reward, following, terminated, diverged)
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
         gradient: Any = sample
         if isinstance(state.gradient, RunningMean):
@@ -221,9 +245,10 @@ class Agent(Part):
         return after if ended is False else self.restart(after, ended)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
-        """Where `ended`, begin a new episode: the trace is empty and the discount starts again from 1."""
-        fresh = self.estimator.restart(state.estimator, state.policy)
-        return state._replace(estimator=where(ended, fresh, state.estimator))
+        """Where `ended`, begin a new episode: trace and memory are empty, and the discount starts again from 1."""
+        fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
+        estimator, memory = where(ended, fresh, (state.estimator, state.memory))
+        return state._replace(estimator=estimator, memory=memory)
 
     def final_policy(self, state: AgentState) -> Policy:
         """The policy to keep: the averaged one where there is one, else the one that acts. States of many seeds are

@@ -64,6 +64,8 @@ class Baseline(Part):
 
     needs_decision: ClassVar[bool] = False
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
+    starts_at_random: ClassVar[bool] = False
+    """Whether `start` draws random numbers."""
 
     @abc.abstractmethod
     def init(self, policy: Policy, dtype: Any) -> Any:
@@ -183,7 +185,7 @@ class InputBaseline(Baseline):
         """The state after the reward of an action that was taken on `observation`."""
 
     def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
-        observation, reward = transition.observation, transition.reward
+        observation, reward = policy.judged(transition.observation), transition.reward
         level, expected = self.level(state), self.value_at(state, observation)
         after = where(transition.diverged, state, self.learn(state, observation, reward))
         return Advantage(reward - expected, reward - level, level - expected), after
@@ -210,7 +212,8 @@ class LinearBaseline(InputBaseline):
     rate: float = number(0.01, 0, 1, open_low=True)
 
     def init(self, policy: Policy, dtype: Any) -> LinearState:
-        return LinearState(jnp.zeros(policy.inputs + 1, dtype), running_mean(jnp.zeros((), dtype)))
+        inputs = policy.judged(jnp.zeros(policy.inputs)).size
+        return LinearState(jnp.zeros(inputs + 1, dtype), running_mean(jnp.zeros((), dtype)))
 
     def level(self, state: LinearState) -> Float[Array, ""]:
         return state.mean.mean
@@ -258,7 +261,7 @@ class BinnedBaseline(InputBaseline):
         check(not known or self.low < self.high, "low, high", (self.low, self.high), "finite, low < high")
 
     def init(self, policy: Policy, dtype: Any) -> RunningMean:
-        inputs = policy.inputs
+        inputs = policy.judged(jnp.zeros(policy.inputs)).size
         check(self.input < inputs, "input", self.input, f"one of {inputs} observed numbers, 0 … {inputs - 1}")
         return running_mean(jnp.zeros(self.bins + 1, dtype))._replace(count=jnp.zeros(self.bins + 1, jnp.uint32))
 

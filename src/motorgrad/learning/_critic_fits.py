@@ -1,6 +1,7 @@
 """How the weights of a critic are learned: temporal differences, and least squares."""
 
 import abc
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -20,7 +21,8 @@ class CriticStep(NamedTuple):
 
     `slope` $\nabla_w v(y_t)$, of a linear critic the features $\phi(y_t)$; for a linear critic, `next_features`
     $\phi(y_{t+1})$, 0 where the episode terminated; the `reward`, and the `level` $\rho$ that it is compared with; the
-    temporal difference `error` $\delta$; $\gamma$ and $\lambda$, `discount` and `decay`.
+    temporal difference `error` $\delta$; $\gamma$ and $\lambda$, `discount` and `decay`. What the critic has `seen`
+    of the decision and of the `following` one, $\phi(y_t)$ and $\phi(y_{t+1})$, and whether the episode `terminated`.
     """
 
     slope: PyTree[Array]
@@ -30,6 +32,9 @@ class CriticStep(NamedTuple):
     error: Float[Array, ""]
     discount: Any
     decay: Any
+    seen: Any = None
+    following: Any = None
+    terminated: Flag = False
 
 
 class CriticFit(Part):
@@ -37,10 +42,16 @@ class CriticFit(Part):
 
     linear: ClassVar[bool] = True
     """Whether it is for linear critics alone, whose weights are one vector."""
+    one_stream: ClassVar[bool] = False
+    """Whether successive decisions must be of one environment."""
 
     @abc.abstractmethod
     def init(self, weights: Any) -> Any:
         """The state before any decision, for weights of this structure; `weights` are all 0."""
+
+    def start(self, weights: Any, features: int) -> Any:
+        """As `init`, which it calls by default, for rules that keep what is seen: so many `features`."""
+        return self.init(weights)
 
     @abc.abstractmethod
     def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
@@ -58,6 +69,12 @@ class CriticFit(Part):
     def solve(self, weights: Any, state: Any, level: Float[Array, ""]) -> tuple[Any, Any]:
         """Do the work that is due once in many decisions, with rewards compared with the `level`."""
         return weights, state
+
+    def solve_for(
+        self, value: Callable[..., Any], discount: Any, decay: Any, weights: Any, state: Any, level: Float[Array, ""]
+    ) -> tuple[Any, Any]:
+        """As `solve`, which it calls by default, for rules that need the function `value(weights, features)`."""
+        return self.solve(weights, state, level)
 
     def rest(self, state: Any) -> Int[Array, ""]:
         """For how many decisions at least `solve` changes nothing."""

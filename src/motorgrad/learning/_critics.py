@@ -104,13 +104,14 @@ class Critic(Baseline):
         return self.start(policy, dtype, jax.random.key(0))
 
     def start(self, policy: Policy, dtype: Any, key: jax.Array) -> CriticState:
-        observation = jnp.zeros(policy.inputs, dtype)
-        previous = jnp.zeros_like(_as_vector(policy, policy.mode(observation), dtype))
+        seen = jnp.zeros(policy.inputs, dtype)
+        observation = policy.judged(seen)
+        previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
         shape = jax.eval_shape(self.features, observation, previous).shape
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
         weights = self.first_weights(shape[0], dtype, key)
         learned = split(weights)[0] if isinstance(weights, eqx.Module) else weights
-        fit = self.fit.init(jax.tree.map(jnp.zeros_like, learned))
+        fit = self.fit.start(jax.tree.map(jnp.zeros_like, learned), shape[0])
         return CriticState(weights, jnp.zeros(shape, dtype), previous, running_mean(jnp.zeros((), dtype)), fit)
 
     def level(self, state: CriticState) -> Float[Array, ""]:
@@ -136,12 +137,14 @@ class Critic(Baseline):
         mean = add_sample(state.reward, reward, self.fit.mean_rate)
         mean = where(transition.diverged, state.reward, mean)
         seen = jnp.asarray(reward, dtype)
-        step = CriticStep(slope, next_features, seen, level, error, self.horizon, self.decay)
+        looks = (state.features, following, transition.terminated)
+        step = CriticStep(slope, next_features, seen, level, error, self.horizon, self.decay, *looks)
         weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
         return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
 
     def solve(self, state: CriticState) -> CriticState:
-        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state))
+        given = (state.weights, state.fit, self._compared(state))
+        weights, fit = self.fit.solve_for(self.value, self.horizon, self.decay, *given)
         return state._replace(weights=weights, fit=fit)
 
     def rest(self, state: CriticState) -> Int[Array, ""]:
@@ -224,11 +227,12 @@ class NetworkCritic(Critic):
 
     **Arguments:**
 
-    - `network`: the hidden layers.
     - `features`: $\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1.
     - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
     - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with episodes.
-    - `fit`: how the parameters are learned, by `BoundedTemporalDifference` or `TemporalDifference`.
+    - `fit`: how the parameters are learned: at every decision by `BoundedTemporalDifference` or `TemporalDifference`,
+      batch by batch by `FittedReturns`.
+    - `network`: the hidden layers.
 
     **Raises:** `ValueError` for a value out of range, and for a `fit` that is for linear critics.
 
@@ -238,11 +242,13 @@ class NetworkCritic(Critic):
     ```
     """
 
-    network: Architecture = MultilayerPerceptron()
+    starts_at_random: ClassVar[bool] = True
+
     features: Features | Callable[..., Any] = Features(bias=False)
     discount: float | None = number(None, 0, 1)
     decay: float = number(0.8, 0, 1)
     fit: CriticFit = BoundedTemporalDifference()
+    network: Architecture = MultilayerPerceptron()
 
     def validate(self) -> None:
         super().validate()

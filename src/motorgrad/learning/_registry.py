@@ -9,6 +9,7 @@ from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._critic_fits import CriticFit, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import Estimator, RootMeanSquare
+from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
 from motorgrad.learning._schedules import Annealed
@@ -35,6 +36,7 @@ KINDS.update(
         Criterion: {"clock": Clock, "plateau": Plateau},
         CriticFit: {
             "bounded-td": BoundedTemporalDifference,
+            "fitted-returns": FittedReturns,
             "least-squares": LeastSquares,
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,

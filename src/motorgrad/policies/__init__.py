@@ -1,10 +1,11 @@
 """Stochastic units, and the policies composed of them."""
 
-from motorgrad.policies._architectures import Architecture, MultilayerPerceptron
+from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
-from motorgrad.policies._featured import Featured, Network
+from motorgrad.policies._controller import FiniteStateController, finite_state_controller
+from motorgrad.policies._featured import Featured, Network, hidden_activations
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._graded import (
@@ -17,16 +18,19 @@ from motorgrad.policies._graded import (
 from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, prune, reach
 from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
+from motorgrad.policies._layered import Layered, Sequential, layered
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
 from motorgrad.policies._policy import Policy, Regions, fixed, sizes, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
+from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
+    "ACTIVATIONS",
     "IMPLIED",
     "INITIAL",
     "Architecture",
@@ -36,6 +40,7 @@ __all__ = [
     "Factored",
     "FeatureMap",
     "Featured",
+    "FiniteStateController",
     "FreeGaussians",
     "Gated",
     "GaussianUnits",
@@ -45,6 +50,7 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "Layered",
     "LocalGaussians",
     "LocalUnits",
     "Masked",
@@ -56,7 +62,10 @@ __all__ = [
     "Policy",
     "Primitives",
     "Querying",
+    "Recurrence",
+    "Recurrent",
     "Regions",
+    "Sequential",
     "SigmoidUnits",
     "SoftBoxes",
     "SoftSpheres",
@@ -64,6 +73,7 @@ __all__ = [
     "activity",
     "bounded_hyperplanes",
     "describe",
+    "finite_state_controller",
     "fixed",
     "frozen",
     "gated",
@@ -73,8 +83,10 @@ __all__ = [
     "graded_tiles",
     "grow",
     "growing",
+    "hidden_activations",
     "hyperplanes",
     "initial",
+    "layered",
     "mirrored",
     "mixed",
     "mixture",
@@ -84,6 +96,7 @@ __all__ = [
     "querying_motoneurons",
     "reach",
     "rebuild",
+    "recurrent",
     "sizes",
     "soft_boxes",
     "soft_spheres",

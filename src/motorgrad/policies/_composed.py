@@ -15,7 +15,7 @@ from motorgrad._errors import check
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
-from motorgrad.policies._policy import Composed, Policy, Regions, in_structure, sizes
+from motorgrad.policies._policy import Composed, Policy, Regions, check_plain, in_structure, sizes
 
 
 class Pools(Composed):
@@ -30,6 +30,7 @@ class Pools(Composed):
         check(len(self.pools) > 0, "pools", self.pools, "at least one pool of units")
         lengths = {pool.inputs for pool in self.pools}
         check(len(lengths) == 1, "pools", sorted(lengths), "over observations of one length")
+        check_plain("pools", *self.pools)
 
     @property
     def inputs(self) -> int:

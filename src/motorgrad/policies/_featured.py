@@ -27,6 +27,10 @@ class Seeing(Policy):
     def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
         r"""$\varphi(y)$, what the pool sees."""
 
+    def _check_pool(self) -> None:
+        check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
+        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
+
     @property
     def outputs(self) -> int:
         return self.pool.outputs
@@ -38,6 +42,13 @@ class Seeing(Policy):
     @property
     def uniforms(self) -> int:
         return self.pool.uniforms
+
+    @property
+    def hides(self) -> bool:
+        return self.pool.hides
+
+    def emit(self, action: Array) -> Array:
+        return self.pool.emit(action)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
         return self.pool.prob(self.seen(observation))
@@ -82,7 +93,8 @@ class Featured(Seeing, Composed):
     observed: int = eqx.field(static=True)
 
     def __check_init__(self) -> None:
-        check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
+        self._check_pool()
+        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
         check(isinstance(self.features, FeatureMap), "features", self.features, "a FeatureMap")
         count = self.features.size(self.observed)
         check(self.pool.inputs == count, "pool.inputs", self.pool.inputs, f"{count}, the number of features")
@@ -136,7 +148,7 @@ class Network(Seeing):
     observed: int = eqx.field(static=True)
 
     def __check_init__(self) -> None:
-        check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
+        self._check_pool()
         kind = type(self.module).__name__
         check(isinstance(self.module, eqx.Module), "module", kind, "an equinox module")
         observation = jax.ShapeDtypeStruct((self.observed,), jnp.result_type(float))
@@ -191,6 +203,16 @@ class Network(Seeing):
         """The pool's matrices, and the sample $ss'$ of the layers, without cross terms between them."""
         score = self.score(observation, action)
         return (*self.pool.fisher(self.seen(observation), action), outer(rows(score.module, 1)))
+
+
+def hidden_activations(policy: Policy, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+    """The output of each hidden layer of a policy, from the inputs on; none of one without hidden layers.
+
+    **Arguments:** the `policy`; an `observation`.
+    """
+    if isinstance(policy, Network):
+        return policy.activations(observation)
+    return hidden_activations(policy.pool, policy.seen(observation)) if isinstance(policy, Featured) else ()
 
 
 def featured(

@@ -37,7 +37,10 @@ class Frozen:
 
 
 def frozen(module: T) -> T:
-    """A module whose leaves are arrays alone: each other leaf is wrapped in `Frozen`. NumPy's arrays become JAX's."""
+    """A module whose leaves are arrays alone: each other leaf is wrapped in `Frozen`. NumPy's arrays become JAX's.
+
+    **Arguments:** the `module`.
+    """
 
     def wrapped(leaf: Any) -> Any:
         if isinstance(leaf, np.ndarray | np.generic):
@@ -48,7 +51,10 @@ def frozen(module: T) -> T:
 
 
 def thawed(module: T) -> T:
-    """The inverse of `frozen`: the module as it is called."""
+    """The inverse of `frozen`: the module as it is called.
+
+    **Arguments:** the `module`.
+    """
 
     def unwrapped(leaf: Any) -> Any:
         return leaf.value if isinstance(leaf, Frozen) else leaf

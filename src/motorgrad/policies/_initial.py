@@ -9,14 +9,17 @@ from motorgrad._errors import unknown
 from motorgrad.policies._binary import hyperplanes, motoneurons
 from motorgrad.policies._bounded import bounded_hyperplanes
 from motorgrad.policies._composed import gated, mixture
+from motorgrad.policies._controller import finite_state_controller
 from motorgrad.policies._graded import graded_hyperplanes, graded_motoneurons
 from motorgrad.policies._grow_and_prune import growing
 from motorgrad.policies._hybrid import graded_tiles, primitives
+from motorgrad.policies._layered import layered
 from motorgrad.policies._local import gaussians, tiles
 from motorgrad.policies._mirrored import mirrored
 from motorgrad.policies._mixed import mixed
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._querying import querying_motoneurons
+from motorgrad.policies._recurrent import recurrent
 from motorgrad.policies._soft_shapes import soft_boxes, soft_spheres
 from motorgrad.policies._softmax import softmax
 
@@ -25,6 +28,7 @@ Initial = Policy | Callable[[jax.Array], Policy]
 
 INITIAL: dict[str, Callable[..., Initial]] = {
     "bounded-hyperplanes": bounded_hyperplanes,
+    "finite-state-controller": finite_state_controller,
     "gated": gated,
     "gaussians": gaussians,
     "graded-hyperplanes": graded_hyperplanes,
@@ -32,12 +36,14 @@ INITIAL: dict[str, Callable[..., Initial]] = {
     "graded-tiles": graded_tiles,
     "growing": growing,
     "hyperplanes": hyperplanes,
+    "layered": layered,
     "mirrored": mirrored,
     "mixed": mixed,
     "mixture": mixture,
     "motoneurons": motoneurons,
     "primitives": primitives,
     "querying-motoneurons": querying_motoneurons,
+    "recurrent": recurrent,
     "soft-boxes": soft_boxes,
     "soft-spheres": soft_spheres,
     "softmax": softmax,

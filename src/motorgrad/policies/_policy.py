@@ -56,6 +56,11 @@ class Policy(eqx.Module):
     A field may hold another policy, or a tuple of policies. By default, `limited`, `allowed` and `with_temperature`
     apply to each of them.
 
+    Most policies see what the task shows, and the task gets what they draw. A policy with hidden units draws more than
+    the task gets: `emit` picks the task's part. A policy with a memory sees more than the task shows: `perceive` adds
+    to an observation what is remembered, and `remember` keeps the memory for the next decision. All other methods take
+    the whole: what `perceive` returns as the observation, and what `sample` returns as the action.
+
     **Example:**
 
     ```python
@@ -69,7 +74,12 @@ class Policy(eqx.Module):
     @property
     @abc.abstractmethod
     def inputs(self) -> int:
-        """Length of the observation vector."""
+        """Length of the vector that the units see: the observation, with what is remembered."""
+
+    @property
+    def observation_size(self) -> int:
+        """Length of the observation that the task shows; by default all `inputs`."""
+        return self.inputs
 
     @property
     @abc.abstractmethod
@@ -111,6 +121,40 @@ class Policy(eqx.Module):
     @abc.abstractmethod
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         r"""The analytic $\nabla_\theta \log \pi(a \mid y, \theta)$, with the structure of `trainable(self)`."""
+
+    def emit(self, action: Array) -> Array:
+        """The part of an action that the task gets; by default all of it."""
+        return action
+
+    @property
+    def hides(self) -> bool:
+        """Whether the task gets only a part of an action."""
+        return type(self).emit is not Policy.emit
+
+    def initial_memory(self) -> Float[Array, " memory"] | None:
+        """The memory at the start of an episode; by default `None`, no memory."""
+        return None
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the policy remembers anything from decision to decision."""
+        return type(self).initial_memory is not Policy.initial_memory
+
+    def perceive(
+        self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
+    ) -> Float[Array, " inputs"]:
+        """What the units see: an observation of the task, with what is remembered."""
+        del memory
+        return observation
+
+    def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " memory"] | None:
+        """The memory after an action, given what the units saw."""
+        del seen, action
+        return None
+
+    def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " judged"]:
+        """The part of what the units see by which baselines and critics judge a situation; by default all of it."""
+        return seen
 
     def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
         """Flatten a gradient to matrices that have one row for each unit with parameters of its own.
@@ -244,6 +288,12 @@ def with_fields(policy: P, /, **values: Any) -> P:
     """Replace fields of a policy, unchecked, so that arrays may have leading axes of seeds."""
     names = tuple(values)
     return eqx.tree_at(lambda node: tuple(getattr(node, name) for name in names), policy, tuple(values.values()))
+
+
+def check_plain(name: str, *policies: Policy) -> None:
+    """Refuse a part of a policy that has hidden units or a memory, which the policy would have to handle."""
+    kinds = [type(policy).__name__ for policy in policies if policy.hides or policy.has_memory]
+    check(not kinds, name, kinds, "units without hidden units or a memory")
 
 
 def is_plain(policy: Policy) -> bool:

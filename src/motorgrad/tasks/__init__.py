@@ -3,7 +3,7 @@
 from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._composed import Composed, compose
-from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, ThreeState
+from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, LoadUnload, Parity, ThreeState, TMaze
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
 from motorgrad.tasks._myosuite import myosuite, myosuite_ids
@@ -52,8 +52,10 @@ __all__ = [
     "HostBatch",
     "HostTask",
     "LinearRecruitment",
+    "LoadUnload",
     "Mirror",
     "Outcome",
+    "Parity",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
@@ -61,6 +63,7 @@ __all__ = [
     "Recruitment",
     "Region",
     "Synergies",
+    "TMaze",
     "Task",
     "ThreeState",
     "around",

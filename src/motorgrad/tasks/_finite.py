@@ -12,11 +12,12 @@ from jaxtyping import Array, Float
 from motorgrad._errors import check
 from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Actions, Task, check_time_limit
-from motorgrad.worlds import FiniteMDP, call_admission, chain, three_state
+from motorgrad.worlds import FiniteMDP, call_admission, chain, load_unload, parity, t_maze, three_state
 
 MOST = 2000  # a finite MDP is a dense table of all transitions
 # Tasks with equal settings are equal, so each world is made only once.
 _three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
+_parity, _load_unload, _t_maze = (functools.cache(make) for make in (parity, load_unload, t_maze))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,3 +128,95 @@ class CallAdmission(FiniteTask):
     @property
     def dynamics(self) -> FiniteMDP:
         return _call_admission(self.capacity)
+
+
+@dataclasses.dataclass(frozen=True)
+class Parity(FiniteTask):
+    """Whether an odd number of bits is set (see `motorgrad.worlds.parity`): it takes hidden units.
+
+    **Arguments:**
+
+    - `inputs`: number of bits, from 1 to 10.
+    """
+
+    name: ClassVar[str] = "parity"
+    actions: ClassVar[Actions] = "binary"
+    learner: ClassVar[Mapping[str, Any]] = {
+        "policy": {"kind": "layered", "hidden": (16,), "scale": 6.0},
+        "decay": 0.0,
+        "learning_rate": 0.03,
+    }
+
+    inputs: int = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(1 <= self.inputs <= 10, "inputs", self.inputs, "from 1 to 10 bits")
+
+    @property
+    def dynamics(self) -> FiniteMDP:
+        return _parity(self.inputs)
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadUnload(FiniteTask):
+    """Carry loads from one end of a line to the other, without seeing the load (see `motorgrad.worlds.load_unload`).
+
+    **Arguments:**
+
+    - `length`: number of places, from 3 to 1,000.
+    """
+
+    name: ClassVar[str] = "load-unload"
+    actions: ClassVar[Actions] = "discrete"
+    learner: ClassVar[Mapping[str, Any]] = {
+        "policy": {"kind": "finite-state-controller", "strength": 1.0},
+        "decay": 0.95,
+        "learning_rate": 0.1,
+    }
+
+    length: int = 5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(3 <= self.length <= MOST // 2, "length", self.length, f"from 3 to {MOST // 2} places")
+
+    @property
+    def dynamics(self) -> FiniteMDP:
+        return _load_unload(self.length)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("left end", "right end", "between")
+
+
+@dataclasses.dataclass(frozen=True)
+class TMaze(FiniteTask):
+    """A T-maze: a cue at the start tells which way to turn at the end of a corridor (see `motorgrad.worlds.t_maze`).
+
+    **Arguments:**
+
+    - `length`: steps from the start to the junction, from 1 to 900.
+    """
+
+    name: ClassVar[str] = "t-maze"
+    actions: ClassVar[Actions] = "discrete"
+    learner: ClassVar[Mapping[str, Any]] = {
+        "policy": {"kind": "finite-state-controller", "states": 8},
+        "decay": 0.9,
+        "learning_rate": 0.01,
+    }
+
+    length: int = 5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(1 <= self.length <= 900, "length", self.length, "from 1 to 900 steps")
+
+    @property
+    def dynamics(self) -> FiniteMDP:
+        return _t_maze(self.length)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("cue up", "cue down", "corridor", "junction", "outside")

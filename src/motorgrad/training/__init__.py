@@ -4,9 +4,11 @@ from motorgrad._errors import NotTrusted
 from motorgrad.training._agents import NamedPolicy, agent_for, agent_from_table, agent_table, policy_settings
 from motorgrad.training._arguments import check_training
 from motorgrad.training._evaluate import Evaluation, evaluate
+from motorgrad.training._final import final_metrics
 from motorgrad.training._load import given_initial, load, saved_config
 from motorgrad.training._run import Run, saved_agent
 from motorgrad.training._saving import NotSaved
+from motorgrad.training._sweep import sweepable
 from motorgrad.training._train import resume, train
 from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import (
@@ -20,7 +22,14 @@ from motorgrad.training.engines import (
     training_stepper_for,
 )
 from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
-from motorgrad.training.store import RunDirectoryError, RunWarning, fingerprint, provenance, provenance_changes
+from motorgrad.training.store import (
+    RunDirectoryError,
+    RunWarning,
+    differences,
+    fingerprint,
+    provenance,
+    provenance_changes,
+)
 
 __all__ = [
     "BodyStepper",
@@ -43,7 +52,9 @@ __all__ = [
     "check_tensorboard",
     "check_training",
     "clear_programs",
+    "differences",
     "evaluate",
+    "final_metrics",
     "fingerprint",
     "folders_of",
     "given_initial",
@@ -56,6 +67,7 @@ __all__ = [
     "saved_agent",
     "saved_config",
     "stepper_for",
+    "sweepable",
     "train",
     "training_stepper_for",
     "write_tensorboard",

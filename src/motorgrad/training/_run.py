@@ -88,9 +88,10 @@ class Run:
         """The run of each of the `settings`, in memory; this run itself where it is no sweep."""
         if not self.settings:
             return [self]
-        return [self._part(index) for index in range(len(self.settings))]
+        return [self.of_setting(index) for index in range(len(self.settings))]
 
-    def _part(self, index: int) -> "Run":
+    def of_setting(self, index: int) -> "Run":
+        """The run of one of the `settings`, in memory."""
         seeds = len(self.seeds)
         rows = slice(index * seeds, (index + 1) * seeds)
 

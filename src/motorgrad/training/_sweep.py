@@ -1,7 +1,7 @@
 """Sweeps: several settings of a learner's numbers in one compiled call."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,18 +37,21 @@ def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
         )
         check(valid, "sweep", sweep, wanted)
         given: Any = sweep
-        found = [{_path(name, agent): value for name, value in setting.items()} for setting in given]
+        paths = {name: _path(name, agent) for name in dict.fromkeys(name for setting in given for name in setting)}
+        found = [{paths[name]: value for name, value in setting.items()} for setting in given]
     check(found and all(found), "sweep", sweep, wanted)
     check(all(set(setting) == set(found[0]) for setting in found), "sweep", sweep, "settings of the same numbers")
-    settings = []
-    dtype = agent.precision
+    settings, dtype = [], agent.precision
+    exact = _possible(check_rounded, agent, dtype)
     for setting in found:
-        changed = agent
+        changed, rounded = agent, exact
         for path, value in setting.items():
             number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
             check(number, f"sweep[{path!r}]", value, "a number")
             changed = with_number(changed, path, float(value))
-        validate_episodes(task, check_rounded(changed, dtype))
+            if rounded is not None:  # a shorter way to the same as below, for all that is possible
+                rounded = _possible(with_number, rounded, path, float(np.asarray(value, dtype)))
+        validate_episodes(task, check_rounded(changed, dtype) if rounded is None else rounded)
         settings.append({path: float(value) for path, value in setting.items()})
     distinct = len({tuple(setting.items()) for setting in settings}) == len(settings)
     check(distinct, "sweep", sweep, "without a setting that occurs twice")
@@ -62,11 +65,28 @@ def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.nda
     return {path: np.repeat([setting[path] for setting in settings], seeds) for path in settings[0]}
 
 
+def sweepable(name: str, agent: Agent) -> bool:
+    """Whether a setting of the agent, by its path or short name, is a number that a sweep can vary."""
+    return full_path(type(agent), name) in _numbers(agent.hyperparameters)
+
+
+def _numbers(tree: Any) -> dict[str, Any]:
+    return {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
+
+
+def _possible(make: Callable[..., Agent], *arguments: Any) -> Agent | None:
+    """The agent that is made, if it is possible."""
+    try:
+        return make(*arguments)
+    except ValueError:
+        return None
+
+
 def _path(name: str, agent: Agent) -> str:
     """The path of a number, which may be given by its short name."""
     path = full_path(type(agent), name)
     tree = agent.hyperparameters
-    known = {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
+    known = _numbers(tree)
     if path in known:
         return path
     node: Any = tree

@@ -8,6 +8,9 @@ from motorgrad.worlds._finite import (
     action_index,
     call_admission,
     chain,
+    load_unload,
+    parity,
+    t_maze,
     three_state,
 )
 from motorgrad.worlds._particle import Particle, ParticlePhysics, ParticleStart, ParticleState
@@ -41,7 +44,10 @@ __all__ = [
     "chain",
     "immediate_gradient",
     "immediate_reward",
+    "load_unload",
     "mean_field",
     "oracle",
+    "parity",
+    "t_maze",
     "three_state",
 ]

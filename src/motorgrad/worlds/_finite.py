@@ -1,4 +1,4 @@
-"""Finite Markov decision processes: the three-state MDP, the chain, and call admission control."""
+"""Finite Markov decision processes: small worlds for which the oracle has exact answers."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import SigmoidUnits, fixed
 from motorgrad.worlds._world import World
 
@@ -175,6 +175,70 @@ def call_admission(
         row[index[after, types]] += 1 - row.sum()
     seen = np.array([[*(float(m == ask) for m in range(types)), float(sum(calls))] for calls, ask in states])
     return FiniteMDP(transitions, pay, seen, start=index[(0,) * types, types])
+
+
+def parity(inputs: int = 2) -> FiniteMDP:
+    """The parity of some bits, drawn anew for every decision: the simplest task that one layer of units cannot solve.
+
+    The observation is the bits as -1 and 1. Action 1 is rewarded with 1 where an odd number of them is 1, and action 0
+    where an even number is. Of two bits this is the exclusive or (Minsky & Papert, 1969).
+
+    **Raises:** `ValueError` for fewer than 1 or more than 10 inputs.
+    """
+    check_integer("inputs", inputs, 1, 10)
+    bits = np.array(list(itertools.product((-1.0, 1.0), repeat=inputs)))
+    odd = (bits > 0).sum(1) % 2
+    return FiniteMDP(np.full((2, len(bits), len(bits)), 1 / len(bits)), [1 - odd, odd], bits)
+
+
+def load_unload(length: int = 5) -> FiniteMDP:
+    r"""Carry loads from one end of a line to the other, without seeing whether one carries a load (Peshkin, Meuleau &
+    Kaelbling, 1999).
+
+    A line of `length` $= N$ places, with actions left (0) and right (1). Arriving at the left end, one is loaded;
+    arriving at the right end with a load, it is unloaded and rewarded with 1. The observation is a one-hot vector: at
+    the left end, at the right end, or between. The best policy with a memory earns $1/(2(N - 1))$. Without a memory,
+    the best is to walk at random between the ends, which earns $1/(2(N - 1)^2)$.
+
+    **Raises:** `ValueError` for a length below 3.
+    """
+    check_integer("length", length, 3)
+    end = length - 1
+    states = list(itertools.product(range(length), (0, 1)))  # place, load
+    index = {state: i for i, state in enumerate(states)}
+    transitions, rewards = np.zeros((2, len(states), len(states))), np.zeros((2, len(states)))
+    for (place, load), action in itertools.product(states, (0, 1)):
+        after = min(max(place + 2 * action - 1, 0), end)
+        carried = 1 if after == 0 else 0 if after == end else load
+        transitions[action, index[place, load], index[after, carried]] = 1
+        rewards[action, index[place, load]] = after == end and load == 1
+    seen = np.array([[place == 0, place == end, 0 < place < end] for place, _ in states], float)
+    return FiniteMDP(transitions, rewards, seen, start=index[0, 1])
+
+
+def t_maze(length: int = 5) -> FiniteMDP:
+    r"""A T-maze: a cue at the start tells which way to turn at the end of a corridor (Bakker, 2002).
+
+    From the start, `length` $= L$ steps lead to the junction. Actions are up (0), forward (1), down (2) and back (3).
+    A turn at the junction ends the trial: it is rewarded with 4 if the cue said so, else with -0.1, as is walking into
+    a wall. Then any action leads into the maze again, with either cue. The observation is a one-hot vector: cue up, cue
+    down, corridor, junction, outside; the original codes the first four in three bits. A trial takes $L + 2$ decisions.
+    So the best policy with a memory earns $4/(L + 2)$ per decision, and without one $1.95/(L + 2)$, by guessing.
+
+    **Raises:** `ValueError` for a length below 1.
+    """
+    check_integer("length", length, 1)
+    outside = 2 * (length + 1)
+    transitions, rewards = np.zeros((4, outside + 1, outside + 1)), np.zeros((4, outside + 1))
+    transitions[:, outside, :2] = 0.5
+    for place, cue, action in itertools.product(range(length + 1), (0, 1), range(4)):
+        state, turn = 2 * place + cue, place == length and action in (0, 2)
+        after = place + (action == 1 and place < length) - (action == 3 and place > 0)
+        transitions[action, state, outside if turn else 2 * after + cue] = 1
+        right = turn and action == 2 * cue
+        rewards[action, state] = 4.0 if right else -0.1 if turn or after == place else 0.0
+    kinds = [0, 1, *[2] * (2 * (length - 1)), 3, 3, 4]
+    return FiniteMDP(transitions, rewards, np.eye(5)[kinds], start=outside)
 
 
 class AdmissionThresholds(SigmoidUnits):

@@ -18,6 +18,7 @@ mg.worlds.oracle.average_reward(mdp, policy)
 ```
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -28,10 +29,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 from scipy.linalg import lu_factor, lu_solve
+from scipy.optimize import minimize
 from scipy.sparse.csgraph import connected_components
+from scipy.special import softmax
 
 from motorgrad._errors import check
-from motorgrad.policies import Policy, split
+from motorgrad.policies import FiniteStateController, Policy, split
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
@@ -187,6 +190,68 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
     return choice, average_reward(mdp, choice)
 
 
+def joint(mdp: FiniteMDP, policy: Policy) -> FiniteMDP:
+    """The MDP in which a policy's hidden units and memory lie in the open.
+
+    Its actions are all that the policy draws, in the order of `policy.enumerate()`. A state of it is one of `mdp` and,
+    changing fastest, an internal state of the policy where it is a `FiniteStateController`, 0 at the start. All
+    functions of this module take the result together with `policy`. With `mdp` itself they take a policy with hidden
+    units too, by its marginal probabilities; but not one with a memory.
+
+    **Raises:** `ValueError` for a policy without hidden units, with another memory, or that does not fit `mdp`.
+    """
+    kind = type(policy).__name__
+    check(policy.hides, "policy", kind, "a policy with hidden units or internal states")
+    remembers = isinstance(policy, FiniteStateController)
+    check(remembers or not policy.has_memory, "policy", kind, "a policy without a memory, or a FiniteStateController")
+    inner, seen = policy.states if remembers else 1, mdp.observations.shape[1]
+    check(policy.observation_size == seen, "policy.observation_size", policy.observation_size, f"{seen}, the MDP's")
+    actions = policy.enumerate()
+    index = np.asarray(jax.vmap(lambda action: action_index(policy.emit(action)))(actions))
+    check(index.max() < mdp.actions, "policy", f"{index.max() + 1} actions", f"over the MDP's {mdp.actions} actions")
+    following = np.eye(inner)[np.asarray(actions[:, 0], int) if remembers else np.zeros(len(actions), int)]
+    states = mdp.states * inner
+    transitions = np.einsum("ast,ah->asth", mdp.transitions[index], following)  # the same from every internal state
+    transitions = np.repeat(transitions.reshape(len(actions), mdp.states, states), inner, axis=1)
+    rewards = np.repeat(mdp.rewards if mdp.rewards.ndim == 1 else mdp.rewards[index], inner, axis=-1)
+    observations = np.repeat(mdp.observations, inner, axis=0)
+    if remembers:
+        observations = np.concatenate([observations, np.tile(np.eye(inner), (mdp.states, 1))], axis=1)
+    return FiniteMDP(transitions, rewards, observations, mdp.start * inner)
+
+
+def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray, "kinds actions"], float]:
+    """The best policy that acts on the present observation alone, and the average reward that it earns.
+
+    Such a policy is a table of the probability of every action for every kind of observation. It may have to act at
+    random (Singh, Jaakkola & Jordan, 1994). The table is found by gradient ascent on the exact average reward, from the
+    even table and `starts` - 1 random ones. So the result is a lower bound, and the optimum unless all starts lead to
+    lesser maxima. Probabilities are at least some 1e-9.
+
+    **Returns** the table, its rows in the order of `np.unique(mdp.observations, axis=0)`, and its average reward.
+    """
+    kinds, kind = np.unique(mdp.observations, axis=0, return_inverse=True)
+    shape, rng = (len(kinds), mdp.actions), np.random.default_rng(0)
+    member = np.eye(len(kinds))[kind.ravel()]
+
+    def loss(logits: np.ndarray) -> tuple[float, np.ndarray]:
+        table = softmax(logits.reshape(shape), axis=1)
+        chance = member @ table
+        matrix, rewards = np.einsum("sa,ast->st", chance, mdp.transitions), np.sum(chance.T * mdp.expected_rewards, 0)
+        pi = _stationary(matrix)
+        value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards)
+        quality = mdp.expected_rewards + mdp.transitions @ value
+        slope = member.T @ (pi[:, None] * quality.T)  # by the probabilities
+        slope = table * (slope - np.sum(table * slope, axis=1, keepdims=True))  # and by the logits
+        return -float(pi @ rewards), -slope.ravel()
+
+    first = [np.zeros(shape), *rng.normal(size=(starts - 1, *shape), scale=2.0)]
+    bounds, options = [(-10, 10)] * math.prod(shape), {"ftol": 1e-15, "gtol": 1e-12}
+    found = [minimize(loss, start.ravel(), jac=True, bounds=bounds, options=options) for start in first]
+    best = min(found, key=lambda each: each.fun)
+    return softmax(best.x.reshape(shape), axis=1), -float(best.fun)
+
+
 def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
     """The numbers of a gradient as one vector, in the order of the policy's fields."""
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
@@ -273,11 +338,20 @@ def _balance(matrix: np.ndarray) -> np.ndarray:
 
 
 def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:
-    actions = policy.enumerate()
-    check(len(actions) == mdp.actions, "policy", f"{len(actions)} actions", f"over the MDP's {mdp.actions} actions")
-    order = jnp.argsort(jax.vmap(action_index)(actions))
+    seen, actions = mdp.observations.shape[1], policy.enumerate()
+    if policy.has_memory:
+        check(
+            policy.inputs == seen, "policy", type(policy).__name__, "a policy without a memory, or as `joint` takes it"
+        )
+    index = jax.vmap(lambda action: action_index(policy.emit(action)))(actions)
+    if policy.hides and len(actions) == mdp.actions:  # the MDP is that of `joint`
+        index = jnp.arange(len(actions))
+    count = len(np.unique(index))
+    check(count == mdp.actions, "policy", f"{count} actions", f"over the MDP's {mdp.actions} actions")
     log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
-    return jnp.exp(log_prob(jnp.asarray(mdp.observations), actions[order]))
+    each = jnp.exp(log_prob(jnp.asarray(mdp.observations), actions))
+    # Of a policy with hidden units, several actions look alike to the world.
+    return jax.ops.segment_sum(each.T, index, mdp.actions).T
 
 
 def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:

@@ -186,3 +186,33 @@ def test_odd_values_are_taken_or_refused_in_one_line(kind):
                 refused.append(str(error))
     assert refused
     assert not any("\n" in told for told in refused)
+
+
+def test_units_with_hidden_units_output_what_the_task_gets_and_those_with_a_memory_remember_until_restarted():
+    chosen = {"layered": "hidden = [3]", "recurrent": "hidden = 2"}
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.UniformNoise(shape=(2,)))
+    made.add("chance", lab.UniformNoise(low=0.0, high=1.0))
+    made.add("restart", lab.Expression("u < 0.2"))
+    made.connect("chance", "restart")
+    for name, settings in chosen.items():
+        made.add(name, lab.NamedPolicy(name, observed=2, units=2, settings=settings))
+        made.connect("seen", f"{name}.observation")
+        if name != "layered":
+            made.connect("restart", f"{name}.restart")
+    watch = ["seen.y", "restart.y", *(f"{name}.{port}" for name in chosen for port in ("action", "probability"))]
+    watch += ["recurrent.parameters"]
+    run = lab.Run(made, 3, watch=watch)
+    record = run.advance(TICKS)
+    assert record["restart.y"][1].any()
+    for name in chosen:
+        assert record[f"{name}.action"].shape == (3, TICKS, 2)
+        assert set(np.unique(record[f"{name}.action"])) == {0, 1}
+    like = policies.initial("recurrent", 2, units=2, hidden=2)(jax.random.key(0))
+    policy = ravel_pytree(like)[1](jnp.asarray(record["recurrent.parameters"][1, 0]))
+    memory = policy.initial_memory()
+    for tick in range(TICKS):  # no step moves the parameters
+        memory = policy.initial_memory() if record["restart.y"][1, tick] else memory
+        seen = policy.perceive(memory, jnp.asarray(record["seen.y"][1, tick]))
+        np.testing.assert_allclose(record["recurrent.probability"][1, tick], policy.prob(seen), rtol=1e-5)
+        memory = policy.remember(seen, jnp.zeros(2))

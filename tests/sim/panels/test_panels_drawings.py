@@ -153,7 +153,7 @@ def test_a_portrait_is_upright():
     assert (limits[:, 0] < np.percentile(path, 1, axis=0)).all()
     chance = np.zeros((GRID, GRID))
     chance[-1] = 1.0  # certain where the second observation is greatest
-    made = draw_portrait(path, chance, limits, ("angle", "velocity"), "flexor")
+    made = draw_portrait(path, chance, limits, ("angle", "velocity"), "probability that flexor fires")
     shown, _ = pixels(made)
     assert shown[0].mean() < shown[-1].mean() == 255  # the first row is the upper one, and coloured
     assert {"angle", "velocity", "1   probability that flexor fires"} <= set(words(made))

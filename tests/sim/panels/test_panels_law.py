@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad.bodies import Hexapod, Hopper, compile_model
+from motorgrad.bodies import Hexapod, Hopper, Mjcf, compile_model
 from motorgrad.sim.panels._muscle_law import Law
 from motorgrad.sim.panels._muscles import LEAST, Range, draw_operating
 
@@ -24,6 +24,7 @@ MODELS = {
     "native": lambda: compile_model(dataclasses.replace(Hopper(), muscle_model="native")),
     "hexapod": lambda: compile_model(Hexapod()),
     "leg": lambda: mujoco.MjModel.from_xml_path(str(Path(__file__).parents[1] / "leg.xml")),
+    "hill, rigid": lambda: compile_model(Mjcf("arm6", muscle_model="hill", tendon="rigid")),
     "motors": lambda: mujoco.MjModel.from_xml_string(MOTORS),
     "muscle": lambda: mujoco.MjModel.from_xml_string(STRONG),
 }
@@ -51,8 +52,8 @@ def states(model, count=6):
 
 def level(model, data, row):
     """What drives an actuator: its activation, or its control."""
-    first = model.actuator_actadr[row]
-    return data.act[first] if first >= 0 else data.ctrl[row]
+    last = model.actuator_actadr[row] + model.actuator_actnum[row] - 1
+    return data.act[last] if model.actuator_actnum[row] else data.ctrl[row]
 
 
 def test_forces_are_the_engines(model):
@@ -112,6 +113,23 @@ def test_the_point_is_on_the_curve_and_the_range_holds_it(model):
         where = Range((np.inf, -np.inf), LEAST).holding(length, velocity, law.rest_length)
         assert where.length[0] < length < where.length[1]
         assert where.speed >= abs(velocity)
-        made = draw_operating(law, activation, length, velocity, where)
+        made = draw_operating(law, activation, length, velocity, where, law.force_now(data))
         assert made.count("<circle") == 2
         assert "nan" not in made
+
+
+def test_a_stretched_tendon_has_the_force_of_its_steady_length():
+    model = compile_model(Mjcf("arm6", muscle_model="hill"))
+    data = mujoco.MjData(model)
+    for state in np.random.default_rng(1).uniform(size=(5, 6)):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.act[1::2] = state  # fibers of length 0 are in balance
+        mujoco.mj_forward(model, data)
+        for row in range(6):
+            law = Law(model, row)
+            assert float(law.force(state[row], data.actuator_length[row], 0.0)) == pytest.approx(law.force_now(data))
+            hill = law.hill_now(data)
+            assert hill is not None
+            assert hill.fiber_length + hill.tendon_length == pytest.approx(data.actuator_length[row])
+            assert law.force(1.0, law.rest_length, -0.1) < law.force(1.0, law.rest_length, 0.0)
+    assert Law(MODELS["thesis"](), 0).hill_now(data) is None

@@ -17,6 +17,7 @@ from motorgrad._errors import check, unknown
 from motorgrad.bodies._body import Body, WrappedBody, actuators_of, group_places
 from motorgrad.bodies.mjcf._mjcf import Mjcf
 from motorgrad.bodies.models._read import compile_spec
+from motorgrad.bodies.muscles._hill import hill_actuators
 
 _POSITIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}
 _VELOCITIES = {int(mujoco.mjtJoint.mjJNT_FREE): 6, int(mujoco.mjtJoint.mjJNT_BALL): 3}
@@ -138,10 +139,11 @@ class Anatomy:
 
     @property
     def muscles(self) -> Bool[np.ndarray, " groups"]:
-        """Whether each group has MuJoCo's dynamics of muscles."""
+        """Whether each group has the dynamics of muscles, MuJoCo's or Hill's."""
         model, found = self.model, np.zeros(len(self.body.groups), bool)
+        dynamic = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE) | hill_actuators(model)
         for each, place in zip(actuators_of(self.body), group_places(self.body), strict=True):
-            found[place] = int(model.actuator(each.name).dyntype[0]) == int(mujoco.mjtDyn.mjDYN_MUSCLE)
+            found[place] = dynamic[model.actuator(each.name).id]
         return found
 
     def sensor(self, kind: str, of: str, target: str, *whole: int) -> str:

@@ -11,7 +11,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 
@@ -19,9 +19,11 @@ from motorgrad._errors import check, check_positive, unknown
 from motorgrad._myosuite import environment
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import Actuator, to_mjcf
+from motorgrad.bodies.mjcf._to_hill import to_hill
 from motorgrad.bodies.models._bounds import asset_files
-from motorgrad.bodies.models._read import checksum_of, compile_spec, in_source, read_spec
+from motorgrad.bodies.models._read import checksum_of, compile_bare, compile_spec, in_source, read_spec
 from motorgrad.bodies.models._scan import Documents, read_bytes
+from motorgrad.bodies.muscles._hill import Hill
 from motorgrad.bodies.muscles._muscle import Muscle
 
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
@@ -55,6 +57,11 @@ class Mjcf:
       base64. It is filled in.
     - `checksum`: of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A body with
       another one is refused, so that a run never continues with a model that has changed.
+    - `muscle_model`: `"native"` for MuJoCo's own muscles; `"hill"` to put a Hill-type muscle in place of each that is
+      on a tendon (see the page on muscles).
+    - `tendon`: of those, `"compliant"` or `"rigid"`.
+    - `hill`: the numbers of some of them: pairs of an actuator's name, or a pattern such as `"flexor*"`, and a `Hill`.
+      All others resemble MuJoCo's, as `hill_of` says.
 
     **Raises:** `ValueError`, in one line, for what MuJoCo refuses, for a model beyond the limits of size (see
     `read_model`), for a keyframe that does not exist, and for a file that is not what its checksum says.
@@ -72,6 +79,9 @@ class Mjcf:
     timestep: float = math.nan
     assets: tuple[tuple[str, str], ...] = ()
     checksum: str | None = None
+    muscle_model: Literal["native", "hill"] = "native"
+    tendon: Literal["compliant", "rigid"] = "compliant"
+    hill: tuple[tuple[str, Hill], ...] = ()
 
     def __post_init__(self) -> None:
         source: Any = self.source
@@ -83,6 +93,7 @@ class Mjcf:
             object.__setattr__(self, "timestep", 1.0)
         object.__setattr__(self, "source", source)
         check_fields(self)
+        check(not self.hill or self.muscle_model == "hill", "hill", self.hill, "left out, or muscle_model be 'hill'")
         check_positive("timestep", self.timestep)
         named = isinstance(source, str) and (source in BUNDLED or source.startswith(MYOSUITE))
         if isinstance(source, str) and not named and not Path(source).suffix and "<" not in source:
@@ -156,6 +167,8 @@ class Mjcf:
         for kind in _UNNAMED:
             for number, each in enumerate(getattr(spec, f"{kind}s"), 1):
                 each.name = each.name or f"{kind} {number}"
+        if self.muscle_model == "hill":
+            to_hill(spec, compile_bare(spec, documents.folders), self.tendon, self.hill)
         return spec, documents
 
     @property

@@ -15,6 +15,7 @@ from motorgrad._errors import check, check_finite
 from motorgrad.bodies.models._bounds import asset_files, check_size
 from motorgrad.bodies.models._scan import Documents, read_bytes, scan
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.muscles._hill import check_hill
 
 T = TypeVar("T")
 _MUSCLE, _BIAS = mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE
@@ -98,10 +99,10 @@ def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.Mj
     callback is installed.
     """
     # before compiling, which briefly runs the physics and would call a foreign callback
-    if any(actuator.gaintype == mujoco.mjtGain.mjGAIN_USER for actuator in spec.actuators):
-        install_muscle_callback()
+    install_muscle_callback(spec)
     model = compile_bare(spec, folders)
     check_muscle_callback(model)
+    check_hill(model)
     return model
 
 

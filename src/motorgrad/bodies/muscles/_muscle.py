@@ -144,7 +144,7 @@ class Servo:
             check_positive(f"Servo {self.name!r} {field}", getattr(self, field))
 
 
-def groups_of(muscles: Iterable[Muscle]) -> tuple[str, ...]:
+def groups_of(muscles: Iterable[Any]) -> tuple[str, ...]:
     """The groups of `muscles`, without repeats, in the order of first appearance: the components of an action."""
     return tuple(dict.fromkeys(muscle.group for muscle in muscles))
 

@@ -67,8 +67,10 @@ from motorgrad.lab.blocks.learning import Hyperplanes as Hyperplanes
 from motorgrad.lab.blocks.learning import Learner as Learner
 from motorgrad.lab.blocks.learning import Motoneurons as Motoneurons
 from motorgrad.lab.blocks.learning import NamedPolicy as NamedPolicy
+from motorgrad.lab.blocks.learning import Network as Network
 from motorgrad.lab.blocks.learning import Softmax as Softmax
 from motorgrad.lab.blocks.learning import WeightDecay as WeightDecay
+from motorgrad.lab.blocks.worlds._hill import HillMuscle as HillMuscle
 from motorgrad.lab.blocks.worlds._mujoco import MujocoModel as MujocoModel
 from motorgrad.lab.blocks.worlds._mujoco import MuscleLaw as MuscleLaw
 from motorgrad.lab.blocks.worlds._tasks import Body as Body

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from motorgrad._errors import unknown
 from motorgrad.lab.diagram import Diagram
 from motorgrad.lab.gallery._plain_blocks import leg_controller, motoneuron_pool
-from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, orbit, particle
+from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, network, orbit, particle
 from motorgrad.lab.gallery._wiring import learner
 
 GALLERY: dict[str, Callable[[], Diagram]] = {
@@ -16,6 +16,7 @@ GALLERY: dict[str, Callable[[], Diagram]] = {
     "orbit": orbit,
     "chain": chain,
     "hopper": hopper,
+    "network": network,
     "leg-controller": leg_controller,
 }
 """Functions that build the diagrams, by name. A new example is a function and a line here."""

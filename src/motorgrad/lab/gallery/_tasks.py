@@ -1,7 +1,17 @@
 """Diagrams of units wired to a task block: recruitment, particles, the chain, the hopper."""
 
 from motorgrad import tasks
-from motorgrad.lab.blocks import Body, GrowingGaussians, Hyperplanes, Motoneurons, NamedPolicy, Softmax, World
+from motorgrad.lab.blocks import (
+    Body,
+    GrowingGaussians,
+    Hyperplanes,
+    Motoneurons,
+    NamedPolicy,
+    Network,
+    Scope,
+    Softmax,
+    World,
+)
 from motorgrad.lab.diagram import Block, Diagram
 from motorgrad.lab.gallery._wiring import learner, map_of, smoothed
 
@@ -94,6 +104,25 @@ def chain() -> Diagram:
     policy = Softmax(world.instance.action_size, world.instance.observation_size)
     learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
     smoothed(diagram, "world.reward", over=100.0)
+    return diagram
+
+
+def network() -> Diagram:
+    """The chain, learned by a network."""
+    diagram = Diagram(
+        tick=1.0,
+        title="Network",
+        comment="The chain again, with eight hidden units between what is seen and what is done. All weights learn "
+        "by the score of the network. The scope shows the hidden units: each comes to respond to some of the "
+        "states. Try more layers in the settings of 'policy': 'hidden = (8, 8)'.",
+    )
+    world = World("chain")
+    seen, actions = world.instance.observation_size, world.instance.action_size
+    policy = Network("softmax", seen, actions, hidden=(8,), activation="tanh", sparsity=0.0)
+    learner(diagram, policy, world, decay=0.9, learning_rate=0.05)
+    smoothed(diagram, "world.reward", over=100.0)
+    diagram.add("hidden units", Scope(("hidden",), shape=(8,), window=60.0))
+    diagram.connect("policy.hidden", "hidden units")
     return diagram
 
 

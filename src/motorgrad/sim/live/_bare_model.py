@@ -30,8 +30,7 @@ class BareModel:
 
     def __init__(self, setup: Setup):
         self.model: Any = setup.model
-        if np.any(self.model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
-            install_muscle_callback()
+        install_muscle_callback(self.model)
         self._data: Any = mujoco.MjData(self.model)
         self._key = setup.key if self.model.nkey else -1
         self.tick = self._pushed_until = 0

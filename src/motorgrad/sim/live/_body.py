@@ -10,11 +10,15 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies import actuators_of, group_places
+from motorgrad.bodies import actuators_of, group_places, hill_actuators
 from motorgrad.training import BodyStepper, Stepper
 
 MUSCLE_FIELDS = ("actuator_gainprm", "actuator_biasprm", "actuator_lengthrange", "tendon_damping")
 """The arrays of a model that hold the editable numbers of its muscles."""
+
+
+HILL_FIELDS = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
+"""The editable numbers of a Hill-type muscle, in their order in `actuator_biasprm`."""
 
 
 class MuscleNumber(NamedTuple):
@@ -29,14 +33,19 @@ def muscle_numbers(model: Any) -> dict[str, MuscleNumber]:
     """The editable numbers of every muscle by name, such as `body.flexor.strength` (N), `.rest_length` (m) and
     `.damping` (N s/m).
 
-    A muscle is an actuator on a tendon whose gain is this library's, MuJoCo's `muscle`, or a constant pull.
+    A muscle is an actuator on a tendon whose gain is this library's, MuJoCo's `muscle`, or a constant pull; or a
+    Hill-type muscle, whose numbers have the names of `motorgrad.bodies.Hill`.
     """
-    kinds, found = mujoco.mjtGain, {}
+    kinds, found, hill = mujoco.mjtGain, {}, hill_actuators(model)
     for i in range(model.nu):
         if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_TENDON:
             continue
         name, gain = f"body.{model.actuator(i).name or i}", model.actuator_gaintype[i]
         tendon = int(model.actuator_trnid[i, 0])
+        if hill[i]:
+            for place, field in enumerate(HILL_FIELDS):
+                found[f"{name}.{field}"] = _at("actuator_biasprm", (i, place), positive=True)
+            continue
         if gain == kinds.mjGAIN_USER:
             found[f"{name}.strength"] = _at("actuator_gainprm", (i, 0), -1.0)
             found[f"{name}.rest_length"] = _at("actuator_gainprm", (i, 1), positive=True)

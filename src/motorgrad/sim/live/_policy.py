@@ -156,5 +156,15 @@ def _check_structure(where: Any, found: Any, shape: Policy) -> None:
 
 
 def _short(description: Any) -> str:
-    parts = [f"{name} {value}" for name, value in description.items() if isinstance(value, str) and name != "kind"]
-    return f"{description['kind'].rsplit('.', 1)[-1]}({', '.join(parts)})"[:300]
+    return _words(description)[:300]
+
+
+def _words(description: Any) -> str:
+    """A description in a line: kinds, and shapes by the names of fields."""
+    if isinstance(description, list):
+        return f"[{', '.join(map(_words, description))}]"
+    if not isinstance(description, dict):
+        return str(description)
+    told = {name: value for name, value in description.items() if isinstance(value, str | dict | list)}
+    parts = [f"{name} {_words(value)}" for name, value in told.items() if name != "kind"]
+    return f"{description['kind'].rsplit('.', 1)[-1]}({', '.join(parts)})"

@@ -30,7 +30,9 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
         agent, tally = cycle.agent, cycle.tally
         learner = engine.cycle.learner(cycle)
         parameters = trainable(agent.policy)
-        probability = agent.policy.prob(cycle.observation)
+        # The memory has moved on since: the decision has what the units saw.
+        seen = agent.decision.observation if agent.policy.has_memory else cycle.observation
+        probability = agent.policy.prob(seen)
         flat = ravel_pytree(parameters)[0]
         position, velocity = _moved(state)
         touched = [jnp.asarray(state.sensors[name]) for name in feet]

@@ -91,8 +91,7 @@ class GaitReader:
     """
 
     def __init__(self, model: mujoco.MjModel, period: float, feet: list[str]) -> None:
-        if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
-            install_muscle_callback()
+        install_muscle_callback(model)
         self._model, self._data, self._period = model, mujoco.MjData(model), period
         self._feet = [feet.index(f"contact_{leg}") for leg in LEGS]
         self._known: dict[int, np.ndarray] = {}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from motorgrad.bodies import tension
+from motorgrad.bodies import HillState, hill_actuators, hill_force, read_hill, tension
 
 
 class Arm(NamedTuple):
@@ -32,12 +32,16 @@ class Law:
         self.pulls = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
         """Whether it is a muscle on a tendon path."""
         self._sign = -1.0 if self.pulls else 1.0
+        self._hill = bool(hill_actuators(model)[actuator])
         self._tendon = int(model.actuator_trnid[actuator, 0]) if self.pulls else -1
 
     @property
     def rest_length(self) -> float:
         """The length at which it is strongest, in m; NaN where the law has none."""
         model, kind = self._model, self._model.actuator_gaintype[self._row]
+        if self._hill:
+            _, optimal, slack, pennation = model.actuator_biasprm[self._row, :4]
+            return float(slack + optimal * np.cos(pennation))
         if kind == mujoco.mjtGain.mjGAIN_USER:
             return float(model.actuator_gainprm[self._row, 1])
         if kind == mujoco.mjtGain.mjGAIN_MUSCLE:
@@ -46,6 +50,15 @@ class Law:
             return float(low + (1 - first) * (high - low) / max(last - first, 1e-9))
         return float("nan")
 
+    def hill_now(self, data: mujoco.MjData) -> HillState | None:
+        """Fiber and tendon in the present posture, of a Hill-type muscle."""
+        return read_hill(self._model, data, self._row) if self._hill else None
+
+    @property
+    def optimal(self) -> float:
+        """The optimal length of a Hill-type muscle's fiber, in m."""
+        return float(self._model.actuator_biasprm[self._row, 1])
+
     def force_now(self, data: mujoco.MjData) -> float:
         """The force in the present posture in N, including damping."""
         return self._sign * float(data.actuator_force[self._row]) + self.damping * float(
@@ -53,10 +66,13 @@ class Law:
         )
 
     def force(self, activation: float, length: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """The force in N at these lengths in m and velocities in m/s (positive while lengthening), with damping."""
+        """The force in N at these lengths in m and velocities in m/s (positive while lengthening), with damping; of a
+        Hill-type muscle that of a tendon at rest."""
         model, row = self._model, self._row
         length, velocity = np.broadcast_arrays(np.asarray(length, float), np.asarray(velocity, float))
         kind, prm = model.actuator_gaintype[row], model.actuator_gainprm[row]
+        if self._hill:
+            return hill_force(model, row, activation, length, velocity)
         if kind == mujoco.mjtGain.mjGAIN_USER:
             return tension(activation, length, velocity, -prm[0], prm[1], prm[2], self.damping)
         bound, acc0 = model.actuator_lengthrange[row], float(model.actuator_acc0[row])

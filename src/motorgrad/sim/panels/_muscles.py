@@ -86,13 +86,13 @@ class Range(NamedTuple):
         return Range((low, high), max(self.speed, 1.15 * abs(velocity), LEAST))
 
 
-def draw_operating(law: Law, activation: float, length: float, velocity: float, where: Range) -> str:
+def draw_operating(law: Law, activation: float, length: float, velocity: float, where: Range, now: float) -> str:
     """Force against length and against velocity as SVG: faint at full activation, strong at the present one, with the
-    operating point.
+    operating point at the force `now`, in N. While a tendon changes its length, the point leaves the
+    curves of a Hill-type muscle.
     """
     lengths = np.linspace(*where.length, POINTS)
     speeds = np.linspace(-where.speed, where.speed, POINTS)
-    now = float(law.force(activation, np.array(length), np.array(velocity)))
     still = np.zeros(POINTS)
     along = [law.force(a, lengths, still + velocity) for a in (1.0, activation)]
     across = [law.force(a, still + length, speeds) for a in (1.0, activation)]
@@ -163,18 +163,27 @@ class MusclesPanel(Panel):
         length, velocity = float(data.actuator_length[row]), float(data.actuator_velocity[row])
         activation = float(pose.activation[0, row])
         arms = [(f"moment arm, {arm.joint}", f"{brief(1e3 * arm.metres)} mm") for arm in law.moment_arms(data)[:ARMS]]
-        unit = "m" if law.pulls else ""
+        unit, hill = "m" if law.pulls else "", law.hill_now(data)
+        inside = []
+        if hill is not None:
+            share = f"{hill.fiber_length / law.optimal:.0%} of the optimal"
+            inside = [
+                ("fiber", f"{brief(1e3 * hill.fiber_length)} mm, {share}"),
+                ("tendon", f"{brief(1e3 * hill.tendon_length)} mm, strain {hill.tendon_strain:.1%}"),
+            ]
+        force = law.force_now(data)
         self._summary.content = table(
             [
                 ("activation", f"{activation:.0%}"),
                 ("length", f"{brief(length)} {unit}"),
                 ("velocity", f"{brief(velocity)} {unit}/s"),
-                ("force", f"{brief(law.force_now(data))} N"),
+                ("force", f"{brief(force)} N"),
+                *inside,
                 *arms,
             ]
         )
         self._range = self._range.holding(length, velocity, law.rest_length)
-        self._curve.content = draw_operating(law, activation, length, velocity, self._range)
+        self._curve.content = draw_operating(law, activation, length, velocity, self._range, force)
         if self._editable:
             self._form.refresh()
 

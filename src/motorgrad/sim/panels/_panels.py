@@ -12,12 +12,21 @@ from motorgrad.sim.panels._capture import CapturePanel
 from motorgrad.sim.panels._gait import GaitPanel
 from motorgrad.sim.panels._learning import LearningPanel
 from motorgrad.sim.panels._muscles import MusclesPanel
+from motorgrad.sim.panels._network import NetworkPanel
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
 from motorgrad.sim.scene import Pose
 
-PANELS: tuple[type[Panel], ...] = (RunPanel, LearningPanel, MusclesPanel, PolicyPanel, GaitPanel, CapturePanel)
+PANELS: tuple[type[Panel], ...] = (
+    RunPanel,
+    LearningPanel,
+    MusclesPanel,
+    PolicyPanel,
+    NetworkPanel,
+    GaitPanel,
+    CapturePanel,
+)
 """All panels, in the order of their tabs."""
 NOTIFIED = {
     "saved": ("Saved", "green"),

@@ -91,4 +91,5 @@ class PolicyPanel(Panel):
         if policy is not None and x != y:
             chance = self._field.over(policy, snapshot.observation[0], x, y, limits)[..., unit]
         names = (session.observations[x], session.observations[y])
-        self._portrait.content = draw_portrait(path, chance, limits, names, session.actions[unit])
+        what = f"probability that {session.actions[unit]} fires"
+        self._portrait.content = draw_portrait(path, chance, limits, names, what)

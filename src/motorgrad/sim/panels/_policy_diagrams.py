@@ -108,19 +108,23 @@ BOX = (52.0, 8.0, _charts.WIDTH - 10, 240.0)
 
 
 class Field:
-    """The probability that units fire over two of the observations, with the others fixed."""
+    """What a policy computes of two of the observations, with the others fixed.
 
-    def __init__(self) -> None:
+    **Arguments:** `of`, a function of the policy and an observation; by default the probability that units fire.
+    """
+
+    def __init__(self, of: Callable[[Any, Any], Any] = lambda policy, seen: policy.prob(seen)) -> None:
+        self._of = of
         self._compiled: Callable[..., Any] | None = None
 
     def over(self, policy: Policy, seen: np.ndarray, x: int, y: int, limits: np.ndarray) -> np.ndarray:
-        """Probabilities `(GRID, GRID, units)`, rows from the bottom.
+        """Probabilities, or what else it is the field of, `(GRID, GRID, units)`, rows from the bottom.
 
         **Arguments:** `policy`; `seen` `(inputs,)`: the fixed observations; `x`, `y`: the two that vary, between
         `limits` `(2, 2)`.
         """
         if self._compiled is None:
-            self._compiled = jax.jit(lambda policy, seen: jax.vmap(policy.prob)(seen))
+            self._compiled = jax.jit(jax.vmap(self._of, (None, 0)))
         across, up = np.linspace(limits[:, 0], limits[:, 1], GRID, axis=1)
         grid = np.tile(np.asarray(seen, np.float32), (GRID, GRID, 1))
         grid[..., x], grid[..., y] = across[None, :], up[:, None]
@@ -136,9 +140,18 @@ def limits_of(values: np.ndarray) -> np.ndarray:
 
 
 def draw_portrait(
-    path: np.ndarray, probability: np.ndarray | None, limits: np.ndarray, names: tuple[str, str], unit: str
+    path: np.ndarray,
+    probability: np.ndarray | None,
+    limits: np.ndarray,
+    names: tuple[str, str],
+    what: str,
+    ends: tuple[str, str] = ("0", "1"),
 ) -> str:
-    """The trajectory `(n, 2)` over the probability `(rows, columns)`, if given, as SVG."""
+    """The trajectory `(n, 2)` over the probability `(rows, columns)`, if given, as SVG.
+
+    **Arguments:** the `limits` and `names` of the axes; `what` the colours show, from 0 to 1, and what these two `ends`
+    stand for.
+    """
     chart = _charts.Chart(tuple(limits[0]), tuple(limits[1]), names[0], names[1], BOX)
     if probability is not None:
         chart.image(_pale(probability[::-1]), smooth=True)
@@ -150,11 +163,12 @@ def draw_portrait(
     parts = chart.elements()
     if probability is not None:
         ramp = _pale(np.linspace(0, 1, 60)[None])
-        parts.append(_charts.text(BOX[0], 281, "0"))
-        parts.append(_charts.picture(ramp, BOX[0] + 10, 276, 60, 10, smooth=True))
-        frame = f'x="{BOX[0] + 10}" y="276" width="60" height="10"'
+        start = BOX[0] + 3.4 + 6.6 * len(ends[0])
+        parts.append(_charts.text(BOX[0], 281, ends[0]))
+        parts.append(_charts.picture(ramp, start, 276, 60, 10, smooth=True))
+        frame = f'x="{start}" y="276" width="60" height="10"'
         parts.append(f'<rect {frame} fill="none" stroke="{_charts.INK}" stroke-opacity=".4"/>')
-        parts.append(_charts.text(BOX[0] + 74, 281, f"1   probability that {unit} fires"))
+        parts.append(_charts.text(start + 64, 281, f"{ends[1]}   {what}"))
     return _charts.document(_charts.WIDTH, 292, parts, "phase portrait")
 
 
@@ -163,6 +177,42 @@ def _pale(share: np.ndarray) -> np.ndarray:
     at = np.linspace(0, 1, len(PALE))
     share = np.clip(np.nan_to_num(share), 0, 1)
     return np.stack([np.interp(share, at, PALE[:, k]) for k in range(3)], axis=-1).round().astype(np.uint8)
+
+
+COLUMNS = 32
+
+
+def draw_layers(layers: Sequence[np.ndarray], marked: tuple[int, int]) -> str:
+    """The activations of hidden units, a square each and a block for each layer, as SVG: red if positive, blue if
+    negative, white at 0, of full colour at the largest of the layer. One unit, given by layer and index, is `marked`.
+    """
+    parts, top, side = [], 4.0, (_charts.WIDTH - 12) / COLUMNS
+    for index, layer in enumerate(layers):
+        largest, off = float(np.abs(layer).max(initial=0)), int(np.sum(layer <= 0))
+        words = f"layer {index + 1}: {len(layer)} units, {off} at or below 0; largest {brief(largest, 2)}"
+        parts.append(_charts.text(4, top + 6, words))
+        rows = -(-len(layer) // COLUMNS)
+        filled = np.full(rows * COLUMNS, np.nan)
+        filled[: len(layer)] = layer / largest if largest else 0.0
+        parts.append(_charts.picture(_signed(filled.reshape(rows, COLUMNS)), 4, top + 15, COLUMNS * side, rows * side))
+        edge = f'y="{top + 15:.1f}" height="{rows * side:.1f}" fill="none" stroke="{_charts.INK}" stroke-opacity=".4"'
+        parts.append(f'<rect x="4" width="{min(len(layer), COLUMNS) * side:.1f}" {edge}/>')
+        if index == marked[0]:
+            row, column = divmod(marked[1], COLUMNS)
+            place = (
+                f'x="{4 + column * side:.1f}" y="{top + 15 + row * side:.1f}" width="{side:.1f}" height="{side:.1f}"'
+            )
+            parts.append(f'<rect {place} fill="none" stroke="{_charts.INK}" stroke-width="1.8"/>')
+        top += 15 + rows * side + 10
+    return _charts.document(_charts.WIDTH, top, parts, "activations of the hidden units")
+
+
+def _signed(share: np.ndarray) -> np.ndarray:
+    """Shares in [−1, 1] as colours with opacity, uint8; NaN is transparent."""
+    colour = np.where(share[..., None] > 0, (192, 57, 43), (44, 95, 168))
+    strength = np.abs(np.nan_to_num(share))[..., None]
+    opaque = np.where(np.isfinite(share), 255, 0)[..., None]
+    return np.concatenate([255 + strength * (colour - 255), opaque], axis=-1).round().astype(np.uint8)
 
 
 def weights_of(policy: Any) -> np.ndarray | None:

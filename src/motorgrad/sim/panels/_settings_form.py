@@ -16,6 +16,9 @@ WORDS = {
     "exploration": ("exploration", "A factor on the temperature of the units, or on their noise."),
     "strength": ("strength (N)", "The greatest force."),
     "rest_length": ("rest length (m)", "Where the force is greatest."),
+    "max_isometric_force": ("isometric force (N)", "The greatest, of the fiber at its optimal length."),
+    "optimal_fiber_length": ("optimal fiber (m)", "The length at which the fiber is strongest."),
+    "tendon_slack_length": ("slack tendon (m)", "The length beyond which the tendon pulls."),
     "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
 }
 

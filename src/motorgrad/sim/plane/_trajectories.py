@@ -78,7 +78,7 @@ def _simulate(
     check(isinstance(task, ParticleTask), "task", named, "a task on a particle")
     check(isinstance(episodes, int | np.integer) and episodes >= 1, "episodes", episodes, "a positive integer")
     check(isinstance(decisions, int | np.integer) and decisions >= 1, "decisions", decisions, "a positive integer")
-    sizes = (policy.inputs, policy.outputs)
+    sizes = (policy.observation_size, policy.outputs)
     fits = sizes == (task.observation_size, task.action_size)
     check(fits, "policy", sizes, f"of {task.observation_size} inputs and {task.action_size} units, as the task")
     longest = min(decisions, task.episode_limit or decisions)
@@ -103,23 +103,26 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
         track = jnp.full((longest + 1, episodes, 2), jnp.nan).at[0].set(state.position)
         sizes = (policy.uniforms, world.uniforms, task.uniforms)
 
-        def decide(memory: Any, state: Any, seen: Any, choose: Any, move: Any, look: Any) -> Any:
-            action = policy.sample(seen, choose)
+        def decide(memory: Any, state: Any, seen: Any, kept: Any, choose: Any, move: Any, look: Any) -> Any:
+            units = policy.perceive(kept, seen)
+            drawn = policy.sample(units, choose)
+            kept, action = policy.remember(units, drawn), policy.emit(drawn)
             state = world.step(state, action, move)
             memory, _, terminated = task.reward(memory, state, action)
             ended = jnp.logical_or(terminated, task.truncated(memory, state))
-            return *task.observe(memory, state, look), state, ended
+            return *task.observe(memory, state, look), kept, state, ended
 
         def step(carry: Any) -> Any:
-            t, memory, state, seen, alive, lengths, track = carry
+            t, memory, state, seen, kept, alive, lengths, track = carry
             drawn = numbers(jax.random.fold_in(moves, t), sizes)
-            memory, seen, state, ended = jax.vmap(decide)(memory, state, seen, *drawn)
+            memory, seen, kept, state, ended = jax.vmap(decide)(memory, state, seen, kept, *drawn)
             track = track.at[t + 1].set(jnp.where(alive[:, None], state.position, jnp.nan))
-            return t + 1, memory, state, seen, alive & ~ended, lengths + alive, track
+            return t + 1, memory, state, seen, kept, alive & ~ended, lengths + alive, track
 
         alive, lengths = jnp.ones(episodes, bool), jnp.zeros(episodes, jnp.int32)
-        carry = (0, memory, state, seen, alive, lengths, track)
-        carry = jax.lax.while_loop(lambda c: (c[0] < longest) & c[4].any(), step, carry)
+        kept = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (episodes, *leaf.shape)), policy.initial_memory())
+        carry = (0, memory, state, seen, kept, alive, lengths, track)
+        carry = jax.lax.while_loop(lambda c: (c[0] < longest) & c[5].any(), step, carry)
         return carry[-1], carry[-2]
 
     return jax.jit(walk)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import viser
 
+from motorgrad.bodies import hill_actuators
 from motorgrad.sim.film import muscle_colour, muscle_radius, muscle_width, tendon_activation
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import ball, tube
@@ -112,12 +113,19 @@ def peak_force(model: mujoco.MjModel) -> np.ndarray:
     gain, most = np.abs(model.actuator_gainprm[:, 0]), np.abs(model.actuator_ctrlrange).max(axis=1, initial=0.0)
     peak = np.select(
         [
+            hill_actuators(model),
             model.actuator_gaintype == kinds.mjGAIN_USER,
             model.actuator_gaintype == kinds.mjGAIN_MUSCLE,
             model.actuator_forcelimited > 0,
             model.actuator_ctrllimited > 0,
         ],
-        [gain, _strength(model), np.abs(model.actuator_forcerange).max(axis=1, initial=0.0), gain * most],
+        [
+            model.actuator_biasprm[:, 0],
+            gain,
+            _strength(model),
+            np.abs(model.actuator_forcerange).max(axis=1, initial=0.0),
+            gain * most,
+        ],
         0.0,
     )
     return peak

@@ -39,8 +39,7 @@ class Pose:
         if model is None:
             return
 
-        if np.any(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
-            install_muscle_callback()
+        install_muscle_callback(model)
         start = model.key_qpos[0] if model.nkey else model.qpos0
         low, high = bounding_box(model, start)
         self.size, self.middle = float(np.linalg.norm(high - low)), (low + high) / 2

@@ -93,7 +93,8 @@ class Cycle:
     def blank(self, agent: AgentState, numbers: Float[Array, " numbers"], init: Float[Array, " _"]) -> CycleState:
         """The state before the first observation."""
         memory, observation = self.task.init(init), jnp.zeros(self.task.observation_size)
-        action = agent.policy.mode(observation)
+        seen = agent.policy.perceive(agent.memory, observation)
+        action = agent.policy.emit(agent.policy.mode(seen))
         readings = len(self.task.reports)
         zero = jnp.zeros(1 + readings)
         tally = Tally(zero, zero, jnp.zeros(readings + 2, jnp.int32))
@@ -145,9 +146,8 @@ class Cycle:
         if self.mode == "learn":
             agent, action = self.learner(cycle).act(cycle.agent, cycle.observation, uniforms)
             return cycle._replace(agent=agent, action=action)
-        policy = cycle.agent.policy
-        chosen = policy.mode(cycle.observation) if self.mode == "mode" else policy.sample(cycle.observation, uniforms)
-        return cycle._replace(action=chosen)
+        agent, action = self.agent.choose(cycle.agent, cycle.observation, uniforms, self.mode == "mode")
+        return cycle._replace(agent=agent, action=action)
 
     def learn(
         self,
@@ -194,7 +194,9 @@ class Cycle:
     ) -> CycleState:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
         memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
+        agent = cycle.agent._replace(memory=cycle.agent.policy.initial_memory())
         fresh = cycle._replace(
+            agent=agent,
             memory=memory,
             observation=observation,
             elapsed=None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed),

@@ -25,7 +25,7 @@ class SparseProgram(WorldProgram):
 
     axes: ClassVar[Any] = (
         CycleState(
-            AgentState(*[LAST] * (len(AgentState._fields) - 1), index=0), *[LAST] * (len(CycleState._fields) - 1)
+            AgentState(*[LAST] * len(AgentState._fields))._replace(index=0), *[LAST] * (len(CycleState._fields) - 1)
         ),
         LAST,
     )

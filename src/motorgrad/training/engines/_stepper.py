@@ -172,7 +172,7 @@ class Stepper(abc.ABC):
 def validate(task: Task, policy: Policy) -> None:
     """Refuse a policy that does not fit the task."""
     for name, has, wants in (
-        ("inputs", policy.inputs, task.observation_size),
+        ("inputs", policy.observation_size, task.observation_size),
         ("outputs", policy.outputs, task.action_size),
     ):
         if has != wants:

@@ -1,6 +1,7 @@
 """What bit-for-bit reproducibility depends on, beside the configuration: versions, compiler flags, processor."""
 
 import datetime
+import functools
 import importlib.metadata
 import os
 import platform
@@ -40,9 +41,12 @@ def provenance_changes(before: dict[str, Any], now: dict[str, Any]) -> Iterator[
 
 def versions() -> dict[str, str]:
     """The versions of the libraries on which numbers depend."""
-    return {name: importlib.metadata.version(name) for name in LIBRARIES.split()} | {
-        "python": platform.python_version()
-    }
+    return {**_installed(), "python": platform.python_version()}
+
+
+@functools.cache
+def _installed() -> dict[str, str]:
+    return {name: importlib.metadata.version(name) for name in LIBRARIES.split()}
 
 
 def release_changes(before: Mapping[str, str], now: Mapping[str, str], names: tuple[str, ...]) -> list[str]:

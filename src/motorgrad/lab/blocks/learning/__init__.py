@@ -27,7 +27,7 @@ from motorgrad.lab.blocks.learning._growing import GrowingGaussians
 from motorgrad.lab.blocks.learning._learner import Learner
 from motorgrad.lab.blocks.learning._optimizers import OptimizerBlock, WeightDecay
 from motorgrad.lab.blocks.learning._parts import PartBlocks
-from motorgrad.lab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, NamedPolicy, Softmax
+from motorgrad.lab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, NamedPolicy, Network, Softmax
 
 PART_BLOCKS = PartBlocks(
     {
@@ -49,6 +49,7 @@ __all__ = [
     "Learner",
     "Motoneurons",
     "NamedPolicy",
+    "Network",
     "Softmax",
     "WeightDecay",
 ]

@@ -18,6 +18,7 @@ from motorgrad.lab.blocks.learning._parts import (
     is_paid,
     where,
 )
+from motorgrad.lab.blocks.learning._units import key_from
 from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
 ENDED = Port((), "bool", feedthrough=False, default=0.0, help="whether an episode ended at this tick")
@@ -99,12 +100,19 @@ class BaselineBlock(PartBlock):
         ports = {name: jax.ShapeDtypeStruct(port.shape, port.dtype) for name, port in self.inputs.items()}
 
         def advantage(inputs: Signals) -> learning.Advantage:
-            return self._update(self.template, self._start(self.template, real), inputs)[0]
+            start = self._start(self.template, real, jnp.zeros(self.init_uniforms, real))
+            return self._update(self.template, start, inputs)[0]
 
         return jax.eval_shape(advantage, ports).newest is not None
 
-    def _start(self, baseline: learning.Baseline, dtype: Any) -> Any:
-        return baseline.init(self._policy, dtype)
+    @property
+    def init_uniforms(self) -> int:
+        return int(self.part.starts_at_random)  # type: ignore[attr-defined]
+
+    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Any:
+        if not self.init_uniforms:
+            return baseline.init(self._policy, dtype)
+        return baseline.start(self._policy, dtype, key_from(uniforms))
 
     def _inner(self, state: Any) -> Any:
         """The state of the baseline within that of the block."""
@@ -116,8 +124,8 @@ class BaselineBlock(PartBlock):
     def _update(self, baseline: learning.Baseline, state: Any, inputs: Signals) -> tuple[learning.Advantage, Any]:
         return baseline.update(self._inner(state), self._policy, self._transition(state, inputs))
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
-        return self._start(self.bound_part, jnp.result_type(float))
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+        return self._start(self.bound_part, jnp.result_type(float), uniforms)
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         baseline, counts = self.bound_part, is_paid(inputs, now)
@@ -180,8 +188,9 @@ class ObservingBaselineBlock(BaselineBlock):
     def _policy(self) -> policies.Policy:
         return policies.hyperplanes(self.observed, self.acted)
 
-    def _start(self, baseline: learning.Baseline, dtype: Any) -> Recalled:
-        return Recalled(super()._start(baseline, dtype), jnp.zeros(self.observed, dtype), jnp.zeros(self.acted, dtype))
+    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Recalled:
+        started = super()._start(baseline, dtype, uniforms)
+        return Recalled(started, jnp.zeros(self.observed, dtype), jnp.zeros(self.acted, dtype))
 
     def _inner(self, state: Recalled) -> Any:
         return state.baseline

@@ -107,8 +107,8 @@ class Learner(Block):
     @property
     def outputs(self) -> Ports:
         policy = self._state.policy
-        seen = jax.ShapeDtypeStruct((self.observed,), jnp.result_type(float))
-        action = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
+        seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
+        action = jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
         return {"action": Port(action.shape, kind_of(action.dtype)), "parameters": Port((size_of(policy),))}
 
     @property

@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import functools
+import inspect
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -16,7 +17,7 @@ from jaxtyping import Array, Float
 from motorgrad import policies
 from motorgrad._errors import check
 from motorgrad.lab.blocks._base import as_text, read_table
-from motorgrad.lab.blocks.learning._parts import check_count
+from motorgrad.lab.blocks.learning._parts import check_count, where
 from motorgrad.lab.diagram import Block, Kind, Moment, Parameter, Port, Ports, Setting, Signals
 from motorgrad.policies import Policy, split, trainable
 from motorgrad.tasks import Task
@@ -28,6 +29,13 @@ class _Shapes(NamedTuple):
     parameters: int
     units: int
     """The number of rows of parameters that can move without the others."""
+
+
+class Remembering(NamedTuple):
+    """The state of units with a memory."""
+
+    policy: Policy
+    memory: Float[Array, " memory"] | None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -59,7 +67,8 @@ class Units(Block, abc.ABC):
     def _shapes(self) -> _Shapes:
         real = jnp.result_type(float)
         policy = jax.eval_shape(self.start, jax.ShapeDtypeStruct((self.init_uniforms,), real))
-        action = jax.eval_shape(lambda p, y: p.mode(y), policy, jax.ShapeDtypeStruct((policy.inputs,), real))
+        seen = jax.ShapeDtypeStruct((policy.inputs,), real)
+        action = jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
         rows = jax.eval_shape(lambda p: p.blocks(trainable(p)), policy)
         return _Shapes(policy, action, size_of(policy), sum(row.shape[0] for row in rows))
 
@@ -74,7 +83,12 @@ class Units(Block, abc.ABC):
             "own": {"step": Port((size,), default=0.0, help="added to the parameters at once")},
             "wire": {"parameters": Port((size,))},
         }
-        return {"observation": Port((policy.inputs,)), **moved[self.source]}
+        restart = {"restart": Port((), "bool", default=0.0, help="forget: an episode begins")}
+        return {
+            "observation": Port((policy.observation_size,)),
+            **moved[self.source],
+            **(restart if policy.has_memory else {}),
+        }
 
     @property
     def outputs(self) -> Ports:
@@ -91,25 +105,38 @@ class Units(Block, abc.ABC):
         return self._shapes.policy.uniforms
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
-        return self.start(uniforms)
+        policy = self.start(uniforms)
+        return Remembering(policy, policy.initial_memory()) if policy.has_memory else policy
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        policy = self.acting(self.moved(state, inputs, now))
-        observation = inputs["observation"]
-        drawn, likely = policy.sample(observation, now.uniforms), policy.mode(observation)
-        action = jnp.where(self.greedy, likely, drawn)
+        policy, seen, action = self._acted(state, inputs, now)
         return {
-            "action": action,
-            "score": flat(policy.score(observation, action)),
-            "probability": policy.prob(observation),
+            "action": policy.emit(action),
+            "score": flat(policy.score(seen, action)),
+            "probability": policy.prob(seen),
             "parameters": flat(trainable(policy)),
         }
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
-        return self.moved(state, inputs, now)
+        after = self.moved(state, inputs, now)
+        if not isinstance(after, Remembering):
+            return after
+        policy, seen, action = self._acted(state, inputs, now)
+        return after._replace(memory=policy.remember(seen, action))
+
+    def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
+        """The policy, what its units see, and what they draw."""
+        policy, memory = self.acting(self.moved(state, inputs, now)), None
+        if isinstance(state, Remembering):
+            memory = where(inputs["restart"], policy.initial_memory(), state.memory)
+        seen = policy.perceive(memory, inputs["observation"])
+        drawn, likely = policy.sample(seen, now.uniforms), policy.mode(seen)
+        return policy, seen, jnp.where(self.greedy, likely, drawn)
 
     def moved(self, state: Any, inputs: Signals, now: Moment) -> Any:
         """The state after the step of this tick."""
+        if isinstance(state, Remembering):
+            return state._replace(policy=self.moved(state.policy, inputs, now))
         parameters, settings = split(state)
         if self.source == "wire":
             return eqx.combine(unflat(parameters, inputs["parameters"]), settings).limited()
@@ -127,7 +154,7 @@ class Units(Block, abc.ABC):
 
     def acting(self, state: Any) -> Policy:
         """The policy in a state."""
-        return state
+        return state.policy if isinstance(state, Remembering) else state
 
 
 @dataclasses.dataclass(frozen=True)
@@ -268,6 +295,8 @@ class Gaussians(Units):
 
 NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))  # these need more than sizes
 
+LINEAR = tuple(name for name in NAMES if "network" in inspect.signature(policies.INITIAL[name]).parameters)
+
 
 @dataclasses.dataclass(frozen=True)
 class NamedPolicy(Units):
@@ -301,6 +330,47 @@ class NamedPolicy(Units):
 
     def start(self, uniforms: Float[Array, " 1"]) -> policies.Policy:
         return jax.tree.map(jnp.asarray, self._initial(key_from(uniforms)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Network(NamedPolicy):
+    """Units behind hidden layers that learn with them (Elsayed, Vasan & Mahmood, 2024): a policy of the library that
+    is linear in the last layer's output.
+
+    `hidden` are the activations of all hidden units at this tick, layer by layer. Parameters: those of the units, then
+    those of the layers, from the inputs on.
+    """
+
+    name: ClassVar[str] = "network"
+
+    policy: Annotated[str, Setting("name of the initial policy of the units", choices=LINEAR)] = "hyperplanes"
+    hidden: Annotated[tuple[int, ...], Setting("number of units in each hidden layer")] = (32, 32)
+    activation: Annotated[str, Setting("nonlinearity of the hidden units", choices=(*policies.ACTIVATIONS,))] = (
+        "leaky-relu"
+    )
+    layer_norm: Annotated[bool, Setting("normalise potentials before the nonlinearity")] = True
+    sparsity: Annotated[float, Setting("share of each hidden unit's weights that start at 0")] = 0.9
+
+    def validate(self) -> None:
+        object.__setattr__(self, "hidden", tuple(self.hidden))
+        super().validate()
+
+    @functools.cached_property
+    def _initial(self) -> Any:
+        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+
+        activation: Any = self.activation
+        network = policies.MultilayerPerceptron(self.hidden, activation, self.layer_norm, self.sparsity)
+        settings = {**read_table("settings", self.settings), "network": network}
+        return Initial(Sizes(self.observed, self.units), self.policy, settings)
+
+    @property
+    def outputs(self) -> Ports:
+        return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        layers = policies.hidden_activations(self.acting(self.moved(state, inputs, now)), inputs["observation"])
+        return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -139,6 +139,10 @@ class MujocoModel(HostBlock):
         str, Setting("path of an MJCF or URDF file, relative to the working folder, with its meshes beside it")
     ] = ""
     keyframe: Annotated[str, Setting("name of the initial keyframe; empty for the model's default state")] = ""
+    muscle_model: Annotated[
+        str, Setting("native for MuJoCo's own muscles, hill for Hill-type muscles in their place", ("native", "hill"))
+    ] = "native"
+    tendon: Annotated[str, Setting("of Hill-type muscles", ("compliant", "rigid"))] = "compliant"
 
     def validate(self) -> None:
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -153,11 +157,12 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def body(self) -> Mjcf:
         """The model as a body, in which every part that has a port has a name."""
+        muscles: Any = {"muscle_model": self.muscle_model, "tendon": self.tendon}
         if self.file:
-            return Mjcf(Path(self.file), self.keyframe or None)
+            return Mjcf(Path(self.file), self.keyframe or None, **muscles)
         check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
         check("<" in self.xml, "xml", self.xml, "MJCF as text")
-        return Mjcf(self.xml, self.keyframe or None)
+        return Mjcf(self.xml, self.keyframe or None, **muscles)
 
     @functools.cached_property
     def actuators(self) -> tuple[str, ...]:

@@ -1,0 +1,124 @@
+"""`motorgrad sweep STUDY`: run a study on one machine or many."""
+
+import dataclasses
+import sys
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._places import Places
+from motorgrad._commands._results import write_json
+from motorgrad._errors import check
+from motorgrad._files import check_writable, read_toml
+from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
+
+Ranking = list[tuple[dict[str, Any], list[Best]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep(Places):
+    """Run a study: tasks × settings × seeds, as a TOML file says. A list in its tables task and agent is a grid.
+    Settings that are numbers of the learner, and seeds, learn side by side in one compiled call; the rest becomes jobs.
+    The same command continues a study that was stopped or killed. Jobs that fail are tried again, then set aside."""
+
+    study: tyro.conf.Positional[Path | None] = None
+    """The TOML file of the study; without it, that of the folder --out."""
+    out: Path | None = None
+    """The folder of the study, by default runs/NAME for NAME.toml."""
+    checkpoint_every: float = 30.0
+    """Seconds between two checkpoints of a job."""
+    metric: str = "reward"
+    """The metric by which settings are the best, here and on the page index.html of the folder."""
+    trust: bool = False
+    """Run code that the file or the folder names: the module of a task, pickled environments."""
+    json: Path | None = None
+    """Also write the result to this file, as JSON; - for the standard output."""
+
+    def validate(self) -> None:
+        self.check_places()
+        check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
+        check_writable("out", self.folder, folder=True)
+        try:
+            self.made.check()
+        except ValueError as error:
+            raise ValueError(f"{self.study or self.folder / 'study.toml'}: {error}") from None
+
+    @cached_property
+    def made(self) -> Study | Search:
+        """The study, or the search where the file has one."""
+        file = self.study or self.folder / "study.toml"
+        kind = Search if "search" in read_toml(file) else Study
+        return kind.read(file, trust=self.trust)
+
+    @property
+    def folder(self) -> Path:
+        if self.out is not None:
+            return self.out
+        assert self.study is not None
+        return Path("runs") / self.study.stem
+
+    def effective(self) -> dict[str, Any]:
+        print(_size(self.made), file=sys.stderr)
+        return self.made.as_table()
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Sweep, arguments, "sweep")
+    print(_size(options.made), file=sys.stderr)
+    how = {**options.how, "checkpoint_every": options.checkpoint_every, "trust": options.trust}
+    if isinstance(options.made, Search):
+        results, metric = options.made.run(options.folder, **how), options.made.metric
+        best: Ranking = [({}, results.best())]
+    else:
+        metric = options.metric
+        results = options.made.run(options.folder, metric=metric, **how)
+        known = metric in results.metrics
+        best = [(task, results.best(metric, where=task)) for task in results.tasks] if known else []
+    if str(options.json) != "-":
+        _print(results, metric, best)
+    write_json(options.json, _record(results, metric, best))
+    return 0 if results.complete else 1 if results.failures else 130
+
+
+def _size(made: Study | Search) -> str:
+    """The size of a study or a search in words."""
+    study = made.study if isinstance(made, Search) else made
+    seeds = f"{len(study.seed_list):,} seeds × {study.steps:,} decisions"
+    if isinstance(made, Search):
+        return f"a search of {made.trials:,} trials, {made.batch:,} at a time, × {seeds}"
+    jobs = len(study.jobs)
+    return f"{len(study.points):,} settings × {seeds} in {jobs:,} compiled call{'s' * (jobs > 1)}"
+
+
+def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None:
+    failures = results.failures
+    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
+    for task, table in best:
+        if table:
+            print(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:")
+        for each in table:
+            print(f"  {each.value.words()}: {settings_text(each.settings, task)}")
+    for failure in failures[:10]:
+        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+    page = "" if isinstance(results, SearchResults) else f"; its page is {results.path / 'index.html'}"
+    print(f"saved in {results.path}{page}")
+    if not results.complete:
+        print("the same command continues this study")
+
+
+def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dict[str, Any]:
+    listed = [
+        {"point": each.point, "settings": each.settings, "value": _finite(dataclasses.asdict(each.value))}
+        for _, table in best
+        for each in table
+    ]
+    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
+    about = {"path": str(results.path), "complete": results.complete, "metric": metric}
+    return {**about, "best": listed, "failures": failures}
+
+
+def _finite(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: None if value in (float("inf"), float("-inf")) else value for key, value in table.items()}

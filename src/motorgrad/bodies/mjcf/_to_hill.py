@@ -1,0 +1,87 @@
+"""Hill-type muscles in place of MuJoCo's own, in any model."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import fnmatch
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
+
+_LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
+
+
+def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
+    """The Hill-type muscle that resembles a `muscle` of MuJoCo.
+
+    MuJoCo's muscle has a fiber on a rigid tendon, whose lengths follow from the range of the path: where that is
+    shortest, the fiber has `range[0]` times its optimal length, and where it is longest, `range[1]` times. If the
+    tendon would be shorter than a tenth of the optimal length, 0.4 and 1.5 are taken in place of both. Greatest force,
+    greatest velocity in m/s and time constants are MuJoCo's.
+
+    **Arguments:** a compiled model; the number of the actuator; the Hill-type muscle's tendon.
+
+    **Raises:** `ValueError` for an actuator that is no `muscle`, and for one whose path changes its length too much.
+    """
+    name = model.actuator(actuator).name
+    is_muscle = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE
+    check(is_muscle, "actuator", name, "a muscle of MuJoCo, with dynamics, gain and bias of that type")
+    numbers, (low, high) = model.actuator_gainprm[actuator], model.actuator_lengthrange[actuator]
+    given, scale, fastest = (float(numbers[place]) for place in (2, 3, 6))
+    force = given if given >= 0 else scale / float(model.actuator_acc0[actuator])
+    rise, fall = (float(x) for x in model.actuator_dynprm[actuator, :2])
+    for span in (numbers[:2], SPAN):
+        optimal = (high - low) / (span[1] - span[0])
+        if low - span[0] * optimal >= _LEAST_SLACK * optimal:
+            return Hill.spanning(
+                (float(low), float(high)),
+                force,
+                tuple(map(float, span)),
+                # the same velocity in m/s
+                max_contraction_velocity=fastest * float((span[1] - span[0]) / (numbers[1] - numbers[0])),
+                activation_time_constant=rise,
+                deactivation_time_constant=fall,
+                tendon=tendon,
+            )
+    wanted = "less variable, so that there is room for a tendon; give its numbers by `hill`"
+    raise ValueError(f"path of the muscle {name!r} = {low:.4g} to {high:.4g} m: must be {wanted}")
+
+
+def to_hill(spec: mujoco.MjSpec, model: Any, tendon: Any, numbers: Sequence[tuple[str, Hill]]) -> None:
+    """Replace muscles of a description by Hill-type ones, in place.
+
+    **Arguments:** the description, and the model compiled from it; what `Mjcf` says about `tendon` and `hill`.
+    """
+    names = [each.name for each in spec.actuators]
+    chosen: dict[str, Hill] = {}
+    for pattern, hill in numbers:
+        matching = [name for name in names if name == pattern] or fnmatch.filter(names, pattern)
+        if not matching:
+            raise unknown("actuator in hill", pattern, names)
+        chosen |= dict.fromkeys(matching, hill)
+    for i, name in enumerate(names):
+        on_path = model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
+        if name in chosen:
+            check(on_path, f"actuator {name!r} in hill", model.actuator(i).name, "a muscle on a tendon")
+        elif on_path and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_MUSCLE:
+            chosen[name] = hill_of(model, i, tendon)
+    check(chosen, "muscle_model", "hill", "'native' for a model without muscles on tendons, or see `hill`")
+    keys = np.array(model.key_act)
+    for each in spec.actuators:
+        if each.name in chosen:
+            set_hill(each, chosen[each.name])
+    for key, states in zip(spec.keys, keys, strict=True):
+        key.act = [state for i in range(model.nu) for state in _states(spec.actuators[i], model, i, states)]
+
+
+def _states(actuator: Any, model: Any, i: int, before: np.ndarray) -> list[float]:
+    """The states of an actuator in a keyframe: as before, and 0 for what is new."""
+    first, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
+    old = before[first : first + count].tolist() if first >= 0 else []
+    wanted = max(int(actuator.actdim), 1 if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE else 0)
+    return [0.0] * (wanted - len(old)) + old

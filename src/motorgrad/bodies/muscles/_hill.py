@@ -1,0 +1,264 @@
+"""Hill-type muscles as a user describes them, and how they stand in a MuJoCo model."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import mujoco
+import numpy as np
+
+from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._settings import check_fields
+from motorgrad.bodies.muscles._hill_curves import STRAIN, tendon_stiffness
+from motorgrad.bodies.muscles._hill_dynamics import compliant_tension, rigid_tension, tendon_length
+from motorgrad.bodies.muscles._machine_code import compiled_hill
+from motorgrad.bodies.muscles._muscle import Attachment, Wrap
+
+SPAN = (0.4, 1.5)
+"""The least and the greatest length of a fiber, as multiples of the optimal one, where nothing else tells them."""
+LEAST_TENDON = 1e-3
+"""The least slack length of a tendon that stretches, as a multiple of the fiber's optimal length."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Hill:
+    r"""The numbers of a Hill-type muscle: a fiber, and in series with it a tendon.
+
+    $$\left(a f_L(\tilde l) f_V(\tilde v) + f_P(\tilde l) + \beta \tilde v\right) \cos\alpha = f_T(\tilde l_T)$$
+
+    The page on muscles explains it. The curves are `active_force_length`, `force_velocity`, `passive_force_length` and
+    `tendon_force_length`.
+
+    **Arguments:**
+
+    - `max_isometric_force` (N): of the fiber at its optimal length.
+    - `optimal_fiber_length` (m): at which a fiber is strongest.
+    - `tendon_slack_length` (m): beyond which the tendon pulls.
+    - `pennation_angle` (rad): between fiber and tendon at the optimal length; the fiber keeps its height as it changes
+      its length. Less than π/2.
+    - `max_contraction_velocity` (1/s): in optimal fiber lengths per second.
+    - `activation_time_constant`, `deactivation_time_constant` (s): of the activation.
+    - `fiber_damping`: β, which acts on the velocity as a multiple of the greatest.
+    - `tendon`: `"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one that always
+      has its slack length, or pulls on nothing.
+    - `tendon_strain`: of a compliant tendon at the greatest isometric force.
+
+    **Raises:** `ValueError` naming the field and what it may be.
+
+    Source: De Groote et al. (2016); Millard et al. (2013).
+    """
+
+    max_isometric_force: float
+    optimal_fiber_length: float
+    tendon_slack_length: float
+    pennation_angle: float = 0.0
+    max_contraction_velocity: float = 10.0
+    activation_time_constant: float = 0.015
+    deactivation_time_constant: float = 0.06
+    fiber_damping: float = 0.1
+    tendon: Literal["compliant", "rigid"] = "compliant"
+    tendon_strain: float = STRAIN
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name in (
+            *("max_isometric_force", "optimal_fiber_length", "max_contraction_velocity", "tendon_strain"),
+            *("activation_time_constant", "deactivation_time_constant"),
+        ):
+            check_positive(name, getattr(self, name))
+        check_not_negative("fiber_damping", self.fiber_damping)
+        right = 0.0 <= self.pennation_angle < math.pi / 2
+        check(right, "pennation_angle", self.pennation_angle, "from 0 to less than π/2 (rad)")
+        if self.tendon == "rigid":
+            check_not_negative("tendon_slack_length", self.tendon_slack_length)
+        else:
+            least = LEAST_TENDON * self.optimal_fiber_length
+            wanted = f"at least {least:g} m, or the tendon 'rigid'"
+            check(self.tendon_slack_length >= least, "tendon_slack_length", self.tendon_slack_length, wanted)
+
+    @classmethod
+    def spanning(
+        cls, path: Sequence[float], max_isometric_force: float, span: Sequence[float] = SPAN, **others: Any
+    ) -> "Hill":
+        """A muscle for a path: fiber and tendon so long that the fiber uses a span of its force–length curve.
+
+        **Arguments:**
+
+        - `path` (m): its least and its greatest length.
+        - `max_isometric_force` (N): of the fiber.
+        - `span`: what the fiber's length shall be there, on a tendon of its slack length, as multiples of the optimal
+          length. By default 0.4 and 1.5.
+        - `others`: further numbers of a `Hill`.
+
+        ```python
+        flexor = mg.bodies.Hill.spanning((0.20, 0.31), 400.0, tendon="rigid")
+        print(round(flexor.optimal_fiber_length, 3), round(flexor.tendon_slack_length, 3))  # → 0.1 0.16
+        ```
+        """
+        low, high = path
+        optimal = (high - low) / (span[1] - span[0])
+        return cls(max_isometric_force, optimal, low - span[0] * optimal, **others)
+
+
+@dataclasses.dataclass(frozen=True)
+class HillMuscle:
+    """A Hill-type muscle and its path, for a body of your own; otherwise as `Muscle`.
+
+    **Arguments:**
+
+    - `name`: unique within the body; also the name of the tendon and of the actuator.
+    - `group`: muscles of one group share one component of the action, their excitation.
+    - `origin`, `insertion`: the two ends; the path is the shortest one between them.
+    - `hill`: the numbers of fiber and tendon.
+    - `wrap`: what the path wraps around, or None for a straight muscle.
+
+    ```python
+    soleus = mg.bodies.HillMuscle(
+        "soleus",
+        group="extensors",
+        origin=mg.bodies.Attachment("shank", (0.0, 0.0, -0.05)),
+        insertion=mg.bodies.Attachment("foot", (-0.05, 0.0, 0.0)),
+        hill=mg.bodies.Hill(3500.0, optimal_fiber_length=0.05, tendon_slack_length=0.25, pennation_angle=0.44),
+    )
+    ```
+    """
+
+    name: str
+    group: str
+    origin: Attachment
+    insertion: Attachment
+    hill: Hill
+    wrap: Wrap | None = None
+
+    def __post_init__(self) -> None:
+        check(isinstance(self.name, str) and self.name, "HillMuscle.name", self.name, "a name that is not empty")
+        where = f"HillMuscle {self.name!r} "
+        check(isinstance(self.group, str) and self.group, where + "group", self.group, "a name that is not empty")
+        check(isinstance(self.hill, Hill), where + "hill", self.hill, "a Hill")
+
+    @property
+    def damping(self) -> float:
+        """None of the path: the fiber has its own."""
+        return 0.0
+
+
+def set_hill(actuator: Any, hill: Hill) -> None:
+    """Make a `MjsActuator` on a tendon a Hill-type muscle.
+
+    MuJoCo stores it as an actuator with user dynamics and a user bias: `biasprm` holds the greatest isometric force,
+    optimal fiber length, tendon slack length, pennation angle, greatest velocity, fiber damping and the exponent of the
+    tendon's curve; `dynprm` the two time constants. Its states are the fiber's length as a multiple of the optimal
+    length, if the tendon is compliant, and then the activation. A fiber of length 0, as MuJoCo sets all states at the
+    start, is one in balance with its tendon at rest.
+    """
+    check(actuator.gear[0] == 1.0, f"gear of the muscle {actuator.name!r}", float(actuator.gear[0]), "1")
+    actuator.dyntype, actuator.biastype = mujoco.mjtDyn.mjDYN_USER, mujoco.mjtBias.mjBIAS_USER
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+    actuator.actdim = 2 if hill.tendon == "compliant" else 1
+    actuator.ctrllimited, actuator.ctrlrange = True, (0.0, 1.0)
+    actuator.gainprm[:] = 0.0
+    actuator.dynprm[:] = _filled(hill.activation_time_constant, hill.deactivation_time_constant, size=mujoco.mjNDYN)
+    actuator.biasprm[:] = _filled(
+        hill.max_isometric_force,
+        hill.optimal_fiber_length,
+        hill.tendon_slack_length,
+        hill.pennation_angle,
+        hill.max_contraction_velocity,
+        hill.fiber_damping,
+        tendon_stiffness(hill.tendon_strain),
+        size=mujoco.mjNBIAS,
+    )
+
+
+def _filled(*numbers: float, size: int) -> np.ndarray:
+    return np.array([*numbers, *[0.0] * (size - len(numbers))])
+
+
+def hill_actuators(model: Any) -> np.ndarray:
+    """Which actuators of a model are Hill-type muscles, a mask `(nu,)`."""
+    return np.array(model.actuator_biastype == mujoco.mjtBias.mjBIAS_USER)
+
+
+def check_hill(model: Any) -> None:
+    """Refuse actuators whose dynamics or bias is the user's, and that are no Hill-type muscles of this library: its
+    callbacks would take them for such.
+
+    **Raises:** `ValueError` naming the actuator.
+    """
+    user = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) | hill_actuators(model)
+    for i in np.flatnonzero(user):
+        force, optimal, slack, _, fastest = model.actuator_biasprm[i, :5]
+        states, right = int(model.actuator_actnum[i]), min(force, optimal, fastest) > 0 and slack >= 0
+        right = right and hill_actuators(model)[i] and states in (1, 2) and (slack > 0 or states == 1)
+        wanted = (
+            "a Hill-type muscle, as `set_hill` makes it: other dynamics or biases of type 'user' are not known here"
+        )
+        check(right, "actuator", model.actuator(i).name, wanted)
+
+
+def fibers(model: Any) -> np.ndarray:
+    """The actuators of a model that have a fiber whose length is a state."""
+    return np.flatnonzero(hill_actuators(model) & (model.actuator_actnum == 2))
+
+
+class HillState(NamedTuple):
+    """Fiber and tendon of a muscle at a moment.
+
+    - `fiber_length`, `tendon_length`: in m.
+    - `pennation_angle`: in rad.
+    - `tendon_strain`: negative while the tendon is slack.
+    """
+
+    fiber_length: float
+    tendon_length: float
+    pennation_angle: float
+    tendon_strain: float
+
+
+def read_hill(model: Any, data: Any, actuator: int) -> HillState:
+    """Fiber and tendon of a Hill-type muscle.
+
+    **Arguments:** a model; MuJoCo's data of it, after `mj_forward`; the number of the actuator.
+
+    **Raises:** `ValueError` for an actuator of another kind.
+    """
+    check(hill_actuators(model)[actuator], "actuator", model.actuator(actuator).name, "a Hill-type muscle")
+    optimal, slack, pennation = (float(x) for x in model.actuator_biasprm[actuator, 1:4])
+    length, height = float(data.actuator_length[actuator]), math.sin(pennation)
+    if model.actuator_actnum[actuator] == 2:
+        first = model.actuator_actadr[actuator]
+        states = np.array(data.act)[None]
+        settle(model, states, np.array(data.actuator_length)[None])
+        fiber = float(states[0, first])
+        tendon = float(tendon_length(fiber, length, optimal, pennation))
+    else:
+        fiber, tendon = math.hypot(max(length - slack, 0.0) / optimal, height), slack
+    angle = math.asin(min(height / fiber, 1.0)) if fiber else 0.0
+    return HillState(fiber * optimal, tendon, angle, tendon / slack - 1.0 if slack else 0.0)
+
+
+def hill_force(model: Any, actuator: int, activation: float, length: Any, velocity: Any) -> np.ndarray:
+    """The force in N of a Hill-type muscle whose tendon is at rest, at lengths of the path in m and rates in m/s."""
+    force, optimal, slack, pennation, fastest, damping, stiffness = model.actuator_biasprm[actuator, :7]
+    numbers = (force, optimal, slack, pennation, fastest, damping)
+    if model.actuator_actnum[actuator] == 1:
+        return rigid_tension(activation, length, velocity, *numbers)
+    steady = np.vectorize(compiled_hill().steady_fiber, [float])
+    fiber = steady(activation, length, velocity, *numbers[1:], stiffness)
+    return compliant_tension(fiber, length, force, optimal, slack, pennation, stiffness)
+
+
+def settle(model: Any, activation: np.ndarray, length: np.ndarray) -> None:
+    """Put the fibers of length 0 in balance with their tendons, at rest.
+
+    **Arguments:** a model; states `(rows, na)`, changed in place; lengths of the paths `(rows, nu)`, in m.
+    """
+    steady = compiled_hill().steady_fiber
+    for actuator in fibers(model):
+        numbers, first = model.actuator_biasprm[actuator, 1:7], model.actuator_actadr[actuator]
+        for row in np.flatnonzero(activation[:, first] <= 0.0):
+            activation[row, first] = steady(activation[row, first + 1], length[row, actuator], 0.0, *numbers)

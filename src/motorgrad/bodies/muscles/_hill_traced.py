@@ -1,0 +1,74 @@
+"""The dynamics of Hill-type muscles in JAX."""
+
+import functools
+import types
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from motorgrad.bodies.muscles._hill_dynamics import FUNCTIONS
+
+_CLOSE, _STILL = 1e-3, 1e-6  # as in `_hill_dynamics`, in single precision
+_REFINEMENTS, _SEARCHES = 14, 60  # of a fiber within a step, from a good guess, and of one at rest, from none
+
+
+@functools.cache
+def hill_in_jax() -> types.SimpleNamespace:
+    """The functions of Hill-type muscles as JAX functions of arrays: those that the physics runs, with JAX's NumPy in
+    place of NumPy. Only the loops differ: theirs end when the fiber is found, which JAX cannot.
+
+    **Returns:** an object with `next_activation`, `next_fiber`, `steady_fiber`, `rigid_tension` and
+    `compliant_tension`, whose arguments the source tells.
+    """
+    scope: dict[str, Any] = {"np": jnp}
+    for function in FUNCTIONS:
+        own = {"balanced": _balanced, "steady_fiber": _steady_fiber}.get(function.__name__, function)
+        bound = types.FunctionType(own.__code__, {**own.__globals__, **scope}, own.__name__, own.__defaults__)
+        scope[function.__name__] = bound
+    return types.SimpleNamespace(**scope)
+
+
+# `bracket`, `newton` and the tangents are put in place by `hill_in_jax`
+bracket: Any = None
+newton: Any = None
+active_tangent: Any = None
+passive_tangent: Any = None
+
+
+def _balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> Any:
+    low, high = bracket(path, muscle[1])
+
+    def refine(number: Any, found: Any) -> Any:
+        new, low, high = newton(*found, base, pace, activation, path, muscle, curves)
+        far = jnp.abs(new - found[0]) * pace > _CLOSE
+        return jnp.where(far & (number % 8 == 7), 0.5 * (low + high), new), low, high
+
+    start = jnp.broadcast_arrays(jnp.clip(guess, low, high), low, high)
+    return jax.lax.fori_loop(0, _REFINEMENTS, refine, tuple(start))[0]
+
+
+def _steady_fiber(
+    activation: Any,
+    length: Any,
+    velocity: Any,
+    optimal: Any,
+    slack: Any,
+    pennation: Any,
+    fastest: Any,
+    damping: Any,
+    stiffness: Any,
+) -> Any:
+    height, path = jnp.sin(pennation), length / optimal
+    muscle, now, pace = (optimal / slack, height, damping, stiffness), jnp.clip(activation, 0.0, 1.0), 1e-3
+
+    def refine(number: Any, found: Any) -> Any:
+        fiber = found[0]
+        curves = (fiber, *active_tangent(fiber), *passive_tangent(fiber))
+        speed = velocity * jnp.sqrt(1.0 - (height / fiber) ** 2) / (optimal * fastest)
+        new, low, high = newton(*found, fiber - speed / pace, pace, now, path, muscle, curves)
+        far = jnp.abs(new - fiber) > _STILL
+        return jnp.where(far & (number % 8 == 7), 0.5 * (low + high), new), low, high
+
+    low, high = bracket(path + 0.0 * now, height)
+    return jax.lax.fori_loop(0, _SEARCHES, refine, tuple(jnp.broadcast_arrays(high, low, high)))[0]

@@ -1,0 +1,245 @@
+"""The laws of muscles in machine code, as the C functions that MuJoCo calls.
+
+A function in machine code (compiled by numba) runs without the interpreter, as a thread pool requires. It receives
+pointers to mjModel and mjData, and reads these structs as tables of pointers, at places that `_places_of` finds.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
+import ctypes
+import functools
+import types
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+
+from motorgrad.bodies.muscles._hill_dynamics import FUNCTIONS
+from motorgrad.bodies.muscles._muscle import tension
+
+_POINTER = ctypes.sizeof(ctypes.c_void_p)
+# mjData has large fixed tables (timers, solver statistics) before its array pointers; this many bytes cover them.
+_SCAN_LIMIT = 1 << 20
+# An empty array has the address of the next one, so the neighbours of a match are candidates too.
+_NEIGHBOURS = 64
+
+# Slides whose position is the length, each with a fixed tendon, so that no array near those in question is empty.
+_PROBE = '<mujoco><option timestep="{}"/><worldbody>{}</worldbody><tendon>{}</tendon><actuator>{}</actuator></mujoco>'
+_PROBE_BODY = '<body><joint name="j{i}" type="slide" ref="{length}"/><geom size=".1" contype="0"/></body>'
+_PROBE_TENDON = '<fixed name="t{i}"><joint joint="j{i}" coef="1"/></fixed>'
+_PROBE_ACTUATOR = {
+    "mjcb_act_gain": '<general {of}="{of[0]}{i}" gaintype="user" gainprm="{force} {rest} {shape}"/>',
+    "mjcb_act_bias": '<general {of}="{of[0]}{i}" dyntype="user" actdim="{states}" biastype="user" gainprm="0" '
+    'dynprm="{rise} .06" biasprm="{force} {rest} .1 .3 10 .1 36"/>',
+}
+
+
+@functools.cache
+def compiled_hill() -> types.SimpleNamespace:
+    """The functions of Hill-type muscles, compiled, by name."""
+    numba, scope = _numba(), {}
+    for function in FUNCTIONS:
+        # a copy that calls the compiled functions in place of those that Python runs
+        bound = types.FunctionType(function.__code__, {**function.__globals__, **scope}, function.__name__)
+        bound.__defaults__ = function.__defaults__
+        # without a way in from Python, which only one of them needs, they compile faster
+        inner = {"no_cpython_wrapper": function.__name__ != "steady_fiber", "no_cfunc_wrapper": True}
+        scope[function.__name__] = numba.njit(bound, error_model="numpy", forceinline=True, **inner)
+    return types.SimpleNamespace(**scope)
+
+
+@functools.cache  # also keeps the compiled functions alive as long as the process
+def machine_code(name: str) -> Any:
+    """The C function for a callback of MuJoCo, such as `mjcb_act_gain`."""
+    numba = _numba()
+    word = numba.types.CPointer(numba.types.CPointer(numba.types.float64))
+    body = {"mjcb_act_gain": _gain, "mjcb_act_dyn": _dynamics, "mjcb_act_bias": _bias}[name]()
+    made = numba.cfunc(numba.types.float64(word, word, numba.types.int32), error_model="numpy")(body)
+    pointer: Any = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)(made.address)
+    pointer.owner = made  # keeps the machine code alive as long as the pointer
+    return pointer
+
+
+def _numba() -> Any:
+    with warnings.catch_warnings():
+        # numba probes optional packages on import, which may raise deprecation warnings of their own
+        warnings.simplefilter("ignore")
+        import numba  # imported late, as it takes longer than the rest of this package
+    return numba
+
+
+def _gain() -> Any:
+    """The thesis's law: the gain, by which MuJoCo multiplies the activation."""
+    law = _numba().njit(tension, error_model="numpy")
+    parameters, lengths = _places("mjcb_act_gain", ("actuator_gainprm",), ("actuator_length",))
+    size = int(mujoco.mjNGAIN)
+
+    def gain(model, data, actuator):  # pragma: no cover - runs as machine code
+        prm, first = model[parameters], actuator * size
+        # strength is stored negative, because MuJoCo's force is positive when it lengthens a tendon
+        return law(1.0, data[lengths][actuator], 0.0, prm[first], prm[first + 1], prm[first + 2], 0.0)
+
+    return gain
+
+
+def _bias() -> Any:
+    """The force of a Hill-type muscle, which is negative where it pulls."""
+    hill, whole = compiled_hill(), _cast("int32")
+    steady, rigid, compliant = hill.steady_fiber, hill.rigid_tension, hill.compliant_tension
+    parameters, address, count, lengths, velocities, states = _places(
+        "mjcb_act_bias",
+        ("actuator_biasprm", "actuator_actadr", "actuator_actnum"),
+        ("actuator_length", "actuator_velocity", "act"),
+    )
+    size = int(mujoco.mjNBIAS)
+
+    def bias(model, data, actuator):  # pragma: no cover - runs as machine code
+        prm, at = model[parameters], actuator * size
+        first, length = whole(model[address])[actuator], data[lengths][actuator]
+        force, optimal, slack, pennation, fastest = prm[at], prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
+        damping, stiffness = prm[at + 5], prm[at + 6]
+        if whole(model[count])[actuator] == 1:
+            velocity, active = data[velocities][actuator], data[states][first]
+            return -rigid(active, length, velocity, force, optimal, slack, pennation, fastest, damping)
+        fiber, active = data[states][first], data[states][first + 1]
+        if fiber <= 0.0:
+            fiber = steady(active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
+        return -compliant(fiber, length, force, optimal, slack, pennation, stiffness)
+
+    return bias
+
+
+def _dynamics() -> Any:
+    """The rates of a Hill-type muscle's states.
+
+    MuJoCo adds each, times its time step, to the state. A rate here is the difference to the state after the step,
+    divided by the step: so a state after MuJoCo's step is what `next_activation` and `next_fiber` compute.
+    """
+    hill, whole, real, step = compiled_hill(), _cast("int32"), _cast("float64"), _timestep()
+    advance, shift, steady = hill.next_activation, hill.next_fiber, hill.steady_fiber
+    dynamics, parameters, address, count, controls, lengths, velocities, states, rates, control = _places(
+        "mjcb_act_bias",
+        ("actuator_dynprm", "actuator_biasprm", "actuator_actadr", "actuator_actnum", "actuator_ctrladr"),
+        ("actuator_length", "actuator_velocity", "act", "act_dot", "ctrl"),
+    )
+    many, size = int(mujoco.mjNDYN), int(mujoco.mjNBIAS)
+
+    def rate(model, data, actuator):  # pragma: no cover - runs as machine code
+        seconds, first = real(model)[step], whole(model[address])[actuator]
+        own, excitation = model[dynamics], data[control][whole(model[controls])[actuator]]
+        rise, fall = own[actuator * many], own[actuator * many + 1]
+        last = first + whole(model[count])[actuator] - 1
+        active = data[states][last]
+        later = advance(active, excitation, seconds, rise, fall)
+        if last == first:
+            return (later - active) / seconds
+        prm, at, length = model[parameters], actuator * size, data[lengths][actuator]
+        optimal, slack, pennation, fastest = prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
+        damping, stiffness, velocity = prm[at + 5], prm[at + 6], data[velocities][actuator]
+        now = fiber = data[states][first]
+        if fiber <= 0.0:
+            fiber = steady(active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
+        new = shift(
+            fiber, active, later, length, velocity, seconds, optimal, slack, pennation, fastest, damping, stiffness
+        )
+        # with several states MuJoCo expects their rates here, and ignores what is returned
+        data[rates][first], data[rates][last] = (new - now) / seconds, (later - active) / seconds
+        return 0.0
+
+    return rate
+
+
+def _cast(kind: str) -> Any:
+    """A function in machine code that reads a pointer as one to numbers of a kind, such as `"int32"`."""
+    numba = _numba()
+    wanted = numba.types.CPointer(getattr(numba.types, kind))
+
+    @numba.extending.intrinsic
+    def cast(context, pointer):
+        def generate(context, builder, signature, arguments):
+            return builder.bitcast(arguments[0], context.get_value_type(wanted))
+
+        return wanted(pointer), generate
+
+    return cast
+
+
+def _places(callback: str, model: Sequence[str], data: Sequence[str]) -> list[int]:
+    """Where mjModel and mjData keep arrays, counted in pointers from the struct's start.
+
+    The addresses of the arrays are known, so their places are found by searching the structs of several small models.
+    One place must fit all of them. An array that is empty in all, such as that of the states of plugins, has the
+    address of the next one that is not; so the last of consecutive places is meant.
+    """
+    probes = [probe(callback, 1, "joint"), probe(callback, 2, "joint"), probe(callback, 3, "tendon")]
+    found = []
+    for which, attribute in [*((0, name) for name in model), *((1, name) for name in data)]:
+        fitting = set.intersection(*(_fitting(each[which], attribute) for each in probes))
+        first = min(fitting, default=0)
+        found.append(
+            _only(
+                {max(fitting)} if fitting and fitting == {*range(first, first + len(fitting))} else fitting, attribute
+            )
+        )
+    return found
+
+
+def _timestep() -> int:
+    """Where mjModel keeps its time step, which is a number and no pointer, counted likewise."""
+    probes = [probe("mjcb_act_bias", count, "joint")[0] for count in (1, 2, 3)]
+    holding = []
+    for model in probes:
+        words = (ctypes.c_double * (_SCAN_LIMIT // _POINTER // 64)).from_address(model._address)
+        holding.append({place for place, word in enumerate(words) if word == model.opt.timestep})
+    return _only(set.intersection(*holding), "timestep")
+
+
+def _only(fitting: set[int], attribute: str) -> int:
+    if len(fitting) != 1:
+        raise RuntimeError(
+            f"MuJoCo {mujoco.__version__}: {attribute} is at {len(fitting)} places of its struct instead of 1, so "
+            "the muscle law cannot be installed; use mujoco>=4.0,<4.1, or muscle_model='native'"
+        )
+    return fitting.pop()
+
+
+def _fitting(struct: Any, attribute: str) -> set[int]:
+    """The indices of the struct's words that hold the address of the array `attribute`."""
+    address = getattr(struct, attribute).ctypes.data
+
+    def holds(index: int) -> bool:
+        return ctypes.c_void_p.from_address(struct._address + index * _POINTER).value == address
+
+    first = next(filter(holds, range(_SCAN_LIMIT // _POINTER)), None)
+    # both structs have hundreds of further pointers after these arrays
+    return set() if first is None else set(filter(holds, range(first, first + _NEIGHBOURS)))
+
+
+def probe(callback: str, actuators: int, of: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """A model with muscles that a callback serves, of various lengths and numbers, each on its own joint or tendon.
+
+    For Hill-type muscles, every second tendon is rigid.
+    """
+    numbers = range(actuators)
+    model = mujoco.MjModel.from_xml_string(
+        _PROBE.format(
+            0.001 + 0.00012345 * actuators,
+            "".join(_PROBE_BODY.format(i=i, length=0.2 + 0.1 * i) for i in numbers),
+            "".join(_PROBE_TENDON.format(i=i) for i in numbers) if of == "tendon" else "",
+            "".join(
+                _PROBE_ACTUATOR[callback].format(
+                    of=of,
+                    i=i,
+                    force=(100 + i) * (-1 if callback == "mjcb_act_gain" else 1),
+                    rest=0.25 + 0.03 * i if callback == "mjcb_act_gain" else 0.1 + 0.08 * i,
+                    shape=0.5 + 0.1 * i,
+                    states=2 - i % 2,
+                    rise=0.02 + 0.003 * i,
+                )
+                for i in numbers
+            ),
+        )
+    )
+    return model, mujoco.MjData(model)

@@ -1,0 +1,134 @@
+"""A critic fitted to λ-returns, batch by batch."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Bool, Float, Int
+
+from motorgrad._tree import count, number
+from motorgrad.learning._branching import Flag, where, where_any
+from motorgrad.learning._critic_fits import CriticFit, CriticStep
+from motorgrad.policies import split
+
+
+class FittedState(NamedTuple):
+    """The decisions that wait for the next fit, of which there are so many, `waiting`; the state of Adam, `rule`.
+
+    `seen` and `following` are what the critic saw of each decision and of the next; `live` is 0 where the episode
+    terminated; after an `end` another episode began.
+    """
+
+    seen: Float[Array, "interval features"]
+    following: Float[Array, "interval features"]
+    reward: Float[Array, " interval"]
+    live: Float[Array, " interval"]
+    end: Bool[Array, " interval"]
+    waiting: Int[Array, ""]
+    rule: Any
+
+
+class FittedReturns(CriticFit):
+    r"""Fits the values of a batch to its λ-returns by Adam (Kingma & Ba, 2015), several passes at a time.
+
+    Every `interval` decisions the returns
+
+    $$G_t = r_{t+1} - \rho + \gamma\,\big((1 - \lambda)\,v(y_{t+1}) + \lambda\,G_{t+1}\big)$$
+
+    are computed once, from the last decision back; at the end of an episode and of the batch, $G_{t+1}$ is
+    $v(y_{t+1})$. Then each pass takes a step of Adam down the mean of $\frac12 (v(y_t) - G_t)^2$. In between the
+    weights do not change.
+
+    **Arguments:**
+
+    - `learning_rate`: of Adam, at least 0.
+    - `rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its distance from it.
+    - `interval` (decisions): in a batch, at least 1; all of them are kept until it is full.
+    - `passes`: how often a batch is used, at least 1.
+    """
+
+    linear: ClassVar[bool] = False
+    one_stream: ClassVar[bool] = True
+
+    learning_rate: float = number(3e-3, 0)
+    rate: float = number(1e-3, 0, 1)
+    interval: int = count(500, 1, 1_000_000)
+    passes: int = count(20, 1, 100_000)
+
+    @property
+    def mean_rate(self) -> Any:
+        return self.rate
+
+    def init(self, weights: Any) -> FittedState:
+        return self.start(weights, jax.tree.leaves(weights)[0].size)
+
+    def start(self, weights: Any, features: int) -> FittedState:
+        dtype = jax.tree.leaves(weights)[0].dtype
+        numbers, rows = jnp.zeros(self.interval, dtype), jnp.zeros((self.interval, features), dtype)
+        rule = optax.scale_by_adam().init(weights)
+        ends = jnp.zeros(self.interval, bool)
+        return FittedState(rows, rows, numbers, numbers, ends, jnp.zeros((), jnp.int32), rule)
+
+    def update(self, weights: Any, state: FittedState, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
+        place = jnp.arange(self.interval) == state.waiting  # there is room: `solve` has emptied what was full
+
+        def kept(rows: Array, row: Any) -> Array:
+            return jnp.where(place.reshape(-1, *(1,) * (rows.ndim - 1)), jnp.asarray(row, rows.dtype), rows)
+
+        after = state._replace(
+            seen=kept(state.seen, step.seen),
+            following=kept(state.following, step.following),
+            reward=kept(state.reward, step.reward),
+            live=kept(state.live, jnp.logical_not(step.terminated)),
+            end=kept(state.end, step.terminated),
+            waiting=state.waiting + 1,
+        )
+        return weights, where(dropped, state, after)
+
+    def restart(self, state: FittedState) -> FittedState:
+        return state._replace(end=state.end | (jnp.arange(self.interval) == state.waiting - 1))
+
+    def rest(self, state: FittedState) -> Int[Array, ""]:
+        return self.interval - 1 - state.waiting
+
+    def solve_for(
+        self, value: Callable[..., Any], discount: Any, decay: Any, weights: Any, state: FittedState, level: Any
+    ) -> tuple[Any, FittedState]:
+        def fit(old: Any) -> Any:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            weights, rule = old
+            batch, mean = jax.lax.optimization_barrier((state, level))
+            learned, settings = split(weights) if isinstance(weights, eqx.Module) else (weights, None)
+
+            def values(parameters: Any, seen: Any) -> Float[Array, " interval"]:
+                whole = parameters if settings is None else eqx.combine(parameters, settings)
+                return jax.vmap(lambda x: value(whole, x))(seen)
+
+            later = batch.live * values(learned, batch.following)
+
+            def back(following: Any, decision: Any) -> Any:
+                reward, later, end = decision
+                expected = jnp.where(end, later, (1 - decay) * later + decay * following)
+                found = (reward - mean + discount * expected).astype(reward.dtype)
+                return found, found
+
+            last = batch.end.at[-1].set(True)
+            returns = jax.lax.scan(back, later[-1], (batch.reward, later, last), reverse=True)[1]
+
+            def descend(carry: Any, _: None) -> Any:
+                parameters, rule = carry
+                loss = lambda w: 0.5 * jnp.mean(jnp.square(values(w, batch.seen) - returns))  # noqa: E731
+                moves, rule = optax.scale_by_adam().update(jax.grad(loss)(parameters), rule)
+                moves = jax.tree.map(lambda move: -self.learning_rate * move, moves)
+                return (eqx.apply_updates(parameters, moves), rule), None
+
+            (learned, rule), _ = jax.lax.scan(descend, (learned, rule), length=self.passes)
+            return learned if settings is None else eqx.combine(learned, settings), rule
+
+        full = self.rest(state) < 0
+        weights, rule = where_any(full, fit, (weights, state.rule))
+        empty = state._replace(end=jnp.zeros_like(state.end), waiting=jnp.zeros_like(state.waiting), rule=rule)
+        return weights, where(full, empty, state)

@@ -1,0 +1,87 @@
+"""The hidden layers of a policy: what its units do now, and what each of them responds to."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.policies import Policy, hidden_activations
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.panels._panel import Numbers, Panel, brief
+from motorgrad.sim.panels._policy_diagrams import Field, draw_layers, draw_portrait, limits_of
+from motorgrad.sim.scene import Pose
+
+
+class NetworkPanel(Panel):
+    """Activations of the hidden units; the activation of one of them over two of the observations."""
+
+    title: ClassVar[str] = "Network"
+    icon: ClassVar[str] = "sitemap"
+    rate: ClassVar[float] = 2.0
+
+    @classmethod
+    def applies(cls, session: Session) -> bool:
+        return session.agent is not None and bool(_layers(session, session.snapshot()))
+
+    def fill(self, gui: Any) -> None:
+        session = self.session
+        sizes = [len(layer) for layer in _layers(session, session.snapshot())]
+        self._field = Field(lambda policy, seen: jnp.concatenate(hidden_activations(policy, seen)))
+        self._starts = np.cumsum([0, *sizes])
+        with gui.add_folder("Hidden units"):
+            self._units = gui.add_html("")
+            names = tuple(f"layer {index + 1}" for index in range(len(sizes)))
+            self._layer = gui.add_dropdown("Layer", names, initial_value=names[-1])
+            self._unit = gui.add_slider("Hidden unit", 1, max(sizes), 1, 1)
+        with gui.add_folder("What it responds to"):
+            self._portrait = gui.add_html("")
+            senses, moving = (*session.observations,), session.observations[-2:]
+            self._x = gui.add_dropdown("Across", senses, initial_value=moving[0])
+            self._y = gui.add_dropdown("Up", senses, initial_value=moving[-1])
+        for each in (self._layer, self._unit, self._x, self._y):
+            each.on_update(self.renew)
+
+    def show(self, snapshot: Snapshot, pose: Pose) -> None:
+        del pose
+        session, layers = self.session, _layers(self.session, snapshot)
+        policy = session.policy(snapshot.parameters[0])
+        if policy is None:
+            return
+        layer = int(self._layer.value.split()[-1]) - 1
+        unit = min(int(self._unit.value), len(layers[layer])) - 1
+        self._units.content = draw_layers(layers, (layer, unit))
+        x, y = (session.observations.index(each.value) for each in (self._x, self._y))
+        path = session.trail().observation[:, [x, y]]
+        path = path[np.all(np.isfinite(path), axis=1)]
+        if not len(path):
+            return
+        limits, field, ends = limits_of(path), None, ("", "")
+        if x != y:
+            over = self._field.over(policy, snapshot.observation[0], x, y, limits)[..., self._starts[layer] + unit]
+            least, most = float(over.min()), float(over.max())
+            field, ends = (over - least) / max(most - least, 1e-12), (brief(least, 2), brief(most, 2))
+        names = (session.observations[x], session.observations[y])
+        what = f"unit {unit + 1} of layer {layer + 1}"
+        self._portrait.content = draw_portrait(path, field, limits, names, what, ends)
+
+    def numbers(self) -> Numbers:
+        layers = _layers(self.session, self.session.snapshot())
+        layer = np.concatenate([np.full(len(each), index + 1) for index, each in enumerate(layers)])
+        unit = np.concatenate([np.arange(len(each)) + 1 for each in layers])
+        return {"layer": layer, "unit": unit, "activation": np.concatenate(layers)}
+
+
+@jax.jit
+def _activations(policy: Policy, seen: jax.Array) -> tuple[jax.Array, ...]:
+    return hidden_activations(policy, seen)
+
+
+def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:
+    """The present activations of each hidden layer; none of a policy without."""
+    policy = session.policy(snapshot.parameters[0])
+    if policy is None:
+        return []
+    return [np.asarray(layer) for layer in _activations(policy, jnp.asarray(snapshot.observation[0]))]

@@ -1,0 +1,225 @@
+"""The driver of a study: keeps workers busy, tries failed jobs again, and writes down what happens."""
+
+import contextlib
+import threading
+import time
+import traceback
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from motorgrad._errors import check, check_integer, unknown
+from motorgrad._files import check_writable
+from motorgrad._progress import Progress
+from motorgrad._signals import stop_when_asked
+from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._jobs import AnyJob, JobFolder, Work
+from motorgrad.studies._page import write_page
+from motorgrad.studies._places import Here, Place, Processes
+from motorgrad.studies._ray import Ray
+from motorgrad.studies._results import Results
+from motorgrad.studies._slurm import Slurm
+from motorgrad.studies._study import Study
+
+PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
+"""Where jobs can run, by name."""
+
+On = Literal["here", "processes", "ray", "slurm"]
+"""Where jobs run: in this process, in processes of this machine, on Ray or on Slurm."""
+ATTEMPTS = 3
+KILLS = 20  # of the processes of one job, one after the other, until it counts as the job's fault
+SHARE = 0.02  # of the time, for the index and the page
+PAUSE = 2.0  # seconds between two writes of them, at least
+
+
+def run_study(
+    study: Study,
+    out: Path | str,
+    *,
+    on: On = "here",
+    workers: int = 0,
+    threads: int = 0,
+    attempts: int = ATTEMPTS,
+    checkpoint_every: float = 30.0,
+    imports: tuple[str, ...] = (),
+    trust: bool = False,
+    progress: bool = True,
+    metric: str = "reward",
+    options: Mapping[str, Any] | None = None,
+) -> Results:
+    """Run a study in a folder, or continue it there.
+
+    **Arguments:**
+
+    - `out`: the folder. A study that is found there unfinished continues; jobs that failed before are tried again.
+    - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine; tasks of `"ray"`, by default on
+      this machine; jobs of `"slurm"`. The last two need `motorgrad[ray]` and `motorgrad[slurm]`.
+    - `workers`: how many jobs run at the same time; 0 for as many as the place has processors.
+    - `threads`: of each job; 0 for all processors of this process, or for each worker's share of them.
+    - `attempts`: how often a job that fails is tried before it is set aside and the others go on. A job whose process
+      or machine dies has not failed; it continues from its last checkpoint.
+    - `checkpoint_every`: seconds between two checkpoints of a job.
+    - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
+    - `trust`: whether to unpickle environments that another process saved in the folder.
+    - `progress`: whether to show progress.
+    - `metric`: by which the page `index.html` of the folder ranks settings.
+    - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
+      "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
+
+    None of these has an effect on any number.
+
+    **Returns** the `Results`. Ctrl-C or SIGTERM lets every job save what it has; the same call then continues.
+
+    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a folder that cannot be used, before any
+    work starts.
+    """
+    check_writable("out", Path(out), folder=True)
+    folder = StudyFolder(out, study)
+    check(study.jobs, "study", study, "of at least one job")
+
+    def report(learned: float | None) -> None:
+        folder.write_index()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # those about the run directories have been given
+            write_page(folder, metric, learned)
+
+    told = Work(threads, checkpoint_every, tuple(imports), trust)
+    drive(folder, told, report, on=on, workers=workers, attempts=attempts, progress=progress, options=options)
+    return Results(folder)
+
+
+def drive(
+    folder: JobFolder,
+    told: Work,
+    report: Callable[[float | None], None],
+    *,
+    on: On = "here",
+    workers: int = 0,
+    attempts: int = ATTEMPTS,
+    progress: bool = True,
+    options: Mapping[str, Any] | None = None,
+) -> bool:
+    """Do the jobs of a folder that are not done. `run_study` has the arguments that are not said here.
+
+    **Arguments:** `told`: what every job is told; `report`: writes down how things stand, now and then and at the end,
+    given the seconds of learning in this session, while it lasts.
+
+    **Returns** whether it has come to its end, rather than been asked to stop.
+    """
+    if on not in PLACES:
+        raise unknown("on", on, PLACES)
+    check_integer("attempts", attempts, 1)
+    check_integer("threads", told.threads, 0, 4096)
+    with folder:
+        driver = _Driver(folder, PLACES[on](folder.path, workers, told, **dict(options or {})), attempts)
+        driver.run(progress, report)
+    return not driver.stopping
+
+
+class _Driver:
+    """One session of a study."""
+
+    def __init__(self, folder: JobFolder, place: Place, attempts: int):
+        self.folder, self.place, self.attempts = folder, place, attempts
+        self.jobs = folder.jobs
+        self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
+        self.flying: dict[Any, AnyJob] = {}
+        self.failed, self.killed = Counter[str](), Counter[str]()
+        self.saved: dict[str, int] = {}
+        self.learned = 0.0
+        self.stopping = False
+
+    def run(self, progress: bool, report: Callable[[float | None], None]) -> None:
+        done = len(self.jobs) - len(self.waiting)
+        for job in self.waiting:
+            self.folder.forgive(job)
+        reporter = _Reporter(self, report)
+        reporter.start()
+        try:
+            with (
+                stop_when_asked() as stopped,
+                Progress(self.folder.noun, self.folder.counted, len(self.jobs), done, progress) as shown,
+            ):
+                while self.flying or (self.waiting and not self.stopping):
+                    self._submit(stopped)
+                    if stopped() and not self.stopping:
+                        self.stopping = True
+                        self.place.stop()
+                    for future in self.place.wait(self.flying, 0.5):
+                        self._take(self.flying.pop(future), future)
+                    done = sum(map(self.folder.is_done, self.jobs))
+                    aside = len(self.folder.failures())
+                    shown.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
+        finally:
+            self.place.close()
+            reporter.finish()
+
+    def _submit(self, stopped: Callable[[], bool]) -> None:
+        while self.waiting and len(self.flying) < self.place.workers and not (stopped() or self.stopping):
+            job = self.waiting.popleft()
+            self.saved[job.name] = self.folder.saved(job)
+            future = self.place.submit(job, self.folder.place(job))
+            self.flying[future] = job
+            if future.done():  # this process works itself: take the result before the next job
+                return
+
+    def _take(self, job: AnyJob, future: Any) -> None:
+        """Take note of how a job ended."""
+        try:
+            outcome = future.result()
+        except KeyboardInterrupt:
+            self.stopping = True
+        except Exception as error:
+            if self.place.has_died(error):
+                self._interrupted(job, error)
+                return
+            self.failed[job.name] += 1
+            self._again(job, error, self.failed[job.name], self.attempts)
+        else:
+            self.learned += outcome.learned
+            if outcome.result is not None:
+                self.folder.add(job, outcome.result)
+            elif self.place.itself and not outcome.busy:
+                self.stopping = True
+            else:
+                why = "another process has its folder" if outcome.busy else "it was stopped from outside"
+                self._interrupted(job, RuntimeError(why))
+
+    def _interrupted(self, job: AnyJob, error: BaseException) -> None:
+        """A job has ended early, for which it is not to blame."""
+        moved = self.folder.saved(job) > self.saved[job.name]
+        self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
+        self._again(job, error, self.killed[job.name], KILLS)
+
+    def _again(self, job: AnyJob, error: BaseException, count: int, most: int) -> None:
+        """Try a job again after the others, or set it aside."""
+        if self.stopping or count < most:
+            self.waiting.append(job)
+            return
+        cause = getattr(error, "cause", None)  # Ray wraps the error of a job
+        error = cause if isinstance(cause, BaseException) else error
+        self.folder.set_aside(job, count, error, "".join(traceback.format_exception(error)))
+
+
+class _Reporter(threading.Thread):
+    """Writes the index and the page beside the driver, rarely enough to take little of the time."""
+
+    def __init__(self, driver: _Driver, report: Callable[[float | None], None]):
+        super().__init__(daemon=True)
+        self._driver, self._report, self._over = driver, report, threading.Event()
+
+    def run(self) -> None:
+        pause = PAUSE
+        while not self._over.wait(pause):
+            started = time.thread_time()
+            with contextlib.suppress(Exception):  # the disk may be full; the last report tells
+                self._report(self._driver.learned)
+            pause = max(PAUSE, (time.thread_time() - started) / SHARE)
+
+    def finish(self) -> None:
+        """Write the last report."""
+        self._over.set()
+        self.join()
+        self._report(None)

@@ -1,0 +1,210 @@
+"""The folder of a study.
+
+study.toml       the study
+jobs/NAME/       the run directory of every job
+failures/*.json  jobs that were set aside, with their reasons
+index.parquet    one row per setting and seed; it is made again from the run directories
+index.html       the page
+"""
+
+import contextlib
+import itertools
+import json
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import filelock
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import tomli_w
+
+from motorgrad._files import remove_partials, write_atomically
+from motorgrad.studies._jobs import JobFolder
+from motorgrad.studies._partition import Job, rows_of
+from motorgrad.studies._study import Study
+from motorgrad.training import RunDirectoryError, differences, load
+
+
+class StudyFolder(JobFolder):
+    """The folder of a study. As a context manager, it is locked against other drivers.
+
+    **Raises** `RunDirectoryError` for a folder that holds something else, or another study.
+    """
+
+    def __init__(self, path: Path | str, study: Study | None = None, trust: bool = False):
+        super().__init__(path)
+        file = self.path / "study.toml"
+        if file.is_file():
+            self.study = Study.read(file, trust=trust or study is not None)
+            if study is not None:
+                self._compare(study)
+        elif study is None:
+            raise RunDirectoryError(f"{self.path} is not the folder of a study: it has no study.toml")
+        else:
+            self.study = study
+            if self.path.exists() and (not self.path.is_dir() or any(_visible(self.path))):
+                raise RunDirectoryError(f"{self.path} holds other files and no study.toml: not the folder of a study")
+        self._rows: dict[str, pa.Table] = {}
+        self._begun: dict[str, pa.Table] = {}
+        self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
+
+    def __enter__(self) -> Self:
+        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock.acquire()
+        except filelock.Timeout:
+            raise RunDirectoryError(f"{self.path} is in use by another process, which drives this study") from None
+        for folder in (self.path, self.path / "failures"):
+            remove_partials(folder)
+        if not (self.path / "study.toml").is_file():
+            write_atomically(self.path / "study.toml", tomli_w.dumps(self.study.as_table()).encode())
+        for name in ("jobs", "failures"):
+            (self.path / name).mkdir(exist_ok=True)
+        try:
+            self.read_rows()
+        except BaseException:
+            self._lock.release()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+    @property
+    def jobs(self) -> list[Job]:
+        """The compiled calls of the study."""
+        return self.study.jobs
+
+    def place(self, job: Job) -> Path:
+        """The run directory of a job."""
+        return self.path / "jobs" / job.name
+
+    def saved(self, job: Job) -> int:
+        """The decisions per seed that a job has saved."""
+        return int(newest.stem) if (newest := self._newest(job)) else 0
+
+    def read_rows(self) -> None:
+        """Find the jobs that are done: in the index, where it is as new as their run directories, or in these."""
+        stored = self._stored()
+        for job in self.study.jobs:
+            if self.saved(job) < job.steps:
+                continue
+            mark = self._mark(job)
+            found = stored.get(job.name)
+            self._rows[job.name] = found[1] if found and found[0] == mark else rows_of(load(self.place(job)))
+
+    def read_begun(self) -> None:
+        """Look at what the jobs that are not done have saved so far."""
+        found = {}
+        for job in self.study.jobs:
+            if not self.is_done(job) and self.saved(job):
+                with contextlib.suppress(RunDirectoryError):  # it has been begun again just now
+                    found[job.name] = rows_of(load(self.place(job)))
+        self._begun = found
+
+    def add(self, job: Job, result: pa.Table) -> None:
+        """Take note of a job that is done."""
+        self._rows[job.name] = result
+
+    def is_done(self, job: Job) -> bool:
+        """Whether a job is done."""
+        return job.name in self._rows
+
+    def index(self) -> pa.Table:
+        """One row per setting and seed: `job`, `point`, `seed`, the settings by path, `status` (`"done"`, `"failed"`,
+        `"begun"` or `"waiting"`), `decision` and the final metrics; of jobs that have begun, those so far, as
+        `read_begun` found them."""
+        jobs, settings, seeds = self.study.jobs, self.study.settings, self.study.seed_list
+        order = np.concatenate([job.points for job in jobs])
+        paths = list(dict.fromkeys(path for setting in settings for path in setting))
+        failed = {failure["job"] for failure in self.failures()}
+        metrics = []
+        lanes = [len(job.points) * len(seeds) for job in jobs]
+        status, decisions = [], []
+        for job, count in zip(jobs, lanes, strict=True):
+            rows, decision = self._rows.get(job.name), self.saved(job)
+            state = "failed" if job.name in failed else "begun" if decision else "waiting"
+            status.append("done" if rows is not None else state)
+            decisions.append(decision)
+            blank = self._begun.get(job.name, pa.table({"decision": np.full(count, decision, np.int64)}))
+            metrics.append(blank if rows is None else rows)
+        columns: dict[str, Any] = {
+            "job": pa.array(np.repeat([job.name for job in jobs], lanes)).dictionary_encode(),
+            "point": np.repeat(order, len(seeds)),
+            "seed": np.tile(np.asarray(seeds, np.int64), len(order)),
+        }
+        for path in paths:
+            values = _column([settings[point].get(path) for point in order])
+            columns[path] = values.take(np.repeat(np.arange(len(order)), len(seeds)))
+        columns["status"] = pa.array(np.repeat(status, lanes)).dictionary_encode()
+        found = pa.table(columns)
+        for name, column in _concatenated(metrics):
+            found = found.append_column(name, column)
+        return found
+
+    def write_index(self) -> pa.Table:
+        """Write the index, and return it."""
+        table = self.index()
+        marks = {job.name: self._mark(job) for job in self.study.jobs if self.is_done(job)}
+        kept = table.replace_schema_metadata({"marks": json.dumps(marks)})
+        sink = pa.BufferOutputStream()
+        pq.write_table(kept, sink, compression="zstd")
+        write_atomically(self.path / "index.parquet", sink.getvalue().to_pybytes())
+        return table
+
+    def about(self, job: Job) -> dict[str, Any]:
+        """What is written down about a job that failed: its points, and the settings of the first."""
+        return {"points": list(job.points), "settings": [self.study.settings[point] for point in job.points[:10]]}
+
+    def _compare(self, study: Study) -> None:
+        for where, now, then in differences(study.as_table(), self.study.as_table()):
+            raise RunDirectoryError(
+                f"{self.path} holds another study: {where} was {then!r} and is now {now!r}; choose another folder"
+            )
+
+    def _stored(self) -> dict[str, tuple[Any, pa.Table]]:
+        """The rows of the jobs in the index file, with the marks of their run directories then."""
+        try:
+            table = pq.read_table(self.path / "index.parquet")
+            marks = json.loads((table.schema.metadata or {})[b"marks"])
+        except (OSError, ValueError, KeyError):  # missing or damaged: the run directories have everything
+            return {}
+        names = table["job"].cast(pa.string()).to_numpy()
+        starts = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
+        metrics = table.select(table.column_names[table.column_names.index("status") + 1 :])
+        found = {}
+        for start, end in itertools.pairwise(starts):
+            part = metrics.slice(start, end - start)
+            filled = [name for name in part.column_names if part[name].null_count < part.num_rows]
+            found[names[start]] = (marks.get(names[start]), part.select(filled))
+        return found
+
+    def _newest(self, job: Job) -> Path | None:
+        return max((self.place(job) / "checkpoint").glob("[0-9]*.state"), default=None)
+
+    def _mark(self, job: Job) -> list[Any] | None:
+        """What changes when a run directory does."""
+        newest = self._newest(job)
+        return None if newest is None else [newest.name, newest.stat().st_size, newest.stat().st_mtime_ns]
+
+
+def _visible(folder: Path) -> Iterator[str]:
+    return (name for name in os.listdir(folder) if not name.startswith("."))
+
+
+def _column(values: Sequence[Any]) -> pa.Array:
+    """Values of one setting; as JSON where they are of several types."""
+    kinds = {bool if isinstance(v, bool) else float if isinstance(v, int | float) else type(v) for v in values}
+    if kinds - {type(None)} == {float}:
+        return pa.array([None if value is None else float(value) for value in values])
+    if len(kinds - {type(None)}) == 1 and not kinds & {list, dict}:
+        return pa.array(values)
+    return pa.array([None if v is None else v if isinstance(v, str) else json.dumps(v) for v in values])
+
+
+def _concatenated(tables: Sequence[pa.Table]) -> Iterator[tuple[str, pa.ChunkedArray]]:
+    table = pa.concat_tables(tables, promote_options="default")
+    return ((name, table[name]) for name in table.column_names)

@@ -1,0 +1,126 @@
+"""What the driver and the places know of jobs: something to do in a folder of its own."""
+
+import abc
+import contextlib
+import importlib
+import json
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import filelock
+
+from motorgrad._files import read_json, write_atomically
+from motorgrad._signals import interrupt_when_asked
+
+PATIENCE = 60.0  # seconds for a process that is being killed to let go of a job's folder
+
+
+class Outcome(NamedTuple):
+    """What comes back from a worker.
+
+    - `result`: of the job; `None` where it was stopped before its end.
+    - `learned`: seconds of learning, including compiling.
+    - `busy`: whether another process has the folder.
+    """
+
+    result: Any
+    learned: float = 0.0
+    busy: bool = False
+
+
+class Work(NamedTuple):
+    """What every job is told beside what it is.
+
+    - `threads`, `checkpoint_every` and `trust`: as in `train`.
+    - `imports`: modules that register tasks and parts.
+    """
+
+    threads: int = 0
+    checkpoint_every: float = 30.0
+    imports: tuple[str, ...] = ()
+    trust: bool = False
+
+
+class AnyJob(Protocol):
+    """A job. It travels to its worker by pickle."""
+
+    @property
+    def name(self) -> str:
+        """Its name, which no other job of the folder has."""
+        ...
+
+    def do(self, path: Path, told: Work) -> Outcome:
+        """Do the job in its folder, or what is left of it there."""
+        ...
+
+
+def work(job: AnyJob, path: Path | str, told: Work) -> Outcome:
+    """Do a job in its folder: all that a worker does."""
+    path = Path(path)
+    path.mkdir(parents=True, exist_ok=True)
+    with interrupt_when_asked():
+        for name in told.imports:
+            importlib.import_module(name)
+        try:
+            # an earlier worker of the same job, whose driver was killed, may still hold the folder
+            with filelock.FileLock(path / ".lock", timeout=PATIENCE):
+                pass
+        except filelock.Timeout:
+            return Outcome(None, busy=True)
+        return job.do(path, told)
+
+
+class JobFolder(contextlib.AbstractContextManager[Any]):
+    """A folder in which every job has a folder, as the driver sees it. Jobs that were set aside are in `failures`. The
+    driver enters it as a context manager.
+
+    - `noun` and `counted`: what progress is shown of, and in what.
+    """
+
+    noun, counted = "study", "jobs"
+
+    def __init__(self, path: Path | str):
+        self.path = Path(path)
+
+    @property
+    @abc.abstractmethod
+    def jobs(self) -> list[Any]:
+        """All jobs."""
+
+    @abc.abstractmethod
+    def place(self, job: Any) -> Path:
+        """The folder of a job."""
+
+    @abc.abstractmethod
+    def saved(self, job: Any) -> int:
+        """How far a job has come, in some unit: what a killed worker leaves to the next."""
+
+    @abc.abstractmethod
+    def add(self, job: Any, result: Any) -> None:
+        """Take note of a job that is done."""
+
+    @abc.abstractmethod
+    def is_done(self, job: Any) -> bool:
+        """Whether a job is done."""
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the folder to others."""
+
+    def about(self, job: Any) -> dict[str, Any]:
+        """What is written down about a job that failed."""
+        return {}
+
+    def failures(self) -> list[dict[str, Any]]:
+        """The jobs that were set aside: `job`, `attempts`, `message`, `traceback`, and what there is about them."""
+        return [read_json(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
+
+    def set_aside(self, job: Any, attempts: int, error: BaseException, traceback: str) -> None:
+        """Write down why a job failed."""
+        message = " ".join(f"{type(error).__name__}: {error}".splitlines())
+        said = {"job": job.name, "attempts": attempts, "message": message, "traceback": traceback, **self.about(job)}
+        (self.path / "failures").mkdir(exist_ok=True)
+        write_atomically(self.path / "failures" / f"{job.name}.json", json.dumps(said, indent=2).encode())
+
+    def forgive(self, job: Any) -> None:
+        """Forget that a job failed, as it is tried again."""
+        (self.path / "failures" / f"{job.name}.json").unlink(missing_ok=True)

@@ -1,0 +1,147 @@
+"""The partition of a study into compiled calls, which the study alone determines."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from motorgrad.studies._grid import Point, frozen, leaves, varied
+from motorgrad.studies._jobs import Outcome, Work
+from motorgrad.tasks import Task, make
+from motorgrad.training import Run, agent_for, check_training, final_metrics, sweepable, train
+
+RECORDS = 50  # of the metrics by default: enough for curves of thousands of runs, and cheap to write
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """One call of `train`, and one run directory.
+
+    - `name`: of its directory.
+    - `task` and `agent`: the tables from which they are made.
+    - `sweep`: the settings that learn side by side; `None` for a single one.
+    - `points`: the numbers of the study's points, in the order of the sweep.
+    - `steps`, `seeds`, `window`: as in `train`.
+    """
+
+    name: str
+    task: dict[str, Any]
+    agent: dict[str, Any]
+    sweep: list[dict[str, float]] | None
+    points: tuple[int, ...]
+    steps: int
+    seeds: int | tuple[int, ...]
+    window: int
+
+    def make_task(self) -> Task:
+        """The task."""
+        return _task(self.task)
+
+    def do(self, path: Path, told: Work) -> Outcome:
+        """Learn, or learn what is left, in the run directory. The result is the run's rows in the index."""
+        run = train(
+            self.make_task(),
+            self.agent,
+            self.steps,
+            self.seeds,
+            path,
+            sweep=self.sweep,
+            window=self.window,
+            checkpoint_every=told.checkpoint_every,
+            threads=told.threads,
+            trust=told.trust,
+            progress=False,
+        )
+        learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0
+        return Outcome(rows_of(run) if run.complete else None, learned)
+
+
+def rows_of(run: Run) -> pa.Table:
+    """The rows of a run in the index: the lanes in order, with their final metrics."""
+    columns = {name: np.asarray(values, float) for name, values in final_metrics(run).items()}
+    return pa.table({"decision": np.full(run.lanes, run.decision, np.int64), **columns})
+
+
+def partition(
+    points: Sequence[Point], steps: int, seeds: int | tuple[int, ...], window: int | None, lanes: int
+) -> list[Job]:
+    """Group points that differ only in numbers of the learner, and cut the groups into compiled calls of equal size.
+
+    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting. `window`: decisions
+    per record; `None` for a fiftieth of the steps.
+
+    **Raises** `ValueError` that names the first impossible setting.
+    """
+    count = seeds if isinstance(seeds, int) else len(seeds)
+    window = max(1, steps // RECORDS) if window is None else window
+    most = max(1, lanes // max(1, count))
+    calls = []
+    for group in _groups(points):
+        base, numbers = points[group[0]], _numbers(points, group)
+        sweep = [{name: _at(points[index]["agent"])[name] for name in numbers} for index in group] if numbers else None
+        task = _task(base["task"])
+        try:
+            check_training(task, base["agent"], steps, seeds, window, sweep=sweep)
+        except ValueError as error:
+            # a user of a study has written no sweep
+            raise ValueError(str(error).replace("sweep['", "agent['")) from None
+        size = _size(len(group), most)
+        for start in range(0, len(group), size):
+            part = slice(start, start + size)
+            calls.append((base, None if sweep is None else sweep[part], tuple(group[part])))
+    width = max(4, len(str(len(calls))))
+    return [
+        Job(f"{index:0{width}d}-{base['task']['name']}", base["task"], base["agent"], sweep, part, steps, seeds, window)
+        for index, (base, sweep, part) in enumerate(calls)
+    ]
+
+
+def _groups(points: Sequence[Point]) -> list[list[int]]:
+    """The points of every compiled program: equal in all but numbers that a sweep can vary."""
+    alike: dict[str, list[int]] = {}
+    for index, point in enumerate(points):
+        agent = {path: None if _is_number(value) else value for path, value in _at(point["agent"]).items()}
+        alike.setdefault(frozen([point["task"], agent]), []).append(index)
+    found = []
+    for group in alike.values():
+        first = points[group[0]]
+        agent = agent_for(_task(first["task"]), first["agent"])
+        names = varied([_at(points[index]["agent"]) for index in group])
+        fixed = [name for name in names if not sweepable(name, agent)]
+        parts: dict[str, list[int]] = {}
+        for index in group:
+            parts.setdefault(frozen([_at(points[index]["agent"])[name] for name in fixed]), []).append(index)
+        found += parts.values()
+    return sorted(found)
+
+
+def _numbers(points: Sequence[Point], group: Sequence[int]) -> list[str]:
+    """The numbers in which the points of a group differ."""
+    return varied([_at(points[index]["agent"]) for index in group])
+
+
+def _size(settings: int, most: int) -> int:
+    """The settings of a call: the most that divide all evenly, so that one program serves them all, unless that would
+    take more than twice as many calls as necessary."""
+    least = -(-settings // most)
+    even = (settings // calls for calls in range(least, min(2 * least, settings) + 1) if settings % calls == 0)
+    return next(even, -(-settings // least))
+
+
+def _task(table: dict[str, Any]) -> Task:
+    try:
+        return make(**table)
+    except ValueError as error:
+        raise ValueError(f"task: {error}") from None
+
+
+def _at(agent: dict[str, Any]) -> dict[str, Any]:
+    """The settings of an agent by path."""
+    return dict(leaves(agent))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

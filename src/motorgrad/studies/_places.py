@@ -1,0 +1,172 @@
+"""Where jobs run: in this process, or in processes of this machine.
+
+A `Place` has three doors: `submit` a job, `wait` until some are done, `close`. What is submitted is a future, whose
+`result()` is the job's `Outcome`. The driver decides everything else.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Collection, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait as wait_for
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from motorgrad._errors import check_integer
+from motorgrad._signals import STOPS
+from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
+
+
+class Place:
+    """Where jobs run. A place is made with the folder of the study, the number of workers (0 for its own choice), what
+    the jobs are told, and options of its own.
+
+    - `itself`: whether jobs run in the process of the driver.
+    """
+
+    itself: bool = False
+
+    @property
+    def workers(self) -> int:
+        """The jobs that are kept in flight."""
+        return 1
+
+    def submit(self, job: AnyJob, path: Path) -> Any:
+        """Begin a job in its run directory. Returns a future."""
+        raise NotImplementedError
+
+    def has_died(self, error: BaseException) -> bool:
+        """Whether the error of a future tells that the job's process or machine has died, for which the job is not to
+        blame."""
+        return False
+
+    def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
+        """Those of the futures that are done, after at most so many seconds."""
+        return set(wait(flying, seconds, FIRST_COMPLETED).done)
+
+    def stop(self) -> None:
+        """Ask all jobs to save what they have and to end."""
+
+    def close(self) -> None:
+        """Give everything back. No job is in flight any more, or those that are do not matter."""
+
+
+class Here(Place):
+    """This process, one job after the other. It alone receives the requests to stop."""
+
+    itself = True
+
+    def __init__(self, folder: Path, workers: int, told: Work):
+        check_integer("workers", workers, 0, 1)
+        self._told = told
+
+    def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
+        future: Future[Outcome] = Future()
+        try:
+            future.set_result(work(job, path, self._told))
+        except (Exception, KeyboardInterrupt) as error:
+            future.set_exception(error)
+        return future
+
+
+class Processes(Place):
+    """Processes of this machine, by default one for each processor; each has its share of the threads.
+
+    Every process has an executor of its own, so that the others do not notice when one is killed.
+    """
+
+    def __init__(self, folder: Path, workers: int, told: Work):
+        check_integer("workers", workers, 0, 4096)
+        cores = processors()
+        self._workers = workers or cores
+        self._told = told._replace(threads=told.threads or max(1, cores // self._workers))
+        self._free: list[ProcessPoolExecutor] = []
+        self._busy: dict[Future[Any], ProcessPoolExecutor] = {}
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def has_died(self, error: BaseException) -> bool:
+        return isinstance(error, BrokenProcessPool)
+
+    def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
+        context = multiprocessing.get_context("spawn")
+        executor = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
+        with process_environment(self._told.threads):  # of the process, which starts with the first job
+            future = executor.submit(work, job, path, self._told)
+        self._busy[future] = executor
+        return future
+
+    def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
+        done = super().wait(flying, seconds)
+        for future in done & self._busy.keys():
+            executor = self._busy.pop(future)
+            if isinstance(future.exception(), BrokenProcessPool):
+                executor.shutdown(wait=False)
+            else:
+                self._free.append(executor)
+        return done
+
+    def stop(self) -> None:
+        for executor in self._busy.values():
+            for process in _processes_of(executor):
+                process.terminate()
+
+    def close(self) -> None:
+        processes = [process for executor in (*self._free, *self._busy.values()) for process in _processes_of(executor)]
+        for executor in self._busy.values():  # a second request interrupts at once; what is saved stays
+            for process in _processes_of(executor):
+                process.kill()
+        for executor in (*self._free, *self._busy.values()):
+            executor.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.join()
+
+
+def _processes_of(executor: ProcessPoolExecutor) -> list[BaseProcess]:
+    return list((executor._processes or {}).values())
+
+
+def processors() -> int:
+    """The processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def thread_settings(threads: int) -> dict[str, str]:
+    """The environment in which a process uses so many threads. It must be set before JAX is loaded."""
+    return {"NPROC": str(threads), "OMP_NUM_THREADS": str(threads)}
+
+
+@contextlib.contextmanager
+def process_environment(threads: int) -> Iterator[None]:
+    """Let processes that are started within the context use so many threads."""
+    settings = thread_settings(threads)
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+
+
+def _begin() -> None:
+    """Prepare a process: Ctrl-C and SIGTERM matter only to its jobs, and it ends when the driver is killed."""
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
+    driver = multiprocessing.parent_process()
+    assert driver is not None
+
+    def watch() -> None:
+        wait_for([driver.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

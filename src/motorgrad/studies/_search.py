@@ -1,0 +1,289 @@
+"""Searches that adapt: Optuna asks for settings in rounds, and every round is a study.
+
+    study.toml                 the study, with its table `search`
+    rounds/NNNN/trials.json    what Optuna asked for
+    rounds/NNNN/rung-N/        the folder of the study of these settings
+    optuna.log                 Optuna's storage, for its dashboard; it is made again from the rounds
+
+A round asks for a fixed number of settings, and tells all their values before the next. Each question has random
+numbers of its own. So neither workers nor kills change what is asked.
+"""
+
+import dataclasses
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import filelock
+import numpy as np
+import tomli_w
+
+from motorgrad._errors import check, check_integer, choice
+from motorgrad._files import read_json, read_toml, write_atomically
+from motorgrad._settings import build, table
+from motorgrad.studies._driver import run_study
+from motorgrad.studies._grid import at_ends, expand, frozen, is_range, leaves, range_in
+from motorgrad.studies._partition import partition
+from motorgrad.studies._results import Best, Results
+from motorgrad.studies._study import Study
+from motorgrad.training import RunDirectoryError, differences
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """A search by Optuna over the ranges and lists of a study's `agent`, for one task.
+
+    **Arguments:**
+
+    - `study`: in its `agent`, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range, and a list is a choice.
+    - `trials`: settings to try in all.
+    - `batch`: settings of a round, which learn side by side. The next round knows the values of all before it.
+    - `sampler`: `"tpe"`, tree-structured Parzen estimators (Bergstra et al., 2011); `"random"`.
+    - `rungs`, `reduction`: for successive halving (Li et al., 2018). At the first of several rungs every setting learns
+      for steps / reduction^(rungs − 1). About one in `reduction` goes on to the next, where it learns from the start,
+      for `reduction` times as long.
+    - `metric`: what is to be best, as in `Results.best`: its mean over every second seed, if there are four or more.
+      The other seeds report it.
+    - `direction`: `"maximize"` or `"minimize"`.
+    - `seed`: of the search.
+    """
+
+    study: Study
+    trials: int
+    batch: int = 8
+    sampler: Literal["tpe", "random"] = "tpe"
+    rungs: int = 1
+    reduction: int = 3
+    metric: str = "reward"
+    direction: Literal["maximize", "minimize"] = "maximize"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        choice("search.sampler", self.sampler, ("tpe", "random"))
+        choice("search.direction", self.direction, ("maximize", "minimize"))
+        for name, least in (("trials", 1), ("batch", 1), ("rungs", 1), ("reduction", 2), ("seed", 0)):
+            check_integer(f"search.{name}", getattr(self, name), least, 10**6)
+        check(self.study.design is None, "design", self.study.design, "left out where there is a search")
+        alone = len(expand({"task": self.study.task})) == 1
+        check(alone, "task", self.study.task, "one task: rewards of several do not compare")
+        first = self.steps(0)
+        check(first >= 1, "search.rungs", self.rungs, f"fewer: the first would have {first} steps")
+
+    @staticmethod
+    def read(path: Path | str, *, trust: bool = False) -> "Search":
+        """The search in the TOML file of a study: its table `search`. **Raises** as `Study.read`."""
+        values = read_toml(Path(path))
+        study = Study.read(path, trust=trust)
+        try:
+            return build(Search, {"study": study, **values.get("search", {})}, "search")
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+    def as_table(self) -> dict[str, Any]:
+        """The search as a plain table, as in its file."""
+        own = {name: value for name, value in table(self).items() if name != "study"}
+        return {**self.study.as_table(), "search": own}
+
+    def steps(self, rung: int) -> int:
+        """Decisions per seed at a rung."""
+        return self.study.steps // self.reduction ** (self.rungs - 1 - rung)
+
+    def check(self) -> None:
+        """Check all choices at both ends of the ranges. **Raises** `ValueError` that names the setting."""
+        study = self.study
+        points = at_ends(expand({"task": study.task, "agent": study.agent}, ranges=True))
+        partition(points, study.steps, study.seeds, study.window, study.lanes)
+
+    def run(self, out: Path | str, **options: Any) -> "SearchResults":
+        """Run the search in a folder, or continue it there. `options` as in `run_study`.
+
+        **Raises** `ValueError` and `RunDirectoryError` before any work starts; `RuntimeError` without Optuna.
+        """
+        path = Path(out)
+        _optuna()
+        self.check()
+        file = path / "study.toml"
+        if file.is_file():
+            for where, now, then in differences(self.as_table(), read_toml(file)):
+                raise RunDirectoryError(
+                    f"{path} holds another search: {where} was {then!r} and is now {now!r}; choose another folder"
+                )
+        elif path.is_dir() and any(not name.name.startswith(".") for name in path.iterdir()):
+            raise RunDirectoryError(f"{path} holds other files and no study.toml: not the folder of a search")
+        path.mkdir(parents=True, exist_ok=True)
+        try:
+            with filelock.FileLock(path / ".lock", timeout=0):
+                write_atomically(file, tomli_w.dumps(self.as_table()).encode())
+                return _Searching(self, path, options).run()
+        except filelock.Timeout:
+            raise RunDirectoryError(f"{path} is in use by another process, which drives this search") from None
+
+    @staticmethod
+    def load(path: Path | str, *, trust: bool = False) -> "SearchResults":
+        """What a search has in its folder so far."""
+        search = Search.read(Path(path) / "study.toml", trust=trust)
+        rounds = [
+            Results.load(file.parent, trust=trust) for file in sorted(Path(path).glob("rounds/*/rung-*/study.toml"))
+        ]
+        return SearchResults(Path(path), search, rounds)
+
+
+class SearchResults:
+    """What a search has so far: its `path`, the `search`, and in `rounds` the `Results` of every rung."""
+
+    def __init__(self, path: Path, search: Search, rounds: Sequence[Results]):
+        self.path, self.search, self.rounds = path, search, list(rounds)
+
+    def __repr__(self) -> str:
+        return f"SearchResults({self.path}, {len(self.rounds)} rungs)"
+
+    @property
+    def complete(self) -> bool:
+        """Whether all trials were made, and no job was set aside."""
+        asked = -(-self.search.trials // self.search.batch)
+        begun = {results.path.parent for results in self.rounds}
+        return len(begun) == asked and all(results.complete for results in self.rounds)
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """The jobs that were set aside, in all rounds."""
+        return [failure for results in self.rounds for failure in results.failures]
+
+    def best(self, count: int = 5) -> list[Best]:
+        """The best settings of all rounds, among those that learned for all steps; see `Results.best`."""
+        search, found = self.search, []
+        for results in self.rounds:
+            if results.study.steps == search.study.steps and search.metric in results.metrics:
+                for best in results.best(search.metric, count, direction=search.direction):
+                    agent = dict(leaves({"agent": results.study.points[best.point]["agent"]}))
+                    found.append(best._replace(settings=agent))
+        sign = 1 if search.direction == "minimize" else -1
+        # two rounds may have asked for the same
+        each = {frozen(best.settings): best for best in found}
+        return sorted(each.values(), key=lambda best: sign * best.chosen_by.value)[:count]
+
+
+class _Searching:
+    """One session of a search."""
+
+    def __init__(self, search: Search, path: Path, options: Mapping[str, Any]):
+        self.search, self.path, self.options = search, path, options
+        optuna = _optuna()
+        log = path / "optuna.log"
+        log.unlink(missing_ok=True)
+        pruner = optuna.pruners.SuccessiveHalvingPruner(
+            min_resource=search.steps(0), reduction_factor=search.reduction, min_early_stopping_rate=0
+        )
+        self.optuna = optuna
+        self.asked = optuna.create_study(
+            storage=optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(log))),
+            direction=search.direction,
+            pruner=pruner,
+        )
+
+    def run(self) -> SearchResults:
+        rounds: list[Results] = []
+        for start in range(0, self.search.trials, self.search.batch):
+            made, goes_on = self._round(start)
+            rounds += made
+            if not goes_on:
+                break
+        return SearchResults(self.path, self.search, rounds)
+
+    def _round(self, start: int) -> tuple[list[Results], bool]:
+        """A round: its results by rung, and whether the search goes on."""
+        search, rounds = self.search, []
+        folder = self.path / "rounds" / f"{start // search.batch:04d}"
+        alive = self._ask(folder, start)
+        for rung in range(search.rungs):
+            agents = list({frozen(agent): agent for _, agent in alive}.values())
+            steps = search.steps(rung)
+            study = dataclasses.replace(search.study, agent=[_as_given(agent) for agent in agents], steps=steps)
+            results = run_study(study, folder / f"rung-{rung}", metric=search.metric, **self.options)
+            rounds.append(results)
+            if not results.complete and not results.failures:  # it was asked to stop
+                return rounds, False
+            values = dict(zip(map(frozen, agents), self._values(results), strict=True))
+            alive = [
+                (trial, agent)
+                for trial, agent in alive
+                if self._tell(trial, values[frozen(agent)], steps, rung == search.rungs - 1)
+            ]
+            if not alive:
+                break
+        return rounds, True
+
+    def _ask(self, folder: Path, start: int) -> list[tuple[Any, dict[str, Any]]]:
+        """The trials of a round, with their agents."""
+        search, samplers = self.search, self.optuna.samplers
+        count = min(search.batch, search.trials - start)
+        file = folder / "trials.json"
+        known = read_json(file) if file.exists() else [None] * count
+        found = []
+        for number, parameters in enumerate(known, start):
+            seed = int(np.random.SeedSequence([search.seed, number]).generate_state(1)[0])
+            kind = samplers.TPESampler if search.sampler == "tpe" else samplers.RandomSampler
+            self.asked.sampler = kind(seed=seed)
+            if parameters is not None:
+                self.asked.enqueue_trial(parameters)
+            trial = self.asked.ask()
+            found.append((trial, _suggest(trial, search.study.agent, "agent")))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(file, json.dumps([trial.params for trial, _ in found], indent=1).encode())
+        return found
+
+    def _tell(self, trial: Any, value: float, steps: int, last: bool) -> bool:
+        """Tell Optuna the value of a trial. Returns whether the trial goes on to the next rung."""
+        states = self.optuna.trial.TrialState
+        if not np.isfinite(value):
+            self.asked.tell(trial, state=states.FAIL)
+            return False
+        trial.report(value, steps)
+        if last:
+            self.asked.tell(trial, value)
+            return False
+        if trial.should_prune():
+            self.asked.tell(trial, state=states.PRUNED)
+            return False
+        return True
+
+    def _values(self, results: Results) -> np.ndarray:
+        """The mean of the metric for every setting over the seeds that choose; NaN where a job was set aside."""
+        if self.search.metric not in results.metrics:
+            return np.full(len(results.study.points), np.nan)
+        return results.choosing(results.values(self.search.metric))[0].mean(axis=1)
+
+
+def _suggest(trial: Any, value: Any, path: str) -> Any:
+    """The settings of a trial: ranges and lists replaced by what Optuna suggests."""
+    if is_range(value):
+        found = range_in(value, path)
+        return trial.suggest_float(path, found.low, found.high, log=found.scale == "log")
+    if isinstance(value, Mapping):
+        return {name: _suggest(trial, item, f"{path}.{name}") for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        options = {frozen(item): item for item in value}
+        chosen = trial.suggest_categorical(path, list(options))
+        item = options[chosen]
+        return _suggest(trial, item, f"{path}[{list(options).index(chosen)}]") if isinstance(item, Mapping) else item
+    return value
+
+
+def _as_given(value: Any) -> Any:
+    """A table of settings as a study takes it, where a list is a grid."""
+    if isinstance(value, Mapping):
+        return {name: _as_given(item) for name, item in value.items()}
+    return [value] if isinstance(value, list) else value
+
+
+def _optuna() -> Any:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import optuna  # type: ignore[import-not-found]
+    except ImportError:
+        raise RuntimeError("a search needs the package optuna: pip install 'motorgrad[search]'") from None
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna

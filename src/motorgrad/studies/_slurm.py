@@ -1,0 +1,95 @@
+"""Jobs of Slurm, through submitit."""
+
+import time
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from motorgrad._errors import check, check_integer
+from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
+from motorgrad.studies._places import Place, process_environment, thread_settings
+
+AT_ONCE = 64  # jobs in Slurm's queue, unless more are asked for
+POLL = 0.2  # seconds between two looks at the results
+
+
+class Slurm(Place):
+    """Jobs of Slurm. The folder of the study must be on a file system that all nodes share; logs are in its `slurm/`.
+
+    A job that Slurm stops because its time is over, or preempts, is submitted again by submitit and continues.
+
+    **Arguments:**
+
+    - `cluster`: `"slurm"`; or `"local"`, processes of this machine, to try a study out.
+    - `parameters`: of the jobs: submitit's own, such as `timeout_min`, `mem_gb` and `cpus_per_task`, and Slurm's, such
+      as `partition`, `account` and `qos`.
+
+    **Raises** `RuntimeError` without the package, and where there is no Slurm; `ValueError` for unknown parameters.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        workers: int,
+        told: Work,
+        cluster: str = "slurm",
+        parameters: Mapping[str, Any] | None = None,
+    ):
+        try:
+            import submitit  # type: ignore[import-not-found]
+            from submitit.core import utils  # type: ignore[import-not-found]
+        except ImportError:
+            raise RuntimeError("Slurm needs the package submitit: pip install 'motorgrad[slurm]'") from None
+        check_integer("workers", workers, 0, 100_000)
+        check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
+        self._workers, self._errors = workers or AT_ONCE, utils
+        self._told = told._replace(threads=told.threads or int((parameters or {}).get("cpus_per_task", 1)))
+        known = submitit.AutoExecutor._typed_parameters()
+        given = {name if name in known else f"slurm_{name}": value for name, value in (parameters or {}).items()}
+        exports = [f"export {name}={value}" for name, value in thread_settings(self._told.threads).items()]
+        given["slurm_setup"] = [*exports, *given.get("slurm_setup", ())]
+        try:
+            self.executor = submitit.AutoExecutor(folder=folder.absolute() / "slurm", cluster=cluster)
+            self.executor.update_parameters(
+                **({"name": "motorgrad", "cpus_per_task": self._told.threads, "timeout_min": 24 * 60} | given)
+            )
+        except (NameError, AssertionError) as error:
+            raise ValueError(f"slurm: {error}") from None
+        self._jobs: set[Any] = set()
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def has_died(self, error: BaseException) -> bool:
+        died, raised = self._errors.UncompletedJobError, self._errors.FailedJobError
+        return isinstance(error, died) and not isinstance(error, raised)
+
+    def submit(self, job: AnyJob, path: Path) -> Any:
+        with process_environment(self._told.threads):
+            submitted = self.executor.submit(ResumableWork(), job, path.absolute(), self._told)
+        self._jobs.add(submitted)
+        return submitted
+
+    def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
+        end = time.monotonic() + seconds
+        while not (done := {job for job in flying if job.done()}) and time.monotonic() < end:
+            time.sleep(POLL)
+        self._jobs -= done
+        return done
+
+    def stop(self) -> None:
+        for job in self._jobs:
+            job.cancel(check=False)  # a SIGTERM, on which a job saves what it has
+
+
+class ResumableWork:
+    """`work` as submitit wants it: `checkpoint` says what is left to do when Slurm stops a job, the same again."""
+
+    def __call__(self, *arguments: Any) -> Outcome:
+        return work(*arguments)
+
+    def checkpoint(self, *arguments: Any) -> Any:
+        import submitit  # type: ignore[import-not-found]
+
+        return submitit.helpers.DelayedSubmission(self, *arguments)

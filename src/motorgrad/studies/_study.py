@@ -1,0 +1,165 @@
+"""A study: tasks × settings × seeds, as one table."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from motorgrad._errors import check, check_integer, choice
+from motorgrad._files import read_toml
+from motorgrad._settings import as_hinted, build, table
+from motorgrad.studies._grid import Point, draw, expand, leaves, varied
+from motorgrad.studies._partition import Job, partition
+from motorgrad.tasks import TASKS
+from motorgrad.training import check_imports
+
+DEFAULT_LANES = 1024
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """How the ranges of a study are drawn.
+
+    **Arguments:**
+
+    - `kind`: `"random"`, independent and uniform draws; or `"sobol"`, a scrambled Sobol sequence, which fills the space
+      more evenly (Owen, 1998).
+    - `count`: draws for each combination of the lists; for Sobol a power of two.
+    - `seed`: of the draws.
+    """
+
+    kind: Literal["random", "sobol"]
+    count: int
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        choice("design.kind", self.kind, ("random", "sobol"))
+        check_integer("design.seed", self.seed, 0, 2**31 - 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """Tasks × settings × seeds. In every table a list is a grid.
+
+    **Arguments:**
+
+    - `task`: the name of a task, a table with its `name` and settings, or a list of these.
+    - `agent`: changes to the task's own learner, as in `agent_for`; or a list of such tables. A list of numbers or
+      names is a grid; a setting that takes a list itself is a list of lists.
+    - `steps`: decisions per seed.
+    - `seeds`: their number (0, 1, 2 …), or a list of them.
+    - `window`: decisions per record of the metrics, by default a fiftieth of the steps.
+    - `lanes`: the most settings × seeds of one compiled call. Another number may change the last bits of results.
+    - `design`: how ranges are drawn. With it, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range; without
+      a `scale` it is linear.
+
+    The study alone determines its `jobs`, each of which is one compiled call and one run directory: neither the
+    number of workers nor a failure changes a number.
+
+    **Raises** `ValueError` that names the setting, and the nearest known one, before any work.
+
+    ```python
+    study = mg.Study(task=["three-state", "chain"], agent={"learning_rate": [1e-3, 1e-2]}, steps=2_000, seeds=4)
+    results = study.run("runs/study", progress=False)
+    print(results.best("reward")[0].settings)
+    ```
+    """
+
+    task: Any
+    agent: Any = dataclasses.field(default_factory=dict)
+    steps: int = 100_000
+    seeds: int | tuple[int, ...] = 1
+    window: int | None = None
+    lanes: int = DEFAULT_LANES
+    design: Design | None = None
+
+    def __post_init__(self) -> None:
+        for name, hint in (("steps", int), ("seeds", int | tuple[int, ...]), ("window", int | None), ("lanes", int)):
+            value = getattr(self, name)
+            value = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+            object.__setattr__(self, name, as_hinted(hint, value, name))
+        object.__setattr__(self, "design", as_hinted(Design | None, self.design, "design"))
+        check_integer("lanes", self.lanes, 1, 1_000_000)
+        task = [{"name": each} if isinstance(each, str) else each for each in _listed(self.task)]
+        wanted = "the name of a task, a table with its name, or a list of them"
+        check(task and all(isinstance(each, Mapping) for each in task), "task", self.task, wanted)
+        for each in task:
+            check("name" in each, "task.name", each, "given")
+            for name in _listed(each["name"]):
+                choice("task", name, TASKS)
+        agent = _listed(self.agent)
+        check(all(isinstance(each, Mapping) for each in agent), "agent", self.agent, "a table, or a list of tables")
+        object.__setattr__(self, "task", task[0] if len(task) == 1 else task)
+        object.__setattr__(self, "agent", agent[0] if len(agent) == 1 else agent)
+
+    @staticmethod
+    def read(path: Path | str, *, trust: bool = False) -> "Study":
+        """The study in a TOML file.
+
+        **Arguments:** `trust`: whether its tasks may import modules that the file names.
+
+        **Raises** `ValueError` that names the file and the setting, and `NotTrusted`.
+        """
+        values = {name: value for name, value in read_toml(Path(path)).items() if name != "search"}
+        try:
+            study = build(Study, values)
+            for point in expand({"task": study.task}):
+                check_imports(point["task"], str(path), trust)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        return study
+
+    def as_table(self) -> dict[str, Any]:
+        """The study as a plain table, as in its file."""
+        return table(self)
+
+    @functools.cached_property
+    def points(self) -> list[Point]:
+        """Every setting as a table of `task` and `agent`, in the order of the grid; later lists change faster."""
+        tables = expand({"task": self.task, "agent": self.agent}, ranges=self.design is not None)
+        if self.design is not None:
+            return draw(tables, self.design.kind, self.design.count, self.design.seed)
+        return tables
+
+    @functools.cached_property
+    def settings(self) -> list[dict[str, Any]]:
+        """What distinguishes each point, by path, such as `{"task.name": "chain", "agent.learning_rate": 0.01}`."""
+        flat = [dict(leaves(point)) for point in self.points]
+        paths = varied(flat)
+        return [{path: point[path] for path in paths if path in point} for point in flat]
+
+    @functools.cached_property
+    def seed_list(self) -> list[int]:
+        """The seeds."""
+        return list(range(self.seeds)) if isinstance(self.seeds, int) else list(self.seeds)
+
+    @functools.cached_property
+    def jobs(self) -> list[Job]:
+        """The compiled calls of the study, all checked.
+
+        **Raises** `ValueError` that names the first impossible setting.
+        """
+        return partition(self.points, self.steps, self.seeds, self.window, self.lanes)
+
+    def check(self) -> None:
+        """Check every combination. **Raises** `ValueError` that names the first impossible setting."""
+        _ = self.jobs
+
+    def run(self, out: Path | str, **options: Any) -> Any:
+        """Run the study in a folder, or continue it there. Returns its `Results`. `run_study` has the options."""
+        from motorgrad.studies._driver import run_study
+
+        return run_study(self, out, **options)
+
+    @staticmethod
+    def load(path: Path | str, *, trust: bool = False) -> Any:
+        """The `Results` in a study's folder, whether or not the study still runs. `trust` as in `read`."""
+        from motorgrad.studies._results import Results
+
+        return Results.load(path, trust=trust)
+
+
+def _listed(value: Any) -> list[Any]:
+    """A list, or the one thing that is given instead of a list."""
+    return list(value) if isinstance(value, list | tuple) else [value]

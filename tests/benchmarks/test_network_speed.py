@@ -1,0 +1,55 @@
+"""The networks of the speed table: the learner in torch is ours, and the row says what was measured."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from motorgrad.benchmarks import _networks as networks
+from motorgrad.policies._graded import normal_of
+
+STEPS = 6
+
+
+def test_the_learner_in_torch_takes_the_same_steps():
+    torch = pytest.importorskip("torch", reason="needs the extra motorgrad[peers]")
+    agent = networks.learner((16, 8))
+    state = agent.init(jax.random.key(0))
+    peer = networks.TorchLearner(state.policy, state.estimator.baseline.weights)
+    start = [p.detach().numpy().copy() for p in (*peer.of_policy, *peer.of_critic)]
+    rng = np.random.default_rng(0)
+    looks = rng.uniform(-1, 1, (STEPS + 1, networks.OBSERVED)).astype(np.float32)
+    uniforms = rng.uniform(size=(STEPS, networks.ACTED)).astype(np.float32)
+
+    @jax.jit
+    def decide(state, look, number, after):
+        state, action = agent.act(state, look, number)
+        return agent.improve(agent.reinforce(state, -jnp.mean(action * action), after))
+
+    for t in range(STEPS):
+        peer.step(*map(torch.tensor, (looks[t], np.array(normal_of(uniforms[t])), looks[t + 1])))
+        state = decide(state, looks[t], uniforms[t], looks[t + 1])
+    policy, critic = state.policy, state.estimator.baseline.weights
+    wanted = []
+    for module, *last in (
+        (policy.module, policy.pool.slope, policy.pool.level, policy.pool.log_deviation),
+        (critic.layers, critic.weights[None], critic.bias[None]),
+    ):
+        wanted += [leaf for layer in module.layers[::3] for leaf in (layer.weight, layer.bias)] + last
+    found = [p.detach().numpy().copy() for p in (*peer.of_policy, *peer.of_critic)]
+    for one, other, begun in zip(found, wanted, start, strict=True):
+        assert np.any(one != begun)
+        np.testing.assert_allclose(one - begun, other - begun, rtol=1e-2, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_row_says_what_was_measured_with_torch_and_without(monkeypatch):
+    monkeypatch.setattr(networks, "HIDDEN", (4, 4))
+    row = networks.network_row(50, 20, 1, "≥ 1")
+    if row.other is not None:
+        assert row.name == "policy and critic of 2 × 4, one stream ÷ torch"
+    monkeypatch.setattr(networks.importlib.util, "find_spec", lambda name: None)
+    row = networks.network_row(50, 20, 1, "≥ 1")
+    assert row.name == "policy and critic of 2 × 4, one stream (torch is not installed: extra peers)"
+    assert row.other is None
+    assert row.ours > 0

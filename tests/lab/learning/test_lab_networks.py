@@ -1,0 +1,66 @@
+"""Networks in diagrams: a policy with hidden layers, and a critic with its own."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from motorgrad import lab, policies
+
+TICKS = 12
+
+
+def test_a_network_acts_and_shows_its_hidden_units_as_the_policy():
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.UniformNoise(shape=(2,)))
+    block = lab.Network("softmax", 2, 3, hidden=(5, 4), sparsity=0.5)
+    made.add("network", block)
+    made.connect("seen", "network.observation")
+    size = block.outputs["parameters"].shape[0]
+    assert (size, block.outputs["hidden"].shape) == (2 * 5 + 5 + 5 * 4 + 4 + 4 * 3, (9,))
+    watch = ["seen.y", "network.hidden", "network.probability", "network.parameters"]
+    record = lab.Run(made, 2, watch=watch).advance(TICKS)
+    start = policies.softmax(2, 3, network=policies.MultilayerPerceptron((5, 4), sparsity=0.5))(jax.random.key(0))
+    learned, rest = policies.split(start)
+    unravel = jax.flatten_util.ravel_pytree(learned)[1]
+    for seed in range(2):
+        policy = jax.tree.map(
+            lambda a, b: b if a is None else a,
+            unravel(jnp.asarray(record["network.parameters"][seed, 0], jnp.float32)),
+            rest,
+            is_leaf=lambda leaf: leaf is None,
+        )
+        for tick in range(TICKS):
+            seen = jnp.asarray(record["seen.y"][seed, tick], jnp.float32)
+            hidden = np.concatenate(policies.hidden_activations(policy, seen))
+            np.testing.assert_allclose(record["network.hidden"][seed, tick], hidden, rtol=1e-4, atol=1e-5)
+            np.testing.assert_allclose(record["network.probability"][seed, tick], policy.prob(seen), rtol=1e-4)
+    one, other = record["network.parameters"][:, 0]
+    assert np.any(one != other)  # each seed has its own
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: lab.Network("tiles"), "unknown policy 'tiles'"),
+        (lambda: lab.Network(hidden=(0,)), "hidden = (0,)"),
+        (lambda: lab.Network(settings="units = 2.5"), "units"),
+    ],
+)
+def test_settings_of_a_network_are_refused_by_name(make, names):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        make()
+    assert names in str(error.value)
+
+
+def test_the_critics_of_two_seeds_have_their_own_layers_and_learn():
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.UniformNoise(shape=(2,)))
+    made.add("critic", lab.BLOCKS["network-critic baseline"](hidden=(6,), discount=0.9, observed=2))
+    made.add("reward", lab.Constant(1.0))
+    for source, target in (("seen", "observation"), ("seen", "next_observation"), ("reward", "reward")):
+        made.connect(source, f"critic.{target}")
+    record = lab.Run(made, 2, watch=["critic.value", "critic.error"]).advance(200)
+    values = record["critic.value"]
+    assert np.any(values[0] != values[1])
+    assert values[:, -20:].mean() > 1  # of the 10 that are to be had

@@ -1,0 +1,33 @@
+"""TimSim's probe and the plane of a particle, with policies that remember."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import motorgrad as mg
+from motorgrad.policies import initial
+from motorgrad.sim import plane
+from motorgrad.sim.live._probe import probe
+from motorgrad.training import agent_for, stepper_for
+
+
+def test_the_probability_shown_is_that_of_what_the_units_saw():
+    task = mg.make("hopper")
+    agent = agent_for(task, policy={"kind": "finite-state-controller", "states": 3, "strength": 9.0})
+    stepper = stepper_for(task, agent, [0], "sample", threads=1)
+    look = probe(stepper, [])
+    for _ in range(5):
+        stepper.advance(1)
+        cycle = stepper.state["cycle"]
+        policy = jax.tree.map(lambda leaf: leaf[0], cycle.agent.policy)
+        seen = jnp.asarray(cycle.agent.decision.observation[0])
+        np.testing.assert_allclose(look()["probability"][0], policy.prob(seen), rtol=1e-5)
+        np.testing.assert_allclose(seen[:3], cycle.observation[0], rtol=1e-6)
+
+
+def test_episodes_of_a_particle_can_be_walked_with_a_memory():
+    task = mg.make("particle")
+    policy = initial("recurrent", task, hidden=2)(jax.random.key(0))
+    tracks = plane.trajectories(task, policy, episodes=2, decisions=5)
+    assert len(tracks) == 2
+    assert all(len(track) > 1 and np.isfinite(track).all() for track in tracks)

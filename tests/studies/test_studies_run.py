@@ -1,0 +1,157 @@
+"""Running studies in this process: what is in the folder, how a study continues, and what becomes of failures."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+from study_examples import assert_same_study, small
+
+import motorgrad as mg
+from motorgrad.studies import Study, _partition, run_study
+from motorgrad.studies._folder import StudyFolder
+from motorgrad.training import RunDirectoryError, final_metrics
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A study that has run here without a break."""
+    return small().run(tmp_path_factory.mktemp("done") / "study", progress=False)
+
+
+def test_every_job_is_the_run_that_train_would_make(done):
+    assert done.complete
+    for job in done.study.jobs:
+        wanted = mg.train("three-state", job.agent, 400, 2, sweep=job.sweep, window=100, progress=False)
+        expected = final_metrics(wanted)["reward"].reshape(-1, 2)
+        np.testing.assert_array_equal(done.values("reward")[list(job.points)], expected)
+        for point, part in zip(job.points, wanted.split(), strict=True):
+            found = done.run(point)
+            jax.tree.map(np.testing.assert_array_equal, found.policies, part.policies)
+            assert found.config["agent"]["estimator"]["baseline"] == part.config["agent"]["estimator"]["baseline"]
+
+
+def test_the_table_has_a_row_for_every_setting_and_seed(done):
+    table = done.table
+    assert table.num_rows == 8 * 2
+    assert set(table["status"].to_pylist()) == {"done"}
+    assert set(table["decision"].to_pylist()) == {400}
+    for row in table.to_pylist():
+        setting = done.study.settings[row["point"]]
+        assert {path: row[path] for path in setting} == setting
+    assert done.metrics == ["reward"]
+    with pytest.raises(ValueError, match="did you mean 'reward'"):
+        done.values("rewrd")
+
+
+def test_the_index_is_made_again_from_the_run_directories(done):
+    file = done.path / "index.parquet"
+    before = file.read_bytes()
+    for content in (None, b"damaged"):
+        file.unlink() if content is None else file.write_bytes(content)
+        assert Study.load(done.path).table.equals(done.table)
+    run_study(done.study, done.path, progress=False)
+    assert file.read_bytes() == before
+    assert Study.load(done.path).table.equals(done.table)
+
+
+def test_a_study_that_has_run_is_not_run_again(done, monkeypatch):
+    monkeypatch.setattr(_partition, "train", None)
+    assert run_study(done.study, done.path, progress=False).complete
+
+
+def test_the_best_are_reported_over_seeds_that_did_not_choose_them(tmp_path):
+    study = small(agent={"learning_rate": [0.001, 0.2]}, seeds=6, lanes=100)
+    results = study.run(tmp_path / "study", progress=False)
+    values = results.values("reward")
+    first, second = results.best("reward")
+    assert first.chosen_by.value >= second.chosen_by.value
+    assert first.value.value == pytest.approx(values[first.point, 1::2].mean())
+    assert first.chosen_by.value == pytest.approx(values[first.point, ::2].mean())
+    assert first.settings == study.settings[first.point]
+    (worst,) = results.best("reward", 1, direction="minimize", held_out=False, statistic="median")
+    assert worst.value.value == pytest.approx(np.median(values, axis=1).min())
+
+
+def failing(monkeypatch, times, which="0001-three-state"):
+    """Lets the training of one job fail a number of times."""
+    train, calls = _partition.train, []
+
+    def train_or_fail(*arguments, **options):
+        if arguments[4].name == which:
+            calls.append(which)
+            if len(calls) <= times:
+                raise RuntimeError(f"the disk is on fire, for the time number {len(calls)}")
+        return train(*arguments, **options)
+
+    monkeypatch.setattr(_partition, "train", train_or_fail)
+    return calls
+
+
+def test_a_job_that_fails_is_tried_again(done, tmp_path, monkeypatch):
+    calls = failing(monkeypatch, 2)
+    results = small().run(tmp_path / "study", progress=False)
+    assert len(calls) == 3
+    assert not results.failures
+    assert_same_study(results.path, done.path)
+
+
+def test_a_job_that_fails_always_is_set_aside_and_the_others_go_on(done, tmp_path, monkeypatch):
+    calls = failing(monkeypatch, 5)
+    results = small().run(tmp_path / "study", progress=False, attempts=2)
+    assert len(calls) == 2
+    assert not results.complete
+    (failure,) = results.failures
+    assert failure["job"] == "0001-three-state"
+    assert failure["attempts"] == 2
+    assert failure["message"] == "RuntimeError: the disk is on fire, for the time number 2"
+    assert "train_or_fail" in failure["traceback"]
+    assert failure["settings"] == [results.study.settings[point] for point in failure["points"]]
+    status = dict(zip(results.table["job"].to_pylist(), results.table["status"].to_pylist(), strict=True))
+    assert sorted(status.values()) == ["done", "done", "done", "failed"]
+    assert np.isnan(results.values("reward")).sum() == 4
+    assert results.best("reward")
+    # the same call tries it again
+    monkeypatch.undo()
+    results = small().run(tmp_path / "study", progress=False)
+    assert not results.failures
+    assert_same_study(results.path, done.path)
+
+
+def test_a_folder_has_one_driver(tmp_path):
+    with (
+        StudyFolder(tmp_path / "study", small()),
+        pytest.raises(RunDirectoryError, match="in use by another process, which drives this study"),
+    ):
+        small().run(tmp_path / "study", progress=False)
+
+
+def test_a_folder_of_something_else_is_refused(done, tmp_path):
+    with pytest.raises(RunDirectoryError, match="steps was 400 and is now 500; choose another folder"):
+        small(steps=500).run(done.path, progress=False)
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(RunDirectoryError, match="holds other files and no study"):
+        small().run(tmp_path, progress=False)
+    with pytest.raises(RunDirectoryError, match="not the folder of a study"):
+        Study.load(tmp_path)
+
+
+def test_unknown_places_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="did you mean 'processes'"):
+        small().run(tmp_path / "study", on="process")
+
+
+def test_a_study_from_elsewhere_imports_nothing_unasked(tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text('[task]\nname = "gymnasium"\nenv_id = "a_module_of_nobody:Env-v0"\n')
+    with pytest.raises(mg.training.NotTrusted, match="a_module_of_nobody"):
+        Study.read(study)
+    with pytest.raises(mg.training.NotTrusted, match="a_module_of_nobody"):
+        Study.load(tmp_path)
+
+
+def test_failures_are_kept_as_json(tmp_path, monkeypatch):
+    failing(monkeypatch, 1)
+    results = small().run(tmp_path / "study", progress=False, attempts=1)
+    (file,) = (results.path / "failures").iterdir()
+    assert json.loads(file.read_text()) == results.failures[0]

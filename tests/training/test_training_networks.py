@@ -1,0 +1,75 @@
+"""Networks on the command line, in tables, on disk and in sweeps."""
+
+import jax
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.cli import main
+from motorgrad.policies import MultilayerPerceptron, Network
+
+SMALL = {"hidden": [6, 5]}
+LEARNER = {
+    "policy.network": SMALL,
+    "baseline": {"kind": "network-critic", "discount": 0.9, "network": SMALL},
+    "bound": {"scaling": 3.0},
+    "learning_rate": 1.0,
+}
+
+
+def leaves(run):
+    return jax.tree.leaves(run.policies)
+
+
+def test_tables_name_the_hidden_layers_of_policy_and_critic():
+    task = mg.make("hopper")
+    agent = mg.agent_for(task, LEARNER)
+    assert agent.policy.settings == {"network": MultilayerPerceptron((6, 5))}
+    assert agent.estimator.baseline.network == MultilayerPerceptron((6, 5))
+    changed = agent.policy.with_setting({"network": {"activation": "tanh"}})
+    assert changed.settings["network"] == MultilayerPerceptron((6, 5), "tanh")
+    assert mg.agent_for(task, policy=changed.as_setting()).policy == changed
+    assert changed.with_setting({"network": "none"}).settings == {}
+    for bad, told in {
+        "hiden": "did you mean 'hidden'",
+        "hidden": "must be one or more whole",
+        "sparsity": "in",
+    }.items():
+        with pytest.raises(ValueError, match=told):
+            mg.agent_for(task, {"policy.network": {bad: [-1] if bad == "hidden" else -1}})
+    with pytest.raises(ValueError, match=r"unknown .*'preceptron': did you mean 'perceptron'"):
+        mg.agent_for(task, {"policy.network": "preceptron"})
+
+
+def test_returns_are_fitted_in_one_environment_alone():
+    agent = mg.agent_for("hopper", baseline={"kind": "network-critic", "fit": "fitted-returns", "discount": 0.9})
+    with pytest.raises(ValueError, match="envs = 4: must be 1 for a critic fitted by FittedReturns"):
+        mg.train("hopper", agent, steps=64, seeds=1, envs=4)
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_a_run_of_networks_is_stored_continued_and_evaluated_bit_for_bit(tmp_path):
+    options = ["--agent.policy.network", "perceptron", "--agent.policy.network.hidden", "6", "5"]
+    options += ["--agent.baseline", "network-critic", "--agent.estimator.baseline.discount", "0.9"]
+    options += ["--agent.bound", "overshooting", "--agent.learning-rate", "1.0", "--seeds", "2"]
+    for name, steps in (("whole", 96), ("half", 48)):
+        assert main(["train", "hopper", *options, "--steps", str(steps), "--out", str(tmp_path / name)]) == 0
+    run = mg.load(tmp_path / "whole")
+    assert isinstance(run.policies, Network)
+    again = mg.resume(tmp_path / "half", 96, progress=False)
+    assert again.decision == 96
+    for one, other in zip(leaves(again), leaves(run), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert main(["evaluate", str(tmp_path / "half"), "--steps", "32", "--no-film"]) in (0, 2)
+
+
+@pytest.mark.slow
+def test_a_sweep_of_numbers_is_as_the_runs_alone():
+    task = mg.make("chain")
+    settings = {**LEARNER, "policy": {"kind": "softmax", "network": SMALL}}
+    del settings["policy.network"]
+    swept = mg.train(task, mg.agent_for(task, settings), steps=64, seeds=2, sweep={"bound.scaling": [3.0, 6.0]})
+    alone = mg.train(task, mg.agent_for(task, {**settings, "bound": {"scaling": 6.0}}), steps=64, seeds=2)
+    for one, other in zip(leaves(swept), leaves(alone), strict=True):
+        np.testing.assert_allclose(np.asarray(one)[2:], other, rtol=1e-5, atol=1e-6)
