@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 
 import motorgrad as mg
 from motorgrad.learning import ConjugateGradient, FisherMetric, Transition
-from motorgrad.policies import Hyperplanes, MultilayerPerceptron, Policy, softmax, split, trainable
+from motorgrad.policies import Hyperplanes, MultilayerPerceptron, Policy, hyperplanes, softmax, split, trainable
 
 UNITS = Hyperplanes([[1.0, -0.5], [0.2, 0.3], [-0.4, 0.1]], [0.1, -0.4, 0.0])
 NETWORK = softmax(2, 3, network=MultilayerPerceptron(hidden=(5, 4), sparsity=0.0))(jax.random.key(1))
@@ -129,6 +129,13 @@ def test_a_network_learns_by_it_and_resumes_bit_for_bit(tmp_path):
     again = mg.train("call-admission", agent, 600, 3, tmp_path / "run", progress=False)
     for one, other in zip(jax.tree.leaves(whole.policies), jax.tree.leaves(again.policies), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_blocks_that_would_fill_the_memory_are_refused():
+    large = hyperplanes(10, 2, network=MultilayerPerceptron(hidden=(64, 64)))(jax.random.key(0))
+    with pytest.raises(ValueError, match="at most 4,096 parameters"):
+        FisherMetric().init(large)
+    assert ConjugateGradient().init(large).seen == 0
 
 
 @pytest.mark.parametrize(("name", "value"), [("memory", 0), ("iterations", 0), ("damping", -1.0), ("kl", -0.1)])

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
@@ -20,6 +21,9 @@ from motorgrad.learning._branching import NEVER, Flag, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Policy, trainable
+
+LARGEST = 4096
+"""Parameters of a block: its matrix has their square."""
 
 Blocks = tuple[Float[Array, "units parameters parameters"], ...]
 
@@ -96,7 +100,7 @@ class FisherMetric(Metric):
     as much damping, relative to its own diagonal, as rounding errors are worth, so that nothing is infinite.
 
     **Raises:** `ValueError` for a value out of range; from `init`, for a damping without a field, or one whose shape
-    does not fit its field.
+    does not fit its field, and for a policy with more than 4,096 parameters in a block.
     """
 
     needs_decision: ClassVar[bool] = True
@@ -108,6 +112,9 @@ class FisherMetric(Metric):
     kl: float | Annealed | None = number(None, 0)
 
     def init(self, policy: Policy) -> Blocks | Gathering:
+        widest = max(block.shape[1] for block in jax.eval_shape(self._dampings, policy))
+        smaller = f"one whose blocks have at most {LARGEST:,} parameters; ConjugateGradient takes any"
+        check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
         blocks = tuple(_identities(block, self.initial) for block in self._dampings(policy))
         if self.interval == 1:
             return blocks
