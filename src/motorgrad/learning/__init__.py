@@ -18,6 +18,7 @@ from motorgrad.learning._baselines import (
 )
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import (
@@ -54,6 +55,7 @@ __all__ = [
     "BoundedTemporalDifference",
     "Chain",
     "Clock",
+    "ConjugateGradient",
     "Constant",
     "Criterion",
     "Critic",

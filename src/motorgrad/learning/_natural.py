@@ -5,12 +5,15 @@ natural gradient $F^{-1}\nabla\eta$ (Amari, 1998; Kakade, 2001) is the steepest 
 their actions independently have uncorrelated scores, so the matrix of a pool consists of one block for each unit.
 """
 
+import abc
 from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
@@ -18,6 +21,9 @@ from motorgrad.learning._branching import NEVER, Flag, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Policy, trainable
+
+LARGEST = 4096
+"""Parameters of a block: its matrix has their square."""
 
 Blocks = tuple[Float[Array, "units parameters parameters"], ...]
 
@@ -37,6 +43,33 @@ def _blocks(state: Blocks | Gathering) -> Blocks:
 
 class Metric(Transformation):
     """The measure of distance between policies by which a gradient is the steepest ascent."""
+
+    kl: eqx.AbstractVar[float | Annealed | None]
+
+    @abc.abstractmethod
+    def divergence(self, state: Any, policy: Policy, step: Any) -> Float[Array, ""]:
+        r"""$\frac12 \Delta' F \Delta$ of a step of the parameters, in nats."""
+
+    def constrain(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> Updates:
+        if self.kl is None:
+            return updates
+        limit = at(self.kl, steps)
+
+        def bounded(step: Updates) -> Updates:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            return self.bounded(*jax.lax.optimization_barrier((state, policy, step, limit)))
+
+        return where_any(due, bounded, updates)
+
+    def bounded(self, state: Any, policy: Policy, step: Any, limit: Float[Array, ""]) -> Any:
+        """A step of the parameters, shortened where its divergence exceeds the `limit`, in nats."""
+        longest = jnp.max(jnp.stack([jnp.max(jnp.abs(leaf), initial=0) for leaf in jax.tree.leaves(step)]))
+        longest = jnp.where(longest > 0, longest, 1)  # in units of which no square overflows
+        divergence = self.divergence(state, policy, jax.tree.map(lambda x: x / longest, step))
+        some = divergence > 0
+        most = jnp.sqrt(limit / jnp.where(some, divergence, 1)) / longest
+        factor = jnp.where(some, jnp.minimum(most, 1), 1)
+        return jax.tree.map(lambda x: (factor * x).astype(x.dtype), step)
 
 
 class FisherMetric(Metric):
@@ -67,7 +100,7 @@ class FisherMetric(Metric):
     as much damping, relative to its own diagonal, as rounding errors are worth, so that nothing is infinite.
 
     **Raises:** `ValueError` for a value out of range; from `init`, for a damping without a field, or one whose shape
-    does not fit its field.
+    does not fit its field, and for a policy with more than 4,096 parameters in a block.
     """
 
     needs_decision: ClassVar[bool] = True
@@ -79,6 +112,9 @@ class FisherMetric(Metric):
     kl: float | Annealed | None = number(None, 0)
 
     def init(self, policy: Policy) -> Blocks | Gathering:
+        widest = max(block.shape[1] for block in jax.eval_shape(self._dampings, policy))
+        smaller = f"one whose blocks have at most {LARGEST:,} parameters; ConjugateGradient takes any"
+        check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
         blocks = tuple(_identities(block, self.initial) for block in self._dampings(policy))
         if self.interval == 1:
             return blocks
@@ -140,14 +176,7 @@ class FisherMetric(Metric):
         return where_any(due, direction, updates), state
 
     def constrain(self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Any, due: Flag) -> Updates:
-        if self.kl is None:
-            return updates
-        limit, state = at(self.kl, steps), _blocks(state)
-
-        def bounded(step: Updates) -> Updates:
-            return self.bounded(*jax.lax.optimization_barrier((state, policy, step, limit)))
-
-        return where_any(due, bounded, updates)
+        return super().constrain(updates, _blocks(state), policy, steps, due)
 
     def after_growth(self, state: Blocks | Gathering, new: Bool[Array, " units"]) -> Blocks | Gathering:
         blocks = tuple(
@@ -160,18 +189,9 @@ class FisherMetric(Metric):
         parts = zip(state, self._dampings(policy), policy.blocks(gradient), strict=True)
         return policy.from_blocks(tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
 
-    def bounded(self, state: Blocks, policy: Policy, step: Any, limit: Float[Array, ""]) -> Any:
-        """A step of the parameters, shortened where its divergence exceeds the `limit`, in nats."""
-        blocks = policy.blocks(step)
-        longest = jnp.max(jnp.stack([jnp.max(jnp.abs(block), initial=0) for block in blocks]))
-        longest = jnp.where(longest > 0, longest, 1)  # in units of which no square overflows
-        parts = zip(state, blocks, strict=True)
-        terms = [jnp.sum((f * (s / longest)[:, None, :]).sum(-1) * (s / longest)) for f, s in parts]
-        divergence = 0.5 * sum(terms, start=jnp.zeros(()))
-        some = divergence > 0
-        most = jnp.sqrt(limit / jnp.where(some, divergence, 1)) / longest
-        factor = jnp.where(some, jnp.minimum(most, 1), 1)
-        return jax.tree.map(lambda x: (factor * x).astype(x.dtype), step)
+    def divergence(self, state: Blocks, policy: Policy, step: Any) -> Float[Array, ""]:
+        parts = zip(state, policy.blocks(step), strict=True)
+        return 0.5 * sum((jnp.sum((f * s[:, None, :]).sum(-1) * s) for f, s in parts), start=jnp.zeros(()))
 
     def _dampings(self, policy: Policy) -> tuple[Float[Array, "units parameters"], ...]:
         parameters = trainable(policy)

@@ -5,6 +5,7 @@ from motorgrad._tree import register as register
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
+from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._critic_fits import CriticFit, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import Estimator, RootMeanSquare
@@ -44,7 +45,7 @@ KINDS.update(
         FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
-        Metric: {"fisher": FisherMetric},
+        Metric: {"conjugate-gradient": ConjugateGradient, "fisher": FisherMetric},
         Optimizer: {"adam": Adam, "sgd": SGD},
         OvershootingBound: {"overshooting": OvershootingBound},
         PolyakAveraging: {"polyak": PolyakAveraging},

@@ -87,6 +87,18 @@ class BinaryUnits(Policy):
         rows = jax.vmap(self._fisher_rows)(observations)
         return (outer_sum(jnp.sqrt(weights)[:, None, None] * rows),)
 
+    def fisher_coordinates(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> Float[Array, " coordinates"]:
+        r"""Of independent units $p/\sqrt{p(1 - p)}$, whose denominators are held constant."""
+        if not self.independent:
+            return super().fisher_coordinates(observation, action)
+        p = self.prob(observation)
+        variance = p * (1 - p)
+        return p * jax.lax.stop_gradient(
+            jnp.where(variance > 0, jax.lax.rsqrt(jnp.where(variance > 0, variance, 1)), 0)
+        )
+
     def _fisher_rows(self, observation: Float[Array, " inputs"]) -> Float[Array, "units parameters"]:
         """The rows whose outer products are the Fisher matrices."""
         p = self.prob(observation)
@@ -129,6 +141,14 @@ class SigmoidUnits(BinaryUnits):
         surprise = action - self.prob(observation)
         gradient = self.potential_gradient(observation)
         return in_structure(self, **{name: per_unit(surprise, slope) * slope for name, slope in gradient.items()})
+
+    def fisher_coordinates(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> Float[Array, " units"]:
+        r"""$\sqrt{p(1 - p)}\,\phi$, whose factors are held constant."""
+        potential = self.potential(observation)
+        spread = jnp.exp(0.5 * (jax.nn.log_sigmoid(potential) + jax.nn.log_sigmoid(-potential)))
+        return jax.lax.stop_gradient(spread) * potential
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         potential = self.potential(observation)

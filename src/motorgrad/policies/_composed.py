@@ -69,6 +69,12 @@ class Pools(Composed):
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
         return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
 
+    def fisher_coordinates(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> Float[Array, " coordinates"]:
+        parts = zip(self.pools, _shares(self.pools, action), strict=True)
+        return jnp.concatenate([pool.fisher_coordinates(observation, part) for pool, part in parts])
+
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:

@@ -62,6 +62,9 @@ class Seeing(Policy):
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
         return self.pool.log_prob(self.seen(observation), action)
 
+    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
+        return self.pool.fisher_coordinates(self.seen(observation), action)
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.pool.entropy(self.seen(observation))
 

@@ -144,6 +144,14 @@ class GradedUnits(Policy):
         noise = self._noise_row(jnp.sqrt(jnp.sum(jnp.square(root * spread), axis=0)))
         return (outer_sum(mean) + outer(noise),)
 
+    def fisher_coordinates(
+        self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
+    ) -> Float[Array, " coordinates"]:
+        r"""Means and logarithms of deviations, by the factor of their Fisher information, which is held constant."""
+        location, cross, spread = jax.lax.stop_gradient(self._information(observation))
+        noise = jnp.log(self.deviation)
+        return jnp.concatenate([location * self.mean(observation) + cross * noise, spread * noise])
+
     def _mean_row(
         self, observation: Float[Array, " inputs"], location: Any, cross: Any
     ) -> Float[Array, "units parameters"]:

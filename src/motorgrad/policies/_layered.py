@@ -108,6 +108,10 @@ class Sequential(Composed):
         seen = zip(self.pools, self._seen(observation, action), strict=True)
         return tuple(matrix for pool, (view, own) in seen for matrix in pool.fisher(view, own))
 
+    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
+        seen = zip(self.pools, self._seen(observation, action), strict=True)
+        return jnp.concatenate([pool.fisher_coordinates(view, own) for pool, (view, own) in seen])
+
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:

@@ -198,6 +198,16 @@ class Policy(eqx.Module):
         zeros = tuple(jnp.zeros(matrix.shape, matrix.dtype) for matrix in matrices)
         return jax.lax.scan(add, zeros, (observations, actions, weights))[0]
 
+    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
+        r"""Numbers $c(\theta)$ whose derivatives $J = \partial c/\partial\theta$ make up the Fisher matrix at one
+        observation, $F = \mathbb E[J'J]$.
+
+        So $Fv$ takes two products with derivatives, by automatic differentiation, and no matrix (Pearlmutter, 1994).
+        What only scales is held constant. Units that know their Fisher matrix give coordinates that do not depend on
+        the drawn `action`. The default is its log-probability: $J'J$ is the sample $ss'$, an unbiased estimate.
+        """
+        return self.log_prob(observation, action)[None]
+
     def limited(self) -> Self:
         """The policy with its parameters clipped to their limits, if they have any. Applied after every step."""
         return with_parts(self, [part.limited() for part in parts_of(self)])

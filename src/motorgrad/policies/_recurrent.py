@@ -167,6 +167,9 @@ class Recurrent(Composed):
         own, *_ = self.blocks(self.score(observation, action))
         return (outer(own), *self.output.fisher(self._view(observation), action))
 
+    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
+        return self.output.fisher_coordinates(self._view(observation), action)
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.output.entropy(self._view(observation))
 

@@ -73,6 +73,12 @@ class Softmax(Policy):
         among = jnp.diag(p) - p[:, None] * p
         return (jnp.kron(among, observation[:, None] * observation)[None],)
 
+    def fisher_coordinates(
+        self, observation: Float[Array, " inputs"], action: Int[Array, ""]
+    ) -> Float[Array, " actions"]:
+        r"""$2\sqrt\pi$, coordinates in which the distance of distributions is Euclidean."""
+        return 2 * jnp.exp(0.5 * jax.nn.log_softmax(self._logits(observation)))
+
     def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
         return with_fields(self, weights=self.weights / factor)
 

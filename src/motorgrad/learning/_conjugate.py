@@ -1,0 +1,112 @@
+r"""The natural gradient of networks: the whole Fisher matrix, by its products with vectors alone.
+
+A network of 40,000 parameters has a Fisher matrix of 1.6 billion entries. Conjugate gradients (Hestenes & Stiefel,
+1952) solve $Fx = g$ without it: they need $Fv$ for some ten vectors $v$, and each takes as long as two scores of the
+decisions in question (Martens, 2010; Schulman et al., 2015).
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from motorgrad._tree import count, number
+from motorgrad.learning._baselines import Transition
+from motorgrad.learning._branching import Flag, where, where_any
+from motorgrad.learning._chain import Updates
+from motorgrad.learning._natural import Metric
+from motorgrad.learning._schedules import Annealed
+from motorgrad.policies import Policy, split, trainable
+
+
+class Recent(NamedTuple):
+    """The last decisions, in a ring: the oldest gives way. `seen` tells the next place, and whether all are filled."""
+
+    observations: Float[Array, "memory inputs"]
+    actions: Array
+    seen: Int[Array, ""]
+
+
+class ConjugateGradient(Metric):
+    r"""The Fisher matrix of all parameters over the last decisions, whose inverse multiplies the gradient.
+
+    Every step of the parameters takes the direction $(F + dI)^{-1} g$ in place of $g$, where $F$ is the mean over the
+    last decisions, with the present policy. Unlike `FisherMetric` it has no blocks: the parameters of all units and
+    layers are correlated as they are. It takes any policy, and any module in a `Network`.
+
+    The solution is that of some iterations of conjugate gradients, from 0. After few, it follows those directions along
+    which the policy changes most, and leaves out those about which the decisions say little.
+
+    **Arguments:**
+
+    - `memory` (decisions): over how many of the last decisions $F$ is a mean. A learner that improves once a batch
+      should have that of its batch.
+    - `iterations`: of conjugate gradients, at most.
+    - `damping`: $d \ge 0$, in the units of $F$.
+    - `kl` (nats): none, or how far one step of the parameters may change the policy, as in `FisherMetric`.
+
+    **Raises:** `ValueError` for a value out of range.
+    """
+
+    needs_decision: ClassVar[bool] = True
+
+    memory: int = count(1000, 1, 1_000_000)
+    iterations: int = count(10, 1, 10_000)
+    damping: float = number(0.01, 0)
+    kl: float | Annealed | None = number(None, 0)
+
+    def init(self, policy: Policy) -> Recent:
+        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
+        action = policy.mode(observation)
+        rows = [jnp.zeros((self.memory, *each.shape), each.dtype) for each in (observation, action)]
+        return Recent(rows[0], rows[1], jnp.zeros((), jnp.int32))
+
+    def observe(self, state: Recent, policy: Policy, transition: Transition) -> Recent:
+        place = state.seen % self.memory
+        # What diverged is written, too, and overwritten by the next: it is not counted.
+        observations = state.observations.at[place].set(transition.observation.astype(state.observations.dtype))
+        actions = state.actions.at[place].set(transition.action.astype(state.actions.dtype))
+        following = state.seen + 1
+        # Above twice the memory, only the place matters, so that the count never overflows.
+        following = jnp.where(following >= 2 * self.memory, following - self.memory, following)
+        return Recent(observations, actions, where(transition.diverged, state.seen, following))
+
+    def update(self, updates: Updates, state: Recent, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Recent]:
+        def direction(g: Updates) -> Updates:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            return self.precondition(*jax.lax.optimization_barrier((state, policy, g)))
+
+        return where_any(due, direction, updates), state
+
+    def precondition(self, state: Recent, policy: Policy, gradient: Any) -> Any:
+        r"""$(F + dI)^{-1} g$, in the structure of the gradient."""
+        product = self._product(state, policy)
+
+        def damped(vector: Any) -> Any:
+            return jax.tree.map(lambda along, v: along + self.damping * v, product(vector), vector)
+
+        found, _ = jax.scipy.sparse.linalg.cg(damped, gradient, maxiter=self.iterations)
+        return jax.tree.map(lambda x, g: x.astype(g.dtype), found, gradient)
+
+    def divergence(self, state: Recent, policy: Policy, step: Any) -> Float[Array, ""]:
+        product = self._product(state, policy)(step)
+        parts = jax.tree.map(lambda along, s: jnp.sum(along * s), product, step)
+        return 0.5 * sum(jax.tree.leaves(parts), start=jnp.zeros(()))
+
+    def _product(self, state: Recent, policy: Policy) -> Callable[[Any], Any]:
+        r"""The function $v \mapsto Fv$."""
+        learned, settings = split(policy)
+        known = jnp.minimum(state.seen, self.memory)
+        share = jnp.where(jnp.arange(self.memory) < known, jax.lax.rsqrt(jnp.maximum(known, 1).astype(jnp.float32)), 0)
+
+        def coordinates(parameters: Any) -> Float[Array, "memory coordinates"]:
+            present = eqx.combine(parameters, settings)
+            found = jax.vmap(present.fisher_coordinates)(state.observations, state.actions)
+            return share[:, None].astype(found.dtype) * found
+
+        _, push = jax.linearize(coordinates, learned)
+        pull = jax.linear_transpose(push, learned)
+        return lambda vector: pull(push(vector))[0]
