@@ -1,7 +1,7 @@
 r"""The natural gradient of networks: the whole Fisher matrix, by its products with vectors alone.
 
 A network of 40,000 parameters has a Fisher matrix of 1.6 billion entries. Conjugate gradients (Hestenes & Stiefel,
-1952) solve $Fx = g$ without it: they need $Fv$ for some ten vectors $v$, and each takes as long as two scores of the
+1952) solve $Fx = g$ without it: they need $Fv$ for some five vectors $v$, and each takes as long as two scores of the
 decisions in question (Martens, 2010; Schulman et al., 2015).
 """
 
@@ -54,8 +54,8 @@ class ConjugateGradient(Metric):
     needs_decision: ClassVar[bool] = True
 
     memory: int = count(1000, 1, 1_000_000)
-    iterations: int = count(10, 1, 10_000)
-    damping: float = number(0.01, 0)
+    iterations: int = count(5, 1, 10_000)
+    damping: float = number(0.1, 0)
     kl: float | Annealed | None = number(None, 0)
 
     def init(self, policy: Policy) -> Recent:
