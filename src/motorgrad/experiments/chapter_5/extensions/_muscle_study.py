@@ -30,7 +30,7 @@ MODES: tuple[Literal["mode", "sample"], ...] = ("mode", "sample")
 FRESH = 500_000_000
 """Added to the row numbers, so that policies are not judged on the random numbers of their training."""
 
-SETTLING = 2.0  # seconds that do not counteconds that do not count
+SETTLING = 2.0  # seconds that do not count
 
 
 @dataclasses.dataclass(frozen=True)
