@@ -324,7 +324,7 @@ def _annealed(start=0.1, **more):
             "averaging = .*: must be None with a spatial index",
         ),
         (lambda: agent_for("three-state", metric={"kind": "fisher", "kl": -0.1}), r"agent\.metric\.kl = -0\.1"),
-        (lambda: agent_for("three-state", {"metric.kl.end": 0.1}), "kl.start: must be given"),
+        (lambda: agent_for("three-state", {"metric": "fisher", "metric.kl.end": 0.1}), "kl.start: must be given"),
         (lambda: agent_for("three-state", entropy=_annealed(end=-1.0)), r"entropy\.end = -1\.0"),
         (lambda: agent_for("three-state", entropy=_annealed(end=0.0, steps=0)), r"entropy\.steps = 0"),
         (lambda: agent_for("three-state", entropy=_annealed(start=-0.1)), r"entropy\.start = -0\.1"),

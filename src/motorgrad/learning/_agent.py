@@ -102,7 +102,6 @@ class Agent(Part):
         "batch": "estimator.batch",
         "entropy": "estimator.entropy",
         "normalization": "estimator.normalization",
-        "bound": "estimator.bound",
         "learning_rate": "optimizer.learning_rate",
         "weight_decay": "optimizer.weight_decay",
         "damping": "metric.damping",
