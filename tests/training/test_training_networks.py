@@ -52,7 +52,7 @@ def test_returns_are_fitted_in_one_environment_alone():
 def test_a_run_of_networks_is_stored_continued_and_evaluated_bit_for_bit(tmp_path):
     options = ["--agent.policy.network", "perceptron", "--agent.policy.network.hidden", "6", "5"]
     options += ["--agent.baseline", "network-critic", "--agent.estimator.baseline.discount", "0.9"]
-    options += ["--agent.bound", "overshooting", "--agent.learning-rate", "1.0", "--seeds", "2"]
+    options += ["--agent.estimator.bound", "overshooting", "--agent.learning-rate", "1.0", "--seeds", "2"]
     for name, steps in (("whole", 96), ("half", 48)):
         assert main(["train", "hopper", *options, "--steps", str(steps), "--out", str(tmp_path / name)]) == 0
     run = mg.load(tmp_path / "whole")
@@ -69,7 +69,9 @@ def test_a_sweep_of_numbers_is_as_the_runs_alone():
     task = mg.make("chain")
     settings = {**LEARNER, "policy": {"kind": "softmax", "network": SMALL}}
     del settings["policy.network"]
-    swept = mg.train(task, mg.agent_for(task, settings), steps=64, seeds=2, sweep={"bound.scaling": [3.0, 6.0]})
+    swept = mg.train(
+        task, mg.agent_for(task, settings), steps=64, seeds=2, sweep={"estimator.bound.scaling": [3.0, 6.0]}
+    )
     alone = mg.train(task, mg.agent_for(task, {**settings, "estimator.bound": {"scaling": 6.0}}), steps=64, seeds=2)
     for one, other in zip(leaves(swept), leaves(alone), strict=True):
         np.testing.assert_allclose(np.asarray(one)[2:], other, rtol=1e-5, atol=1e-6)

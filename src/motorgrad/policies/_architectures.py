@@ -21,6 +21,7 @@ ACTIVATIONS: dict[str, Callable[..., Any]] = {
     "silu": jax.nn.silu,
     "tanh": jax.numpy.tanh,
 }
+"""The nonlinearities of `MultilayerPerceptron` by name."""
 WIDEST = 100_000
 
 
