@@ -6,6 +6,7 @@ them at its end: the compiler aborts a process that ends under it.
 
 import atexit
 import os
+import signal
 import sys
 import threading
 import time
@@ -78,9 +79,8 @@ class Compilation:
 
 def _wait_for(making: threading.Thread) -> None:
     """Wait at the end of the process, or end it at once if it is interrupted again."""
-    try:
-        if making.is_alive():
-            print("waiting for the compiler to end; Ctrl-C ends at once", file=sys.stderr, flush=True)
-        making.join()
-    except KeyboardInterrupt:
-        os._exit(130)
+    if making.is_alive():
+        # an exception instead would be lost where a callback of the garbage collector is interrupted
+        signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+        print("waiting for the compiler to end; Ctrl-C ends at once", file=sys.stderr, flush=True)
+    making.join()
