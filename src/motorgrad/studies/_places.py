@@ -160,6 +160,8 @@ def process_environment(threads: int) -> Iterator[None]:
 
 def _begin() -> None:
     """Prepare a process: Ctrl-C and SIGTERM matter only to its jobs, and it ends when the driver is killed."""
+    if hasattr(os, "setpgid"):
+        os.setpgid(0, 0)  # Ctrl-C at a terminal reaches the driver alone, whose request is then the first that jobs get
     for number in STOPS:
         signal.signal(number, signal.SIG_IGN)
     driver = multiprocessing.parent_process()
