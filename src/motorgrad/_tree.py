@@ -333,7 +333,7 @@ def _with_field(part: Any, name: str, value: Any) -> Any:
 @functools.cache
 def _is_plain(cls: type) -> bool:
     """Whether a part is made of the values of its fields and of nothing else."""
-    parameters: Any = getattr(cls, "__dataclass_params__")  # noqa: B009
+    parameters = cls.__dataclass_params__  # type: ignore[attr-defined]
     return parameters.init and not hasattr(cls, "__post_init__") and all(f.init for f in dataclasses.fields(cls))
 
 

@@ -100,7 +100,8 @@ class ConjugateGradient(Metric):
         r"""The function $v \mapsto Fv$."""
         learned, settings = split(policy)
         known = jnp.minimum(state.seen, self.memory)
-        share = jnp.where(jnp.arange(self.memory) < known, jax.lax.rsqrt(jnp.maximum(known, 1).astype(jnp.float32)), 0)
+        root = jax.lax.rsqrt(jnp.maximum(known, 1).astype(state.observations.dtype))
+        share = jnp.where(jnp.arange(self.memory) < known, root, 0)
 
         def coordinates(parameters: Any) -> Float[Array, "memory coordinates"]:
             present = eqx.combine(parameters, settings)

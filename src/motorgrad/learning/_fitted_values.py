@@ -118,9 +118,11 @@ class FittedReturns(CriticFit):
             last = batch.end.at[-1].set(True)
             returns = jax.lax.scan(back, later[-1], (batch.reward, later, last), reverse=True)[1]
 
+            def loss(parameters: Any) -> Float[Array, ""]:
+                return 0.5 * jnp.mean(jnp.square(values(parameters, batch.seen) - returns))
+
             def descend(carry: Any, _: None) -> Any:
                 parameters, rule = carry
-                loss = lambda w: 0.5 * jnp.mean(jnp.square(values(w, batch.seen) - returns))  # noqa: E731
                 moves, rule = optax.scale_by_adam().update(jax.grad(loss)(parameters), rule)
                 moves = jax.tree.map(lambda move: -self.learning_rate * move, moves)
                 return (eqx.apply_updates(parameters, moves), rule), None

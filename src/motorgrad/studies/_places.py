@@ -4,6 +4,7 @@ A `Place` has three doors: `submit` a job, `wait` until some are done, `close`. 
 `result()` is the job's `Outcome`. The driver decides everything else.
 """
 
+import abc
 import contextlib
 import multiprocessing
 import os
@@ -22,7 +23,7 @@ from motorgrad._signals import STOPS
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 
 
-class Place:
+class Place(abc.ABC):
     """Where jobs run. A place is made with the folder of the study, the number of workers (0 for its own choice), what
     the jobs are told, and options of its own.
 
@@ -36,9 +37,9 @@ class Place:
         """The jobs that are kept in flight."""
         return 1
 
+    @abc.abstractmethod
     def submit(self, job: AnyJob, path: Path) -> Any:
         """Begin a job in its run directory. Returns a future."""
-        raise NotImplementedError
 
     def has_died(self, error: BaseException) -> bool:
         """Whether the error of a future tells that the job's process or machine has died, for which the job is not to
@@ -50,10 +51,12 @@ class Place:
         return set(wait(flying, seconds, FIRST_COMPLETED).done)
 
     def stop(self) -> None:
-        """Ask all jobs to save what they have and to end."""
+        """Ask all jobs to save what they have and to end. Jobs of this process are asked with it."""
+        return
 
     def close(self) -> None:
         """Give everything back. No job is in flight any more, or those that are do not matter."""
+        return
 
 
 class Here(Place):

@@ -4,9 +4,8 @@ from motorgrad._errors import NotTrusted
 from motorgrad.training._agents import NamedPolicy, agent_for, agent_from_table, agent_table, policy_settings
 from motorgrad.training._arguments import check_training
 from motorgrad.training._evaluate import Evaluation, evaluate
-from motorgrad.training._final import final_metrics
 from motorgrad.training._load import given_initial, load, saved_config
-from motorgrad.training._run import Run, saved_agent
+from motorgrad.training._run import Run, final_metrics, saved_agent
 from motorgrad.training._saving import NotSaved
 from motorgrad.training._sweep import sweepable
 from motorgrad.training._train import resume, train
