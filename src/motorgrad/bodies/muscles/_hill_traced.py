@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from motorgrad.bodies.muscles._hill_curves import tendon_stiffness
 from motorgrad.bodies.muscles._hill_dynamics import FUNCTIONS
 
 _CLOSE, _STILL = 1e-3, 1e-6  # as in `_hill_dynamics`, in single precision
@@ -18,15 +19,15 @@ def hill_in_jax() -> types.SimpleNamespace:
     """The functions of Hill-type muscles as JAX functions of arrays: those that the physics runs, with JAX's NumPy in
     place of NumPy. Only the loops differ: theirs end when the fiber is found, which JAX cannot.
 
-    **Returns:** an object with `next_activation`, `next_fiber`, `steady_fiber`, `rigid_tension` and
-    `compliant_tension`, whose arguments the source tells.
+    **Returns:** an object with `next_activation`, `next_fiber`, `steady_fiber`, `rigid_tension`,
+    `compliant_tension` and `tendon_stiffness`, whose arguments the source tells.
     """
     scope: dict[str, Any] = {"np": jnp}
     for function in FUNCTIONS:
         own = {"balanced": _balanced, "steady_fiber": _steady_fiber}.get(function.__name__, function)
         bound = types.FunctionType(own.__code__, {**own.__globals__, **scope}, own.__name__, own.__defaults__)
         scope[function.__name__] = bound
-    return types.SimpleNamespace(**scope)
+    return types.SimpleNamespace(**scope, tendon_stiffness=tendon_stiffness)
 
 
 # `bracket`, `newton` and the tangents are put in place by `hill_in_jax`

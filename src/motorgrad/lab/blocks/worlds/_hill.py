@@ -92,7 +92,7 @@ class HillMuscle(Block):
 
     @property
     def _stiffness(self) -> Any:
-        return math.log(6.0) / self.tendon_strain
+        return hill_in_jax().tendon_stiffness(self.tendon_strain)
 
     def _fiber(self, state: Any, length: Any) -> Any:
         """The fiber's length; where none is set, that of one at rest."""
