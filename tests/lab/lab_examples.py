@@ -123,6 +123,7 @@ class Chance(Block):
     category: ClassVar[str] = "tests"
     shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
     kind: Annotated[str, Setting("kind of the signal")] = "float"
+    scale: Annotated[float, Setting("greatest size of a float")] = 1.0
 
     @property
     def outputs(self) -> Ports:
@@ -134,7 +135,7 @@ class Chance(Block):
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         drawn = now.uniforms.reshape(self.shape)
-        of_kind = {"float": 2 * drawn - 1, "int": jnp.int32(2 * drawn), "bool": drawn < 0.3}
+        of_kind = {"float": self.scale * (2 * drawn - 1), "int": jnp.int32(2 * drawn), "bool": drawn < 0.3}
         return {"y": of_kind[self.kind]}
 
 
