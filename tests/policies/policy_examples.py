@@ -17,6 +17,8 @@ from jax.flatten_util import ravel_pytree
 from motorgrad.policies import (
     INITIAL,
     Factored,
+    Featured,
+    FeatureMap,
     FiniteStateController,
     FreeGaussians,
     Gated,
@@ -73,6 +75,11 @@ def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
     return Network(pool, eqx.combine(drawn, layers), inputs)
 
 
+def _mirrored_pool(rng: Rng) -> Featured:
+    features = FeatureMap(squares=True)
+    return Featured(_network(rng, _hyperplanes(rng, 2, 3), features.size(2)), features, 2)
+
+
 def _gated(rng: Rng) -> Gated:
     return Gated(_local(rng, 2), [_hyperplanes(rng, 2), Factored([_spheres(rng, 1)])])
 
@@ -104,6 +111,7 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "masked": lambda rng: Masked(_local(rng, 4), np.array([True, False, True, True])),
     "mirrored": lambda rng: Mirrored(_hyperplanes(rng, 2, 3), (1, 0, 2), (1, 1, -1), (0, 3), (2, 1)),
     "mirrored-local": lambda rng: Mirrored(Factored([_local(rng, 1), _boxes(rng, 1)]), (0, 1), (1, -1), (0, 1), (2, 3)),
+    "mirrored-network": lambda rng: Mirrored(_mirrored_pool(rng), (0, 1), (1, -1), (0, 3), (2, 1)),
     "gated": _gated,
     "gated-nested": lambda rng: Gated(
         _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]

@@ -20,9 +20,21 @@ from motorgrad.learning import (
     PolyakAveraging,
     entropy_gradient,
 )
-from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Mirrored, initial, split, trainable
+from motorgrad.policies import (
+    Factored,
+    FeatureMap,
+    Gated,
+    Hyperplanes,
+    LocalGaussians,
+    Masked,
+    Mirrored,
+    MultilayerPerceptron,
+    initial,
+    split,
+    trainable,
+)
 
-NAMES = ("mirrored", "mirrored-local")
+NAMES = ("mirrored", "mirrored-local", "mirrored-network")
 
 
 def swapped(policy, action):
@@ -67,7 +79,7 @@ def test_each_unit_sees_its_own_sides_view_and_drives_its_outputs():
 
 
 @pytest.mark.representatives("mirrored")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[:2])  # that of hidden layers is a sample
 def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exact(name):
     with jax.enable_x64(True):
         policy = policy_of(name, 3)
@@ -103,6 +115,16 @@ def test_blocks_and_gradients_are_each_others_inverse(name):
     for found, wanted in zip(*map(jax.tree.leaves, (Compiled(policy).from_blocks(blocks), gradient)), strict=True):
         np.testing.assert_array_equal(found, wanted)
     assert sum(block.size for block in blocks) == vector.size
+
+
+def test_both_views_pass_through_the_same_features_or_hidden_layers():
+    task = task_of()
+    features, layers = FeatureMap(nonlinear=5), MultilayerPerceptron(hidden=(4,))
+    seen = initial("mirrored", task, features=features)
+    assert seen.pool.pool.weights.shape == (2, features.size(3))
+    deep = initial("mirrored", task, network=layers)(jax.random.key(0))
+    assert deep.pool.pool.weights.shape == (2, 4)
+    assert deep.prob(jnp.ones(3)).shape == (4,)
 
 
 def test_limits_and_masks_of_the_pool_hold():

@@ -1,5 +1,6 @@
 """Units that act for both sides of a symmetric body and share their parameters."""
 
+from collections.abc import Callable
 from typing import Any, Self
 
 import equinox as eqx
@@ -9,8 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
-from motorgrad.policies._policy import Composed, in_structure, sizes
+from motorgrad.policies._featured import Seeing, featured
+from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._policy import Composed, Policy, in_structure, sizes
 
 
 def _python_numbers(values: Any) -> Any:
@@ -30,9 +34,9 @@ class Mirrored(Composed, BinaryUnits):
     My)$, where $\pi_0$ is the pool's policy. The score is the sum of the pool's scores on both views. The two are
     uncorrelated, so the Fisher matrix is the sum of the pool's as well. A block belongs to a unit and its copy.
 
-    **Arguments:** `pool`, independent units; `order` $o$, the mirror image of each input; `signs` $s$, 1, or -1 for an
-    input whose sign turns; `left` and `right`, the two outputs of each unit, which together name every output once.
-    None of the last four is trainable.
+    **Arguments:** `pool`, independent units, which may see features or the output of a network; `order` $o$, the mirror
+    image of each input; `signs` $s$, 1, or -1 for an input whose sign turns; `left` and `right`, the two outputs of
+    each unit, which together name every output once. None of the last four is trainable.
 
     **Raises:** `ValueError` for dependent units, for a mirror that does not undo itself, or for outputs that are
     missing or named twice.
@@ -46,16 +50,17 @@ class Mirrored(Composed, BinaryUnits):
     ```
     """
 
-    pool: BinaryUnits
+    pool: Policy
     order: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
     signs: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
     left: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
     right: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
 
     def __check_init__(self) -> None:
-        kind, order, signs = type(self.pool).__name__, self.order, self.signs
-        check(isinstance(self.pool, BinaryUnits), "pool", kind, "a pool of binary units")
-        check(self.pool.independent, "pool", kind, "a pool of independent units")
+        units, order, signs = _units(self.pool), self.order, self.signs
+        kind = type(units).__name__
+        check(isinstance(units, BinaryUnits), "pool", kind, "a pool of binary units")
+        check(units.independent, "pool", kind, "a pool of independent units")
         count = self.pool.inputs
         valid = _is_permutation(order, count)
         check(valid, "order", order, f"a permutation of the {count} inputs, each of 0 to {count - 1}")
@@ -106,7 +111,7 @@ class Mirrored(Composed, BinaryUnits):
         self, observation: Float[Array, " inputs"], action: Float[Array, " outputs"]
     ) -> Float[Array, " outputs"]:
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
-        return self._joined(*(self.pool.log_probs(view, side) for view, side in parts))
+        return self._joined(*(_log_probs(self.pool, view, side) for view, side in parts))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " outputs"]) -> Self:
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
@@ -124,6 +129,16 @@ class Mirrored(Composed, BinaryUnits):
         return one + other
 
 
+def _units(pool: Any) -> Any:
+    """The units behind features and hidden layers."""
+    return _units(pool.pool) if isinstance(pool, Seeing) else pool
+
+
+def _log_probs(pool: Any, observation: Any, action: Any) -> Any:
+    seeing = isinstance(pool, Seeing)
+    return _log_probs(pool.pool, pool.seen(observation), action) if seeing else pool.log_probs(observation, action)
+
+
 def _is_permutation(numbers: tuple[int, ...], count: int) -> bool:
     """Whether the numbers are 0 to `count` − 1, each once."""
     return len(numbers) == count and set(numbers) == set(range(count))
@@ -133,7 +148,9 @@ def _sum(one: Any, other: Any) -> Any:
     return jax.tree.map(jnp.add, one, other)
 
 
-def mirrored(task: Any, units: int | None = None) -> Mirrored:
+def mirrored(
+    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+) -> Mirrored | Callable[[jax.Array], Mirrored]:
     """Hyperplanes with zero weights that act for both sides of a symmetric body (see `Mirrored`).
 
     There is one unit for every two actions that are mirror images of each other, as given by the `mirror` of the task.
@@ -142,6 +159,9 @@ def mirrored(task: Any, units: int | None = None) -> Mirrored:
 
     - `task`: a task with a mirror.
     - `units`: the number of units on both sides together, by default one for each action of the task.
+    - `features`: what the units see beside the inputs; by default nothing.
+    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
+      function from a key to a policy.
 
     **Raises:** `ValueError` for a task without a mirror, for an action that is its own mirror image, and for a number
     of inputs in place of a task.
@@ -157,5 +177,9 @@ def mirrored(task: Any, units: int | None = None) -> Mirrored:
     if middle:
         raise ValueError(f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side")
     left = [i for i, image in enumerate(mirror.outputs) if i < image]
-    pool = zero_hyperplanes(inputs, len(left))
-    return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
+    pool: Any = featured(features, inputs, lambda count: zero_hyperplanes(count, len(left)), network)
+
+    def both(pool: Policy) -> Mirrored:
+        return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
+
+    return both(pool) if isinstance(pool, Policy) else lambda key: both(pool(key))
