@@ -8,6 +8,8 @@ STEPS = 100_000
 """Decisions per seed of a training, unless said otherwise."""
 FEATURES = {"nonlinear": 128}
 """What policy and critic see beside their inputs."""
+NETWORK = {"kind": "perceptron", "hidden": [128, 128], "activation": "tanh", "sparsity": 0.5}
+"""Hidden layers of a policy."""
 MOST_PRODUCTS = 40
 """Inputs up to which the critic sees the products of all pairs: they are 820 then."""
 POLICIES: dict[str, dict[str, Any]] = {
@@ -81,16 +83,19 @@ def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
     return {"kind": "annealed", "start": start, "end": end, "steps": steps}
 
 
-def natural(task: Any, steps: int) -> dict[str, Any]:
-    """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions."""
+def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, entropy: float = 0.3) -> dict[str, Any]:
+    """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions.
+
+    The critic looks ahead for a `share` of an episode: what comes later hardly depends on the decision, but adds its
+    noise.
+    """
     batch = min(1000, max(100, steps // 100))
-    # half an episode ahead: what comes later hardly depends on the decision, but adds its noise
-    horizon = min(100.0, max(10.0, (task.longest_episode or 200) / 2))
+    horizon = min(100.0, max(10.0, share * (task.longest_episode or 200)))
     products = task.observation_size <= MOST_PRODUCTS
     # the divergences of independent units add
     units = 1 if task.actions == "discrete" else task.action_size
     return natural_actor_critic(
-        POLICIES.get(task.actions, POLICIES["mixed"]),
+        POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy,
         batch=batch,
         updates=max(1, steps // batch),
         discount=1 - 1 / horizon,
@@ -99,9 +104,20 @@ def natural(task: Any, steps: int) -> dict[str, Any]:
         features={"squares": True, "products": products, "actions": True, **FEATURES},
         damping=0.03,
         kl=(0.05 * math.sqrt(units), 0.005),
-        entropy=0.3,
+        entropy=entropy,
     )
 
 
-PRESETS: dict[str, Callable[[Any, int], dict[str, Any]]] = {"natural": natural}
-"""Presets by name: functions of a task and the decisions of a training."""
+def natural_network(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"natural-network"`: the preset `"natural"` with hidden layers in place of the policy's features, and
+    with conjugate gradients, which need no matrix of all their parameters."""
+    given = POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy
+    kind = {"kind": given} if isinstance(given, str) else {key: given[key] for key in given if key != "features"}
+    found = natural(task, steps, {**kind, "network": NETWORK}, share=1 / 5, entropy=0.1)
+    batch, kl = found["estimator"]["improve"], found["metric"]["kl"]
+    metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
+    return {**found, "metric": metric}
+
+
+PRESETS: dict[str, Callable[..., dict[str, Any]]] = {"natural": natural, "natural-network": natural_network}
+"""Presets by name: functions of a task, the decisions of a training, and the task's own policy, if it has one."""

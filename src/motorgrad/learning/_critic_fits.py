@@ -122,11 +122,13 @@ class TemporalDifference(CriticFit):
 
 
 class LeastSquaresState(NamedTuple):
-    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; their `sums` over the `gathered` decisions since."""
+    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; $e$, $d$ and $r$ of the `gathered` decisions since."""
 
     trace: Weights
     means: RunningMean
-    sums: tuple[Float[Array, "features features"], Weights, Weights]
+    traces: Float[Array, "interval features"]
+    differences: Float[Array, "interval features"]
+    rewards: Float[Array, " interval"]
     gathered: Int[Array, ""]
 
 
@@ -165,18 +167,27 @@ class LeastSquares(CriticFit):
     def init(self, weights: Weights) -> LeastSquaresState:
         matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
         started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
-        none = (jnp.zeros_like(matrix), weights, weights)
-        return LeastSquaresState(weights, started._replace(count=started.count + 1), none, jnp.zeros((), jnp.int32))
+        rows = jnp.zeros((self.interval, weights.size), weights.dtype)
+        started = started._replace(count=started.count + 1)
+        return LeastSquaresState(weights, started, rows, rows, rows[:, 0], jnp.zeros((), jnp.int32))
 
     def update(
         self, weights: Weights, state: LeastSquaresState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, LeastSquaresState]:
         e = step.discount * step.decay * state.trace + step.slope
-        new = (e[:, None] * (step.slope - step.discount * step.next_features), e * step.reward, e)
-        one = jnp.ones((), jnp.int32)
-        new, one = where(dropped, jax.tree.map(jnp.zeros_like, (new, one)), (new, one))
-        sums = jax.tree.map(jnp.add, state.sums, new)
-        return weights, state._replace(trace=e, sums=sums, gathered=state.gathered + one)
+        place = state.gathered
+
+        def gather(rows: Array, row: Array) -> Array:
+            return rows.at[place].set(where(dropped, rows[place], row))
+
+        after = state._replace(
+            trace=e,
+            traces=gather(state.traces, e),
+            differences=gather(state.differences, step.slope - step.discount * step.next_features),
+            rewards=gather(state.rewards, step.reward),
+            gathered=where(dropped, place, place + 1),
+        )
+        return weights, after
 
     def solve(
         self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""]
@@ -185,15 +196,16 @@ class LeastSquares(CriticFit):
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             weights, state = old
             mean, state = jax.lax.optimization_barrier((level, state))
-            block = jax.tree.map(lambda total: total / self.interval, state.sums)
+            gathered = (state.differences, state.rewards[:, None], jnp.ones_like(state.rewards)[:, None])
+            matrix, *vectors = (state.traces.T @ each / self.interval for each in gathered)
             forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
+            block = (matrix, *(vector[:, 0] for vector in vectors))
             means = add_sample(state.means, block, forgotten, self.interval)
             matrix, pay, trace = means.mean
             damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
             solved = jnp.linalg.solve(damped, pay - mean * trace)
             solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
-            empty = jax.tree.map(jnp.zeros_like, state.sums)
-            return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
+            return solved, state._replace(means=means, gathered=state.gathered * 0)
 
         return where_any(self.rest(state) < 0, solve, (weights, state))
 

@@ -148,7 +148,7 @@ def agent_for(
     own = dict(task.learner_for(steps))
     if preset is not None:
         choice("preset", preset, PRESETS)
-        own = {**PRESETS[preset](task, steps), **({"policy": own["policy"]} if "policy" in own else {})}
+        own = PRESETS[preset](task, steps, own.get("policy"))
     return _built(task, own, {**(changes or {}), **more})
 
 
