@@ -212,7 +212,9 @@ def random_steps(count, inputs=2):
     return [(seen[t], t % 2, rewards[t], seen[t + 1], False) for t in range(count)]
 
 
-def test_least_squares_are_those_of_the_recursion_by_rank_one_updates():
+@pytest.mark.parametrize("many", [100, 1])  # features from which decisions are gathered as rows
+def test_least_squares_are_those_of_the_recursion_by_rank_one_updates(many, monkeypatch):
+    monkeypatch.setattr("motorgrad.learning._critic_fits.MANY_FEATURES", many)
     discount, decay, initial = 0.9, 0.6, 2.0
     critic = LinearCritic(Features(), discount, decay, LeastSquares(0.0, initial, 0.0, interval=1))
     steps = random_steps(30)
@@ -245,6 +247,16 @@ def test_the_interval_is_when_the_weights_move():
     after = [follow(critic, POINT, random_steps(n))[0].weights for n in (4, 7, 8)]
     np.testing.assert_array_equal(after[0], after[1])
     assert not np.array_equal(after[1], after[2])
+
+
+def test_rows_and_sums_of_an_interval_are_the_same(monkeypatch):
+    critic = LinearCritic(Features(), 0.9, 0.6, LeastSquares(0.1, 1.0, 0.0, interval=4))
+    found = []
+    for many in (100, 1):
+        monkeypatch.setattr("motorgrad.learning._critic_fits.MANY_FEATURES", many)
+        found.append(follow(critic, POINT, random_steps(14))[0].weights)
+    np.testing.assert_allclose(*found, rtol=1e-9)
+    assert np.abs(found[0]).max() > 0.1
 
 
 def test_temporal_differences_are_suttons():
@@ -281,7 +293,9 @@ def test_a_terminated_state_is_worth_nothing_and_a_truncated_one_what_the_critic
     assert worth["terminated"] == pytest.approx(1 - 4, abs=1e-6)
 
 
-def test_a_diverged_sample_teaches_nothing():
+@pytest.mark.parametrize("many", [100, 1])
+def test_a_diverged_sample_teaches_nothing(many, monkeypatch):
+    monkeypatch.setattr("motorgrad.learning._critic_fits.MANY_FEATURES", many)
     for fit in (TemporalDifference(0.1), LeastSquares(interval=1)):
         agent = Agent(POINT, gae(LinearCritic(Features(), 0.9, 0.5, fit), 0.9, 10))
         state = agent.init(jax.random.key(0))

@@ -121,14 +121,18 @@ class TemporalDifference(CriticFit):
         return jax.tree.map(jnp.zeros_like, state)
 
 
+MANY_FEATURES = 100
+"""From so many features on, one product of matrices for all decisions of an interval is quicker than to add the product
+of two vectors at every decision."""
+
+
 class LeastSquaresState(NamedTuple):
-    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; $e$, $d$ and $r$ of the `gathered` decisions since."""
+    r"""The `trace` $e$; the `means` of $e d'$, $e r$ and $e$; what is `waiting` to enter them, of the decisions
+    `gathered` since: the sums of $e d'$, $e r$ and $e$, or, of many features, the rows $e$, $d$ and $r$."""
 
     trace: Weights
     means: RunningMean
-    traces: Float[Array, "interval features"]
-    differences: Float[Array, "interval features"]
-    rewards: Float[Array, " interval"]
+    waiting: tuple[Array, Array, Array]
     gathered: Int[Array, ""]
 
 
@@ -167,27 +171,26 @@ class LeastSquares(CriticFit):
     def init(self, weights: Weights) -> LeastSquaresState:
         matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
         started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
-        rows = jnp.zeros((self.interval, weights.size), weights.dtype)
         started = started._replace(count=started.count + 1)
-        return LeastSquaresState(weights, started, rows, rows, rows[:, 0], jnp.zeros((), jnp.int32))
+        if weights.size < MANY_FEATURES:
+            waiting = (jnp.zeros_like(matrix), weights, weights)
+        else:
+            rows = jnp.zeros((self.interval, weights.size), weights.dtype)
+            waiting = (rows, rows, rows[:, 0])
+        return LeastSquaresState(weights, started, waiting, jnp.zeros((), jnp.int32))
 
     def update(
         self, weights: Weights, state: LeastSquaresState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, LeastSquaresState]:
         e = step.discount * step.decay * state.trace + step.slope
-        place = state.gathered
-
-        def gather(rows: Array, row: Array) -> Array:
-            return rows.at[place].set(where(dropped, rows[place], row))
-
-        after = state._replace(
-            trace=e,
-            traces=gather(state.traces, e),
-            differences=gather(state.differences, step.slope - step.discount * step.next_features),
-            rewards=gather(state.rewards, step.reward),
-            gathered=where(dropped, place, place + 1),
-        )
-        return weights, after
+        change, place = step.slope - step.discount * step.next_features, state.gathered
+        if weights.size < MANY_FEATURES:
+            new = (e[:, None] * change, e * step.reward, e)
+            waiting = jax.tree.map(jnp.add, state.waiting, where(dropped, jax.tree.map(jnp.zeros_like, new), new))
+        else:
+            rows = zip(state.waiting, (e, change, step.reward), strict=True)
+            waiting = tuple(old.at[place].set(where(dropped, old[place], row)) for old, row in rows)
+        return weights, state._replace(trace=e, waiting=waiting, gathered=where(dropped, place, place + 1))
 
     def solve(
         self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""]
@@ -196,16 +199,19 @@ class LeastSquares(CriticFit):
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             weights, state = old
             mean, state = jax.lax.optimization_barrier((level, state))
-            gathered = (state.differences, state.rewards[:, None], jnp.ones_like(state.rewards)[:, None])
-            matrix, *vectors = (state.traces.T @ each / self.interval for each in gathered)
+            sums = state.waiting
+            if weights.size >= MANY_FEATURES:
+                traces, changes, rewards = sums
+                sums = (traces.T @ changes, rewards @ traces, jnp.sum(traces, axis=0))
+            block = jax.tree.map(lambda total: total / self.interval, sums)
             forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
-            block = (matrix, *(vector[:, 0] for vector in vectors))
             means = add_sample(state.means, block, forgotten, self.interval)
             matrix, pay, trace = means.mean
             damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
             solved = jnp.linalg.solve(damped, pay - mean * trace)
             solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
-            return solved, state._replace(means=means, gathered=state.gathered * 0)
+            empty = jax.tree.map(jnp.zeros_like, state.waiting)
+            return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
 
         return where_any(self.rest(state) < 0, solve, (weights, state))
 
