@@ -95,6 +95,26 @@ def test_the_learner_of_24_muscles_has_the_numbers_of_its_study():
     assert (agent.estimator.improve, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
 
 
+@pytest.mark.parametrize("name", ["CartPole-v1", "Pendulum-v1", "hexapod"])
+def test_a_network_stands_in_place_of_features_under_the_same_units(name):
+    task = from_gymnasium(name) if "-v" in name else mg.make(name)
+    plain, deep = (agent_table(make(task, 50_000)) for make in (mg.presets.natural, mg.presets.natural_network))
+    policy = {key: value for key, value in plain["policy"].items() if key != "features"}
+    assert {key: value for key, value in deep["policy"].items() if key != "network"} == policy
+    assert deep["policy"]["network"]["hidden"] == [128, 128]
+    assert deep["metric"]["kind"] == "conjugate-gradient"
+    assert deep["metric"]["memory"] == deep["estimator"]["improve"] == plain["estimator"]["improve"]
+    assert deep["metric"]["kl"] == plain["metric"]["kl"]
+    horizon = min(100, max(10, (task.longest_episode or 200) / 5))
+    found = deep["estimator"]["baseline"]["discount"], deep["estimator"]["trace"]["decay"]
+    np.testing.assert_allclose(found, [1 - 1 / horizon, 1 - 6 / horizon])
+
+
+def test_a_policy_without_layers_is_refused_by_name():
+    with pytest.raises(ValueError, match="network"):
+        mg.presets.natural_network("arm-recruitment")
+
+
 def test_parts_are_changed_one_by_one():
     task = mg.make("particle")
     own: Any = mg.presets.natural(task)
