@@ -59,7 +59,7 @@ def natural_network(
     advantages at the start.
 
     A decision costs more than with `natural`: choose it for bodies with many muscles, or where `natural` stops short of
-    the goal. `docs/myosuite.md` compares the two.
+    the goal.
 
     **Arguments**, **returns** and **raises** as `natural`.
 
