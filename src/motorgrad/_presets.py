@@ -111,12 +111,11 @@ def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, ent
 def natural_network(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
     """The preset `"natural-network"`: the preset `"natural"` with hidden layers in place of the policy's features, and
     with conjugate gradients, which need no matrix of all their parameters."""
-    given = POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy
+    found = natural(task, steps, policy, share=1 / 5, entropy=0.1)
+    given, batch, kl = found["policy"], found["estimator"]["improve"], found["metric"]["kl"]
     kind = {"kind": given} if isinstance(given, str) else {key: given[key] for key in given if key != "features"}
-    found = natural(task, steps, {**kind, "network": NETWORK}, share=1 / 5, entropy=0.1)
-    batch, kl = found["estimator"]["improve"], found["metric"]["kl"]
     metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
-    return {**found, "metric": metric}
+    return {**found, "policy": {**kind, "network": NETWORK}, "metric": metric}
 
 
 PRESETS: dict[str, Callable[..., dict[str, Any]]] = {"natural": natural, "natural-network": natural_network}

