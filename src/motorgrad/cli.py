@@ -14,6 +14,7 @@ COMMANDS = {
     "train": "train a learner, into a run directory that can be resumed",
     "evaluate": "evaluate a learned policy: its numbers and a video",
     "sweep": "run a study, tasks × settings × seeds, on one machine or many",
+    "compare": "compare methods: tune each on some seeds, judge it on others",
     "plot": "plot learning curves of one run or of several",
     "reproduce": "measure figures and claims of the thesis again; write a report",
     "sim": "watch a body, its muscles and its learner live in the browser",

@@ -30,7 +30,9 @@ def arrays(job, folder):
     path = folder / "jobs" / job.name
     run = load(path)
     columns = {
-        name: run.metrics[name].combine_chunks().to_pylist() for name in run.metrics.column_names if name != "wall_time"
+        name: run.metrics[name].combine_chunks().to_pylist()
+        for name in run.metrics.column_names
+        if name not in ("wall_time", "cpu_time")
     }
     found, about = read_checkpoint(max((path / "checkpoint").glob("[0-9]*.state")))
     return run.config, about["decision"], columns, found

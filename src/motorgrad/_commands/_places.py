@@ -1,10 +1,15 @@
 """Options of the commands that run jobs: where, and how many at a time."""
 
 import dataclasses
-from typing import Any
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import tyro
 
 from motorgrad._commands import IMPORTED
 from motorgrad._errors import check, choice
+from motorgrad._files import check_writable
 from motorgrad.studies import PLACES
 
 
@@ -56,3 +61,54 @@ def _parameter(word: str) -> tuple[str, Any]:
         return name, int(value)
     except ValueError:
         return name, value
+
+
+@dataclasses.dataclass(frozen=True)
+class StudyFile(Places):
+    """Options of a command that runs in a folder what a TOML file says."""
+
+    study: tyro.conf.Positional[Path | None] = None
+    """The TOML file of the study; without it, that of the folder --out."""
+    out: Path | None = None
+    """The folder of the study, by default runs/NAME for NAME.toml."""
+    checkpoint_every: float = 30.0
+    """Seconds between two checkpoints of a job."""
+    trust: bool = False
+    """Run code that the file or the folder names: the module of a task, pickled environments."""
+    json: Path | None = None
+    """Also write the result to this file, as JSON; - for the standard output."""
+
+    file_in_folder: ClassVar[str] = "study.toml"
+
+    def validate(self) -> None:
+        self.check_places()
+        check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
+        check_writable("out", self.folder, folder=True)
+        made = self.made  # its errors name the file
+        try:
+            made.check()
+        except ValueError as error:
+            raise ValueError(f"{self.file}: {error}") from None
+
+    @cached_property
+    def made(self) -> Any:
+        """What the file says."""
+        raise NotImplementedError
+
+    @property
+    def file(self) -> Path:
+        """The file that is read."""
+        return self.study or self.folder / self.file_in_folder
+
+    @property
+    def folder(self) -> Path:
+        """The folder in which it runs."""
+        if self.out is not None:
+            return self.out
+        assert self.study is not None
+        return Path("runs") / self.study.stem
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options as arguments of `run_study`."""
+        return {**self.how, "checkpoint_every": self.checkpoint_every, "trust": self.trust}

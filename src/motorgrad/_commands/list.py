@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,10 @@ class List:
 
 def run(arguments: list[str]) -> int:
     options = parse(List, arguments, "list")
-    estimators = {name: ", ".join(f"{k} {v}" for k, v in parts.items()) for name, parts in Estimator.presets.items()}
+    estimators = {
+        name: ", ".join(f"{part} {_kind(value)}" for part, value in parts.items())
+        for name, parts in Estimator.presets.items()
+    }
     found = {
         "tasks": {name: _first_line(TASKS[name]) for name in sorted(TASKS)},
         "policies": {name: _first_line(make) for name, make in INITIAL.items()},
@@ -42,6 +46,11 @@ def run(arguments: list[str]) -> int:
                 print(f"  {name:<{width}}  {what}")
     write_json(options.json, found)
     return 0
+
+
+def _kind(value: Any) -> Any:
+    """A setting of a preset; of a part, its kind."""
+    return value["kind"] if isinstance(value, Mapping) else value
 
 
 def _words(place: type[Part]) -> str:

@@ -22,7 +22,7 @@ class Plot:
     """Run directories."""
     quantity: tuple[str, ...] = ("reward",)
     """Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each."""
-    x: Literal["decisions", "simulated", "wall"] | None = None
+    x: Literal["decisions", "simulated", "wall", "cpu"] | None = None
     """Over decisions, simulated or wall seconds; by default simulated seconds where the task has them."""
     smooth: float | None = None
     """Each point is the mean over this many units of x before it; by default over one record."""

@@ -3,62 +3,31 @@
 import dataclasses
 import sys
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-import tyro
-
 from motorgrad._commands._configuration import parse
-from motorgrad._commands._places import Places
+from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import write_json
-from motorgrad._errors import check
-from motorgrad._files import check_writable, read_toml
+from motorgrad._files import read_toml
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Sweep(Places):
+class Sweep(StudyFile):
     """Run a study: tasks × settings × seeds, as a TOML file says. A list in its tables task and agent is a grid.
     Settings that are numbers of the learner, and seeds, learn side by side in one compiled call; the rest becomes jobs.
     The same command continues a study that was stopped or killed. Jobs that fail are tried again, then set aside."""
 
-    study: tyro.conf.Positional[Path | None] = None
-    """The TOML file of the study; without it, that of the folder --out."""
-    out: Path | None = None
-    """The folder of the study, by default runs/NAME for NAME.toml."""
-    checkpoint_every: float = 30.0
-    """Seconds between two checkpoints of a job."""
     metric: str = "reward"
     """The metric by which settings are the best, here and on the page index.html of the folder."""
-    trust: bool = False
-    """Run code that the file or the folder names: the module of a task, pickled environments."""
-    json: Path | None = None
-    """Also write the result to this file, as JSON; - for the standard output."""
-
-    def validate(self) -> None:
-        self.check_places()
-        check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
-        check_writable("out", self.folder, folder=True)
-        try:
-            self.made.check()
-        except ValueError as error:
-            raise ValueError(f"{self.study or self.folder / 'study.toml'}: {error}") from None
 
     @cached_property
     def made(self) -> Study | Search:
         """The study, or the search where the file has one."""
-        file = self.study or self.folder / "study.toml"
-        kind = Search if "search" in read_toml(file) else Study
-        return kind.read(file, trust=self.trust)
-
-    @property
-    def folder(self) -> Path:
-        if self.out is not None:
-            return self.out
-        assert self.study is not None
-        return Path("runs") / self.study.stem
+        kind = Search if "search" in read_toml(self.file) else Study
+        return kind.read(self.file, trust=self.trust)
 
     def effective(self) -> dict[str, Any]:
         print(_size(self.made), file=sys.stderr)
@@ -68,13 +37,12 @@ class Sweep(Places):
 def run(arguments: list[str]) -> int:
     options = parse(Sweep, arguments, "sweep")
     print(_size(options.made), file=sys.stderr)
-    how = {**options.how, "checkpoint_every": options.checkpoint_every, "trust": options.trust}
     if isinstance(options.made, Search):
-        results, metric = options.made.run(options.folder, **how), options.made.metric
+        results, metric = options.made.run(options.folder, **options.options), options.made.metric
         best: Ranking = [({}, results.best())]
     else:
         metric = options.metric
-        results = options.made.run(options.folder, metric=metric, **how)
+        results = options.made.run(options.folder, metric=metric, **options.options)
         known = metric in results.metrics
         best = [(task, results.best(metric, where=task)) for task in results.tasks] if known else []
     if str(options.json) != "-":

@@ -8,22 +8,30 @@ from motorgrad.studies._results import Best, Results
 from motorgrad.studies._scores import ScoreEach
 from motorgrad.studies._search import Search, SearchResults
 from motorgrad.studies._study import Design, Study
+from motorgrad.studies.comparison._comparison import Comparison, JudgedTask, Seeds
+from motorgrad.studies.comparison._results import ComparisonResults
+from motorgrad.studies.comparison._run import compare
 
 __all__ = [
     "PLACES",
     "AnyJob",
     "Best",
+    "Comparison",
+    "ComparisonResults",
     "Design",
     "Job",
     "JobFolder",
+    "JudgedTask",
     "On",
     "Outcome",
     "Results",
     "ScoreEach",
     "Search",
     "SearchResults",
+    "Seeds",
     "Study",
     "Work",
+    "compare",
     "drive",
     "run_study",
     "settings_text",

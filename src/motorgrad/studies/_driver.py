@@ -62,7 +62,7 @@ def run_study(
       or machine dies has not failed; it continues from its last checkpoint.
     - `checkpoint_every`: seconds between two checkpoints of a job.
     - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
-    - `trust`: whether to unpickle environments that another process saved in the folder.
+    - `trust`: whether to run code that another process named in the folder: modules of tasks, pickled environments.
     - `progress`: whether to show progress.
     - `metric`: by which the page `index.html` of the folder ranks settings.
     - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
@@ -76,8 +76,8 @@ def run_study(
     work starts.
     """
     check_writable("out", Path(out), folder=True)
-    folder = StudyFolder(out, study)
-    check(study.jobs, "study", study, "of at least one job")
+    check(study.jobs, "study", study, "of at least one job")  # this makes the tasks, which imports their modules
+    folder = StudyFolder(out, study, trust)
 
     def report(learned: float | None) -> None:
         folder.write_index()

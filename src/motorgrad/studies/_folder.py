@@ -23,7 +23,7 @@ import tomli_w
 
 from motorgrad._files import remove_partials, write_atomically
 from motorgrad.studies._jobs import JobFolder
-from motorgrad.studies._partition import Job, rows_of
+from motorgrad.studies._partition import Job
 from motorgrad.studies._study import Study
 from motorgrad.training import RunDirectoryError, differences, load
 
@@ -38,7 +38,7 @@ class StudyFolder(JobFolder):
         super().__init__(path)
         file = self.path / "study.toml"
         if file.is_file():
-            self.study = Study.read(file, trust=trust or study is not None)
+            self.study = Study.read(file, trust=trust)
             if study is not None:
                 self._compare(study)
         elif study is None:
@@ -90,11 +90,11 @@ class StudyFolder(JobFolder):
         """Find the jobs that are done: in the index, where it is as new as their run directories, or in these."""
         stored = self._stored()
         for job in self.study.jobs:
-            if self.saved(job) < job.steps:
+            if self.saved(job) < job.steps or not job.is_measured(self.place(job)):
                 continue
             mark = self._mark(job)
             found = stored.get(job.name)
-            self._rows[job.name] = found[1] if found and found[0] == mark else rows_of(load(self.place(job)))
+            self._rows[job.name] = found[1] if found and found[0] == mark else job.rows(load(self.place(job)))
 
     def read_begun(self) -> None:
         """Look at what the jobs that are not done have saved so far."""
@@ -102,7 +102,7 @@ class StudyFolder(JobFolder):
         for job in self.study.jobs:
             if not self.is_done(job) and self.saved(job):
                 with contextlib.suppress(RunDirectoryError):  # it has been begun again just now
-                    found[job.name] = rows_of(load(self.place(job)))
+                    found[job.name] = job.rows(load(self.place(job)))
         self._begun = found
 
     def add(self, job: Job, result: pa.Table) -> None:

@@ -87,6 +87,20 @@ def varied(points: Sequence[Mapping[str, Any]]) -> list[str]:
     return [path for path in paths if len({frozen(point.get(path)) for point in points}) > 1]
 
 
+def distinctions(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What distinguishes each of several tables of settings, by path."""
+    flat = [dict(leaves(each)) for each in tables]
+    paths = varied(flat)
+    return [{path: each[path] for path in paths if path in each} for each in flat]
+
+
+def as_given(value: Any) -> Any:
+    """Settings as a study takes them, where a list is a grid."""
+    if isinstance(value, Mapping):
+        return {name: as_given(item) for name, item in value.items()}
+    return [value] if isinstance(value, list) else value
+
+
 def frozen(value: Any) -> str:
     """A value as text that is equal for equal values only."""
     return json.dumps(value, sort_keys=True)
@@ -114,6 +128,13 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
 def is_range(value: Any) -> bool:
     """Whether a table describes a range."""
     return isinstance(value, Mapping) and {"low", "high"} <= set(value)
+
+
+def has_range(value: Any) -> bool:
+    """Whether there is a range among settings."""
+    if isinstance(value, list | tuple):
+        return any(map(has_range, value))
+    return is_range(value) or (isinstance(value, Mapping) and any(map(has_range, value.values())))
 
 
 def range_in(table: Mapping[str, Any], path: str) -> RangeOfNumbers:

@@ -36,7 +36,7 @@ def settings_text(settings: Mapping[str, Any], leave_out: Mapping[str, Any] | No
     """Settings in words, without those that are said elsewhere."""
     kept = {path: value for path, value in settings.items() if path not in (leave_out or {})}
     words = (
-        _value(value) if path == "task.name" else f"{path.partition('.')[2]} = {_value(value)}"
+        _value(value) if path == "task.name" else f"{path.partition('.')[2] or path} = {_value(value)}"
         for path, value in kept.items()
     )
     return ", ".join(words) or "the only setting"
@@ -77,7 +77,6 @@ def _page(
     name = html.escape(results.path.absolute().name)
     done, jobs = status["done"], len(study.jobs)
     state = "running" if learned is not None else "done" if results.complete else "not running"
-    refresh = f'<meta http-equiv="refresh" content="{REFRESH}">' if state == "running" else ""
     counts = [f"{status[kind]:,} {word}" for kind, word in WORDS.items() if status[kind]]
     size = f"{len(study.points):,} settings × {len(study.seed_list):,} seeds × {study.steps:,} decisions"
     figure = ""
@@ -88,27 +87,38 @@ def _page(
         f'<span class="{kind}" style="width:{100 * status[kind] / jobs:.3f}%"></span>' for kind in WORDS if status[kind]
     )
     said = "" if learned is None else f" Learning took {_time(learned)} in this session so far."
+    body = f"""<h1>{name} <small class="state">{state}</small></h1>
+<p>{size}, in {jobs:,} jobs. Written at {time.strftime("%H:%M:%S on %d %B %Y")}.{said}</p>
+<div class="bar" role="progressbar" aria-label="jobs" aria-valuemin="0" aria-valuemax="{jobs}"
+aria-valuenow="{done}">{parts}</div>
+<p class="counts">{" · ".join(counts)}</p>
+{failures_text(failures)}
+<h2>Best settings by {html.escape(metric)}</h2>
+<p>{_how(results)}</p>
+{"".join(_table(results, task, table) for task, table in tables)}
+{figure}"""
+    return html_page(f"{done} of {jobs}: {name}", body, running=state == "running")
+
+
+def html_page(title: str, body: str, *, running: bool = False, style: str = "") -> str:
+    """A page of a study, as HTML.
+
+    **Arguments:** `title` and `body`, already HTML; whether the study is `running`, so that a browser reads the page
+    again; further `style`.
+    """
+    refresh = f'<meta http-equiv="refresh" content="{REFRESH}">' if running else ""
     return f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 {refresh}
-<title>{done} of {jobs}: {name}</title>
-<style>{STYLE}</style>
+<title>{title}</title>
+<style>{STYLE}{style}</style>
 </head>
 <body>
 <main>
-<h1>{name} <small class="state">{state}</small></h1>
-<p>{size}, in {jobs:,} jobs. Written at {time.strftime("%H:%M:%S on %d %B %Y")}.{said}</p>
-<div class="bar" role="progressbar" aria-label="jobs" aria-valuemin="0" aria-valuemax="{jobs}"
-aria-valuenow="{done}">{parts}</div>
-<p class="counts">{" · ".join(counts)}</p>
-{_failures(failures)}
-<h2>Best settings by {html.escape(metric)}</h2>
-<p>{_how(results)}</p>
-{"".join(_table(results, task, table) for task, table in tables)}
-{figure}
+{body}
 </main>
 </body>
 </html>
@@ -133,7 +143,7 @@ def _table(results: Results, task: Mapping[str, Any], table: list[Best]) -> str:
     if not table:
         return f"{heading}<p>Nothing yet.</p>"
     paths = list(dict.fromkeys(path for best in table for path in best.settings if path not in task))
-    head = "".join(f"<th>{html.escape(path.partition('.')[2])}</th>" for path in paths)
+    head = "".join(f"<th>{html.escape(path.partition('.')[2] or path)}</th>" for path in paths)
     rows = []
     for best in table:
         cells = "".join(f"<td>{html.escape(_value(best.settings.get(path, '')))}</td>" for path in paths)
@@ -142,7 +152,8 @@ def _table(results: Results, task: Mapping[str, Any], table: list[Best]) -> str:
     return f"{heading}<table><thead><tr>{head}<th>mean</th></tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
-def _failures(failures: list[dict[str, Any]]) -> str:
+def failures_text(failures: list[dict[str, Any]]) -> str:
+    """The jobs that were set aside, as HTML."""
     if not failures:
         return ""
     items = "".join(

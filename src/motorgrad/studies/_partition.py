@@ -3,17 +3,22 @@
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._files import read_arrays, write_arrays
 from motorgrad.studies._grid import Point, frozen, leaves, varied
 from motorgrad.studies._jobs import Outcome, Work
 from motorgrad.tasks import Task, make
-from motorgrad.training import Run, agent_for, check_training, final_metrics, sweepable, train
+from motorgrad.training import Run, agent_for, check_training, evaluate, final_metrics, sweepable, train
 
 RECORDS = 50  # of the metrics by default: enough for curves of thousands of runs, and cheap to write
+Measure = Literal["online", "frozen", "frozen-mode"]
+MODES: dict[Measure, Literal["sample", "mode"]] = {"frozen": "sample", "frozen-mode": "mode"}
+FROZEN = "frozen.npz"
+"""The file of a run directory with the means without learning."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +30,7 @@ class Job:
     - `sweep`: the settings that learn side by side; `None` for a single one.
     - `points`: the numbers of the study's points, in the order of the sweep.
     - `steps`, `seeds`, `window`: as in `train`.
+    - `measures`, `evaluate`: as in `Study`.
     """
 
     name: str
@@ -35,6 +41,8 @@ class Job:
     steps: int
     seeds: int | tuple[int, ...]
     window: int
+    measures: tuple[Measure, ...] = ()
+    evaluate: int = 0
 
     def make_task(self) -> Task:
         """The task."""
@@ -56,46 +64,76 @@ class Job:
             progress=False,
         )
         learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0
-        return Outcome(rows_of(run) if run.complete else None, learned)
+        if run.complete and self._modes and not (path / FROZEN).exists():
+            write_arrays(path / FROZEN, self._evaluated(run, told.threads))
+        return Outcome(self.rows(run) if run.complete else None, learned)
 
+    def rows(self, run: Run) -> pa.Table:
+        """The rows of a run in the index: the lanes in order, with their final metrics and the further measures; those
+        without learning where they are in its directory."""
+        found = final_metrics(run)
+        if "online" in self.measures:
+            online = final_metrics(run, share=1.0)
+            found |= {f"{name}_online": values for name, values in online.items() if not name.endswith("_total")}
+        if self._modes and run.path is not None and (run.path / FROZEN).exists():
+            found |= read_arrays(run.path / FROZEN)
+        columns = {name: np.asarray(values, float) for name, values in found.items()}
+        return pa.table({"decision": np.full(run.lanes, run.decision, np.int64), **columns})
 
-def rows_of(run: Run) -> pa.Table:
-    """The rows of a run in the index: the lanes in order, with their final metrics."""
-    columns = {name: np.asarray(values, float) for name, values in final_metrics(run).items()}
-    return pa.table({"decision": np.full(run.lanes, run.decision, np.int64), **columns})
+    def is_measured(self, path: Path) -> bool:
+        """Whether a run directory has all measures, once learning is over."""
+        return not self._modes or (path / FROZEN).exists()
+
+    @property
+    def _modes(self) -> dict[str, Literal["sample", "mode"]]:
+        """How actions are taken without learning, by the ends of the names of the columns."""
+        return {measure.replace("-", "_"): MODES[measure] for measure in self.measures if measure in MODES}
+
+    def _evaluated(self, run: Run, threads: int) -> dict[str, np.ndarray]:
+        found = {}
+        for end, mode in self._modes.items():
+            seen = evaluate(run, self.evaluate, mode=mode, threads=threads)
+            found |= {f"{name}_{end}": values for name, values in {"reward": seen.reward, **seen.readings}.items()}
+        return found
 
 
 def partition(
-    points: Sequence[Point], steps: int, seeds: int | tuple[int, ...], window: int | None, lanes: int
+    points: Sequence[Point],
+    steps: int,
+    seeds: int | tuple[int, ...],
+    window: int | None,
+    lanes: int,
+    measures: tuple[Measure, ...] = (),
+    evaluate: int = 0,
 ) -> list[Job]:
     """Group points that differ only in numbers of the learner, and cut the groups into compiled calls of equal size.
 
-    **Arguments:** `lanes`: the most settings × seeds of a call; a call has at least one setting. `window`: decisions
-    per record; `None` for a fiftieth of the steps.
+    **Arguments:** `steps` and `window`: of points that have none of their own. `lanes`: the most settings × seeds of a
+    call; a call has at least one setting. `window`: decisions per record; `None` for a fiftieth of the steps.
 
     **Raises** `ValueError` that names the first impossible setting.
     """
     count = seeds if isinstance(seeds, int) else len(seeds)
-    window = max(1, steps // RECORDS) if window is None else window
     most = max(1, lanes // max(1, count))
     calls = []
     for group in _groups(points):
         base, numbers = points[group[0]], _numbers(points, group)
         sweep = [{name: _at(points[index]["agent"])[name] for name in numbers} for index in group] if numbers else None
-        task = _task(base["task"])
+        task, made = _task(base["task"]), base.get("steps", steps)
+        each = base.get("window", max(1, made // RECORDS) if window is None else window)
         try:
-            check_training(task, base["agent"], steps, seeds, window, sweep=sweep)
+            check_training(task, base["agent"], made, seeds, each, sweep=sweep)
         except ValueError as error:
             # a user of a study has written no sweep
             raise ValueError(str(error).replace("sweep['", "agent['")) from None
         size = _size(len(group), most)
         for start in range(0, len(group), size):
             part = slice(start, start + size)
-            calls.append((base, None if sweep is None else sweep[part], tuple(group[part])))
-    width = max(4, len(str(len(calls))))
+            calls.append((base, None if sweep is None else sweep[part], tuple(group[part]), made, each))
+    width, more = max(4, len(str(len(calls)))), (measures, evaluate)
     return [
-        Job(f"{index:0{width}d}-{base['task']['name']}", base["task"], base["agent"], sweep, part, steps, seeds, window)
-        for index, (base, sweep, part) in enumerate(calls)
+        Job(f"{n:0{width}d}-{base['task']['name']}", base["task"], base["agent"], sweep, part, made, seeds, each, *more)
+        for n, (base, sweep, part, made, each) in enumerate(calls)
     ]
 
 
@@ -104,7 +142,8 @@ def _groups(points: Sequence[Point]) -> list[list[int]]:
     alike: dict[str, list[int]] = {}
     for index, point in enumerate(points):
         agent = {path: None if _is_number(value) else value for path, value in _at(point["agent"]).items()}
-        alike.setdefault(frozen([point["task"], agent]), []).append(index)
+        length = [point.get("steps"), point.get("window")]
+        alike.setdefault(frozen([point["task"], agent, *length]), []).append(index)
     found = []
     for group in alike.values():
         first = points[group[0]]

@@ -24,7 +24,7 @@ from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build, table
 from motorgrad.studies._driver import run_study
-from motorgrad.studies._grid import at_ends, expand, frozen, is_range, leaves, range_in
+from motorgrad.studies._grid import as_given, at_ends, expand, frozen, is_range, leaves, range_in
 from motorgrad.studies._partition import partition
 from motorgrad.studies._results import Best, Results
 from motorgrad.studies._study import Study
@@ -65,6 +65,7 @@ class Search:
         choice("search.direction", self.direction, ("maximize", "minimize"))
         for name, least in (("trials", 1), ("batch", 1), ("rungs", 1), ("reduction", 2), ("seed", 0)):
             check_integer(f"search.{name}", getattr(self, name), least, 10**6)
+        check(self.study.cases is None, "cases", self.study.cases, "left out where there is a search")
         check(self.study.design is None, "design", self.study.design, "left out where there is a search")
         alone = len(expand({"task": self.study.task})) == 1
         check(alone, "task", self.study.task, "one task: rewards of several do not compare")
@@ -200,7 +201,7 @@ class _Searching:
         for rung in range(search.rungs):
             agents = list({frozen(agent): agent for _, agent in alive}.values())
             steps = search.steps(rung)
-            study = dataclasses.replace(search.study, agent=[_as_given(agent) for agent in agents], steps=steps)
+            study = dataclasses.replace(search.study, agent=[as_given(agent) for agent in agents], steps=steps)
             results = run_study(study, folder / f"rung-{rung}", metric=search.metric, **self.options)
             rounds.append(results)
             if not results.complete and not results.failures:  # it was asked to stop
@@ -269,13 +270,6 @@ def _suggest(trial: Any, value: Any, path: str) -> Any:
         item = options[chosen]
         return _suggest(trial, item, f"{path}[{list(options).index(chosen)}]") if isinstance(item, Mapping) else item
     return value
-
-
-def _as_given(value: Any) -> Any:
-    """A table of settings as a study takes it, where a list is a grid."""
-    if isinstance(value, Mapping):
-        return {name: _as_given(item) for name, item in value.items()}
-    return [value] if isinstance(value, list) else value
 
 
 def _optuna() -> Any:

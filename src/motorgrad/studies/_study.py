@@ -9,12 +9,13 @@ from typing import Any, Literal
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_toml
 from motorgrad._settings import as_hinted, build, table
-from motorgrad.studies._grid import Point, draw, expand, leaves, varied
-from motorgrad.studies._partition import Job, partition
+from motorgrad.studies._grid import Point, distinctions, draw, expand, frozen, has_range
+from motorgrad.studies._partition import Job, Measure, partition
 from motorgrad.tasks import TASKS
 from motorgrad.training import check_imports
 
 DEFAULT_LANES = 1024
+DEFAULT_EVALUATE = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +54,12 @@ class Study:
     - `lanes`: the most settings × seeds of one compiled call. Another number may change the last bits of results.
     - `design`: how ranges are drawn. With it, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range; without
       a `scale` it is linear.
+    - `cases`: instead of `task` and `agent`, a list of tables with a `task`, an `agent` and, if they have their own,
+      `steps` and `window`: settings that belong to some tasks only. What occurs in several cases learns once.
+    - `measures`: what the table has of every metric beside its mean over the last tenth of the records, while learning:
+      `"online"`, the mean over all records, as `NAME_online`; `"frozen"` and `"frozen-mode"`, the mean without learning
+      at the end, with actions drawn or the most probable ones (`evaluate`), as `NAME_frozen` and `NAME_frozen_mode`.
+    - `evaluate`: decisions per seed without learning, by default 2,000.
 
     The study alone determines its `jobs`, each of which is one compiled call and one run directory: neither the
     number of workers nor a failure changes a number.
@@ -66,21 +73,31 @@ class Study:
     ```
     """
 
-    task: Any
+    task: Any = None
     agent: Any = dataclasses.field(default_factory=dict)
     steps: int = 100_000
     seeds: int | tuple[int, ...] = 1
     window: int | None = None
     lanes: int = DEFAULT_LANES
     design: Design | None = None
+    cases: Any = None
+    measures: tuple[Measure, ...] | None = None
+    evaluate: int | None = None
 
     def __post_init__(self) -> None:
-        for name, hint in (("steps", int), ("seeds", int | tuple[int, ...]), ("window", int | None), ("lanes", int)):
+        hints = {"steps": int, "seeds": int | tuple[int, ...], "window": int | None, "lanes": int}
+        hints |= {"measures": tuple[Measure, ...] | None, "evaluate": int | None}
+        for name, hint in hints.items():
             value = getattr(self, name)
             value = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
             object.__setattr__(self, name, as_hinted(hint, value, name))
         object.__setattr__(self, "design", as_hinted(Design | None, self.design, "design"))
         check_integer("lanes", self.lanes, 1, 1_000_000)
+        if self.evaluate is not None:
+            check_integer("evaluate", self.evaluate, 1, 10**9)
+        if self.cases is not None:
+            self._check_cases()
+            return
         task = [{"name": each} if isinstance(each, str) else each for each in _listed(self.task)]
         wanted = "the name of a task, a table with its name, or a list of them"
         check(task and all(isinstance(each, Mapping) for each in task), "task", self.task, wanted)
@@ -104,8 +121,9 @@ class Study:
         values = {name: value for name, value in read_toml(Path(path)).items() if name != "search"}
         try:
             study = build(Study, values)
-            for point in expand({"task": study.task}):
-                check_imports(point["task"], str(path), trust)
+            for case in study.tables:
+                for point in expand({"task": case["task"]}):
+                    check_imports(point["task"], str(path), trust)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         return study
@@ -114,20 +132,24 @@ class Study:
         """The study as a plain table, as in its file."""
         return table(self)
 
+    @property
+    def tables(self) -> list[dict[str, Any]]:
+        """The cases; without any, `task` and `agent` as a single one."""
+        return [{"task": self.task, "agent": self.agent}] if self.cases is None else self.cases
+
     @functools.cached_property
     def points(self) -> list[Point]:
         """Every setting as a table of `task` and `agent`, in the order of the grid; later lists change faster."""
-        tables = expand({"task": self.task, "agent": self.agent}, ranges=self.design is not None)
-        if self.design is not None:
-            return draw(tables, self.design.kind, self.design.count, self.design.seed)
-        return tables
+        if self.cases is None:
+            return points_of(self.tables[0], self.design)
+        # a design is for the cases that have ranges
+        found = [p for case in self.cases for p in points_of(case, self.design if has_range(case["agent"]) else None)]
+        return list({frozen(point): point for point in found}.values())
 
     @functools.cached_property
     def settings(self) -> list[dict[str, Any]]:
         """What distinguishes each point, by path, such as `{"task.name": "chain", "agent.learning_rate": 0.01}`."""
-        flat = [dict(leaves(point)) for point in self.points]
-        paths = varied(flat)
-        return [{path: point[path] for path in paths if path in point} for point in flat]
+        return distinctions(self.points)
 
     @functools.cached_property
     def seed_list(self) -> list[int]:
@@ -140,11 +162,28 @@ class Study:
 
         **Raises** `ValueError` that names the first impossible setting.
         """
-        return partition(self.points, self.steps, self.seeds, self.window, self.lanes)
+        evaluate = DEFAULT_EVALUATE if self.evaluate is None else self.evaluate
+        given = (self.steps, self.seeds, self.window, self.lanes)
+        return partition(self.points, *given, self.measures or (), evaluate)
 
     def check(self) -> None:
         """Check every combination. **Raises** `ValueError` that names the first impossible setting."""
         _ = self.jobs
+
+    def _check_cases(self) -> None:
+        check(self.task is None and not self.agent, "task", self.task, "left out, as agent, where there are cases")
+        right = isinstance(self.cases, list | tuple) and self.cases and all(isinstance(c, Mapping) for c in self.cases)
+        check(right, "cases", self.cases, "a list of tables with a task, an agent and, where they differ, steps")
+        for case in self.cases:
+            for name in case:
+                choice("setting of cases:", name, ("task", "agent", "steps", "window"))
+            check(isinstance(case.get("agent", {}), Mapping), "cases.agent", case.get("agent"), "a table")
+            for name in ("steps", "window"):
+                check_integer(f"cases.{name}", case.get(name, 1), 1)
+        made = [
+            {**case, "task": Study(case.get("task")).task, "agent": dict(case.get("agent", {}))} for case in self.cases
+        ]
+        object.__setattr__(self, "cases", made)
 
     def run(self, out: Path | str, **options: Any) -> Any:
         """Run the study in a folder, or continue it there. Returns its `Results`. `run_study` has the options."""
@@ -158,6 +197,13 @@ class Study:
         from motorgrad.studies._results import Results
 
         return Results.load(path, trust=trust)
+
+
+def points_of(case: Mapping[str, Any], design: Design | None) -> list[Point]:
+    """The settings of a case, or of a study without cases, in the order of the grid, with its ranges drawn."""
+    if design is None:
+        return expand(case)
+    return draw(expand(case, ranges=True), design.kind, design.count, design.seed)
 
 
 def _listed(value: Any) -> list[Any]:

@@ -1,0 +1,64 @@
+"""`motorgrad compare STUDY`: compare methods on one machine or many."""
+
+import dataclasses
+import sys
+from functools import cached_property
+from typing import Any, ClassVar
+
+from motorgrad._commands._configuration import parse
+from motorgrad._commands._places import StudyFile
+from motorgrad._commands._results import write_json
+from motorgrad.studies import Comparison, ComparisonResults
+
+
+@dataclasses.dataclass(frozen=True)
+class Compare(StudyFile):
+    """Compare methods: tasks × methods × settings × seeds, as a TOML file says. Some seeds choose the settings of every
+    method; others judge it. The same command continues a comparison that was stopped or killed."""
+
+    file_in_folder: ClassVar[str] = "comparison.toml"
+
+    @cached_property
+    def made(self) -> Comparison:
+        """The comparison."""
+        return Comparison.read(self.file, trust=self.trust)
+
+    def effective(self) -> dict[str, Any]:
+        print(_size(self.made), file=sys.stderr)
+        return self.made.as_table()
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Compare, arguments, "compare")
+    print(_size(options.made), file=sys.stderr)
+    results = options.made.run(options.folder, **options.options)
+    if str(options.json) != "-":
+        _print(results)
+    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
+    write_json(
+        options.json,
+        {"path": str(results.path), "complete": results.complete, "ranking": results.ranking, "failures": failures},
+    )
+    return 0 if results.complete else 1 if failures else 130
+
+
+def _size(comparison: Comparison) -> str:
+    """The size of a comparison in words."""
+    settings = sum(len(comparison.settings(*pair)) for pair in comparison.pairs)
+    tune, judge = len(comparison.seeds.tuning), len(comparison.seeds.judging)
+    tried = f"{settings:,} settings × {tune:,} seeds to tune, {len(comparison.pairs):,} × {judge:,} seeds to judge"
+    return f"{len(comparison.methods)} methods on {len(comparison.tasks)} tasks: {tried}"
+
+
+def _print(results: ComparisonResults) -> None:
+    failures, ranking = results.failures, results.ranking
+    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
+    if ranking:
+        print("interquartile means of normalized scores over all tasks, with settings tuned for each:")
+    for row in ranking:
+        print(f"  {row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]: {row['method']}")
+    for failure in failures[:10]:
+        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+    print(f"saved in {results.path}; its page is {results.path / 'index.html'}, its tables are in tables/")
+    if not results.complete:
+        print("the same command continues this comparison")

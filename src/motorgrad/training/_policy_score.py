@@ -1,0 +1,123 @@
+"""Search over policies: their parameters as named numbers, and what they earn as the score."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check, check_integer, choice
+from motorgrad._tree import path_of
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy, split
+from motorgrad.search import Range, Space
+from motorgrad.tasks import Task, make
+from motorgrad.training.engines import stepper_for, validate
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PolicyScore:
+    r"""What a policy earns, as a function of its parameters, for `motorgrad.search.search` and other optimisers.
+
+    A candidate acts without learning for `steps` decisions in each of several *streams*, which have their own random
+    numbers for the world's chances and for the policy's draws. Its score is the mean over the streams.
+
+    With `fixed` streams, the candidates of all rounds meet the same random numbers (PEGASUS: Ng & Jordan, 2000). The
+    score is then a deterministic function of the parameters,
+    $\hat\eta(\theta) = \frac1m \sum_i \eta(\theta, \omega_i)$, and candidates differ by what they do and not by luck.
+    An optimiser overfits the streams, the less the more there are. Otherwise every round has new streams, the same for
+    all of its candidates.
+
+    **Arguments:**
+
+    - `task`: a task, or the name of one.
+    - `policy`: whose trainable parameters are sought; the search starts from them. Or a function from a key to one.
+    - `steps` (decisions): of each candidate in each stream, at least 1.
+    - `streams`: how many, at least 1.
+    - `fixed`: whether they are the same in all rounds.
+    - `seed`: of the first stream, at least 0, where they are fixed; the others follow it.
+    - `of`: `"reward"`, the mean reward per decision, or the name of a reading of the task, such as `"return"`: its mean
+      where it occurred.
+
+    **Raises:** `ValueError` for a policy that does not fit the task, and for values out of range.
+
+    ```python
+    score = PolicyScore("chain", mg.policies.softmax(mg.make("chain")), steps=200)
+    found = search(score, score.space(), EvolutionStrategy(), evaluations=640)
+    policy = score.policy_of(found.best)
+    ```
+    """
+
+    task: Any
+    policy: Any
+    steps: int = 1000
+    streams: int = 8
+    fixed: bool = True
+    seed: int = 0
+    of: str = "reward"
+
+    def __post_init__(self) -> None:
+        task = make(self.task) if isinstance(self.task, str) else self.task
+        check(isinstance(task, Task), "task", task, "a task, or the name of one")
+        made: Any = self.policy
+        if not isinstance(made, Policy) and callable(made):
+            made = made(jax.random.key(0))
+        check(isinstance(made, Policy), "policy", self.policy, "a policy, or a function from a key to one")
+        validate(task, made)
+        object.__setattr__(self, "task", task)
+        object.__setattr__(self, "policy", made)
+        check_integer("steps", self.steps, 1)
+        check_integer("streams", self.streams, 1)
+        check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
+        choice("of", self.of, ("reward", *task.reports))
+
+    def space(self, reach: float = 3.0) -> Space:
+        """One number for each trainable parameter, by its path: at most `reach` > 0 from the policy's own, from which
+        the search starts."""
+        check(0 < reach < np.inf, "reach", reach, "a finite number above 0")
+        ranges = {}
+        for path, leaf in jax.tree_util.tree_leaves_with_path(split(self.policy)[0]):
+            for index, value in np.ndenumerate(np.asarray(leaf, float)):
+                name = ".".join([path_of(path), *map(str, index)])
+                ranges[name] = Range(value - reach, value + reach, value)
+        return Space(ranges)
+
+    def policy_of(self, candidate: dict[str, float]) -> Policy:
+        """The policy with the parameters of a candidate, within their limits."""
+        return self._policy(jnp.asarray(self._numbers(candidate)))
+
+    def __call__(self, candidates: Sequence[dict[str, float]], random: np.random.Generator) -> np.ndarray:
+        fixed = np.arange(self.seed, self.seed + self.streams)
+        streams = fixed if self.fixed else random.integers(2**31 - 1, size=self.streams)
+        rows = np.array([self._numbers(each) for each in candidates])
+        policies = jax.vmap(self._policy)(jnp.asarray(np.repeat(rows, self.streams, axis=0)))
+        seeds = np.tile(streams, len(rows)).tolist()
+        stepper = stepper_for(self.task, Agent(self.policy), seeds, "sample", initial=policies)
+        stepper.advance(self.steps)
+        found = stepper.harvest()
+        earned = found["reward"] / self.steps if self.of == "reward" else found[self.of]
+        earned = np.asarray(earned, float).reshape(len(rows), self.streams)
+        known = np.isfinite(earned)
+        some = known.any(axis=1) if self.of != "reward" else known.all(axis=1)
+        return np.where(some, np.where(known, earned, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1), np.nan)
+
+    @functools.cached_property
+    def _names(self) -> tuple[str, ...]:
+        return self.space().names
+
+    def _numbers(self, candidate: dict[str, float]) -> list[float]:
+        """The numbers of a candidate in the order of the parameters."""
+        same = candidate.keys() == set(self._names)
+        check(same, "candidate", list(candidate), "a number for each name of the space")
+        return [candidate[name] for name in self._names]
+
+    def _policy(self, parameters: Float[Array, " size"]) -> Policy:
+        learned, settings = split(self.policy)
+        flat, restore = ravel_pytree(learned)
+        return eqx.combine(restore(parameters.astype(flat.dtype)), settings).limited()
