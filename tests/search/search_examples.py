@@ -5,7 +5,7 @@ import importlib.util
 import numpy as np
 import pytest
 
-from motorgrad.search import Boltzmann, CmaEs, Range, Space, Uniform
+from motorgrad.search import Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform
 
 INSTALLED = importlib.util.find_spec("evosax") is not None
 needs_evosax = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[search]")
@@ -17,7 +17,9 @@ AXES = np.logspace(0, 3, SIZE)
 METHODS = [
     pytest.param(Uniform, id="uniform"),
     pytest.param(Boltzmann, id="boltzmann"),
+    pytest.param(Pulled, id="pulled"),
     pytest.param(CmaEs, id="cma-es", marks=needs_evosax),
+    pytest.param(lambda: EvolutionStrategy(population=12), id="evolution-strategy", marks=needs_evosax),
 ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from search_examples import METHODS, SPACE, ellipsoid, needs_evosax, noisy_sphere, sphere
 
-from motorgrad.search import Boltzmann, CmaEs, Range, Space, Uniform, search
+from motorgrad.search import Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform, search
 
 ONES = dict.fromkeys(SPACE.names, 1.0)
 
@@ -107,6 +107,57 @@ def test_equal_scores_make_samples_equally_likely():
     np.testing.assert_allclose(sorted(method.probabilities(state)), [0.0, 0.5, 0.5])
 
 
+def test_walkers_are_moved_by_noise_and_sometimes_pulled_towards_the_best():
+    method = Pulled(candidates=20_000, width=0.01, chance=0.25, pull=0.5)
+    state = method.begin(np.full(2, 0.2))
+    first, state = method.ask(state, np.random.default_rng(0))
+    np.testing.assert_allclose(first[0], 0.2)  # the start itself
+    scores = np.full(len(first), -1.0)
+    scores[7], scores[9] = 3.0, np.nan
+    best = np.array([0.8, 0.6])
+    first[7], state["walkers"] = best, np.full_like(first, 0.2)
+    state = method.tell(state, first, scores)
+    np.testing.assert_array_equal(state["best"], best)
+    moved, after = method.ask(state, np.random.default_rng(1))
+    pulled = moved[:, 0] > 0.35
+    np.testing.assert_allclose(pulled.mean(), 0.25, atol=0.015)
+    np.testing.assert_allclose(moved[pulled].mean(axis=0), [0.5, 0.4], atol=0.001)
+    np.testing.assert_allclose(moved[~pulled].mean(axis=0), [0.2, 0.2], atol=0.001)
+    np.testing.assert_allclose(moved[~pulled].std(axis=0), 0.01, rtol=0.03)
+    np.testing.assert_array_equal(after["walkers"], moved)  # whatever the score
+    assert method.tell(after, moved, np.full(len(moved), 2.9))["score"] == 3.0
+    assert method.tell(after, moved, np.full(len(moved), np.nan))["score"] == 3.0
+
+
+def test_a_pull_climbs_beyond_random_sampling():
+    gains = [found(Pulled(), seed=seed).curve[-1] - found(Uniform(), seed=seed).curve[-1] for seed in range(5)]
+    assert np.median(gains) > 0
+
+
+@needs_evosax
+def test_an_evolution_strategy_climbs_the_gradient_of_the_ranks():
+    """Its first step is Adam's, by the learning rate along the sign of Σ u ε; pairs mirror each other."""
+    method = EvolutionStrategy(population=8, width=0.05, learning_rate=0.02)
+    state = method.begin(np.full(3, 0.5))
+    asked, state = method.ask(state, np.random.default_rng(0))
+    noise = (asked - 0.5) / 0.05
+    np.testing.assert_allclose(noise[:4], -noise[4:], atol=1e-5)
+    scores = np.array([3.0, 1.0, 1.0, 0.0, 5.0, -2.0, np.nan, 4.0])
+    ranks = np.array([4.0, 2.5, 2.5, 1.0, 6.0, 0.0 + 0, -1.0, 5.0]) + 1  # failed ones are the lowest
+    utility = ranks / 7 - 0.5
+    after = method.tell(state, asked, scores)
+    np.testing.assert_allclose(after["mean"] - 0.5, 0.02 * np.sign(utility @ noise), rtol=1e-3)
+    flat = method.tell(state, asked, np.ones(8))
+    np.testing.assert_allclose(flat["mean"], 0.5, atol=1e-6)  # equal scores say nothing
+    failed = method.tell(state, asked, np.full(8, np.nan))
+    np.testing.assert_array_equal(failed["mean"], state["mean"])
+
+
+@needs_evosax
+def test_an_evolution_strategy_finds_the_optimum():
+    assert found(EvolutionStrategy(population=16), evaluations=1600).curve[-1] > -0.5
+
+
 @pytest.mark.parametrize("kind", METHODS)
 def test_ask_and_tell_change_nothing_that_they_are_given(kind):
     method = kind()
@@ -131,6 +182,12 @@ def test_ask_and_tell_change_nothing_that_they_are_given(kind):
         (lambda: Boltzmann(changed=0), r"Boltzmann.changed = 0: must be an integer >= 1"),
         (lambda: Boltzmann(width=-1.0), r"Boltzmann.width = -1.0: must be a finite number above 0"),
         (lambda: Boltzmann(again=1.0), r"Boltzmann.again = 1.0: must be in \[0, 1\)"),
+        (lambda: Pulled(candidates=0), r"Pulled.candidates = 0: must be an integer >= 1"),
+        (lambda: Pulled(width=0.0), r"Pulled.width = 0.0: must be a finite number above 0"),
+        (lambda: Pulled(chance=1.1), r"Pulled.chance = 1.1: must be in \[0, 1\]"),
+        (lambda: Pulled(pull=-0.1), r"Pulled.pull = -0.1: must be in \[0, 1\]"),
+        (lambda: EvolutionStrategy(population=5), r"EvolutionStrategy.population = 5: must be an even number"),
+        (lambda: EvolutionStrategy(learning_rate=0.0), r"EvolutionStrategy.learning_rate = 0.0: must be a finite"),
         pytest.param(lambda: CmaEs(population=3), r"CmaEs.population = 3: must be an integer >= 4"),
         pytest.param(lambda: CmaEs(width=0.0), r"CmaEs.width = 0.0: must be a finite number above 0"),
     ],

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from motorgrad._errors import check, check_integer
 from motorgrad._files import check_writable, read_arrays, write_arrays
 from motorgrad._progress import Progress
-from motorgrad.search._cma_es import CmaEs
+from motorgrad.search._evosax import CmaEs
 from motorgrad.search._methods import Method, State
 from motorgrad.search._space import Space
 

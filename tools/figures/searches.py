@@ -1,0 +1,61 @@
+"""The figure of searches over the parameters of a policy."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import motorgrad as mg
+from motorgrad.policies import softmax
+from motorgrad.search import Boltzmann, CmaEs, EvolutionStrategy, Method, Pulled, Uniform, search
+from motorgrad.training import PolicyScore
+from motorgrad.worlds import oracle
+from tools.figures._style import BLUE, GREEN, ORANGE, PINK, RED, SKY, band, level, panels
+from tools.figures._work import Work
+
+SEEDS, ROUNDS, BATCH, STEPS = 12, 30, 12, 100
+METHODS: dict[str, tuple[Method, str]] = {
+    "uniform": (Uniform(BATCH), SKY),
+    "Boltzmann": (Boltzmann(BATCH), GREEN),
+    "pulled": (Pulled(BATCH), ORANGE),
+    "evolution strategy": (EvolutionStrategy(BATCH), PINK),
+    "CMA-ES": (CmaEs(BATCH), BLUE),
+}
+STREAMS = (1, 2, 4, 8)
+
+
+def policies(work: Work) -> Figure:
+    """What the best candidate so far earns exactly: by method, and by the number of streams."""
+    task: Any = mg.make("chain")
+    start = softmax(task)
+    seeds, rounds = (SEEDS, ROUNDS) if work.most > 10_000 else (1, 1)
+    best = oracle.optimal_policy(task.dynamics)[1]
+
+    def found(method: Method, streams: int, fixed: bool, seed: int) -> tuple[np.ndarray, float]:
+        """What the best candidate after every round earns, as a share of the best policy; its score in the end."""
+        score = PolicyScore(task, start, STEPS, streams, fixed, seed * 1000)
+        space = score.space()
+        done = search(score, space, method, evaluations=rounds * BATCH, seed=seed, progress=False)
+        tops = [int(np.nanargmax(done.scores[: number * BATCH])) for number in range(1, rounds + 1)]
+        exact = {}
+        for top in set(tops):
+            named = dict(zip(space.names, done.candidates[top].tolist(), strict=True))
+            exact[top] = oracle.average_reward(task.dynamics, score.policy_of(named)) / best
+        return np.array([exact[top] for top in tops]), float(np.nanmax(done.scores)) / best
+
+    figure, (left, right) = panels(2)
+    x = BATCH * np.arange(1, rounds + 1)
+    for name, (method, colour) in METHODS.items():
+        band(left, x, np.array([found(method, 8, True, seed)[0] for seed in range(seeds)]), colour, name)
+    level(left, 1, "best policy")
+    left.set(xlabel="candidates", ylabel="share of the best average reward", title="methods, eight fixed streams")
+    left.legend(loc="lower right")
+    for fixed, colour, label in ((True, BLUE, "fixed streams"), (False, RED, "new ones in each round")):
+        each = [[found(METHODS["CMA-ES"][0], n, fixed, seed) for seed in range(seeds)] for n in STREAMS]
+        band(right, np.array(STREAMS), np.array([[exact[-1] for exact, _ in row] for row in each]).T, colour, label)
+        scores = np.median([[score for _, score in row] for row in each], axis=1)
+        right.plot(STREAMS, scores, color=colour, linestyle=":", label=f"its score, {label}")
+    right.set(xscale="log", xticks=STREAMS, xticklabels=STREAMS, xlabel="streams", title="CMA-ES: what is found")
+    right.minorticks_off()
+    right.legend(loc="lower right")
+    return figure
